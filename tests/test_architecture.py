@@ -61,14 +61,14 @@ def nodes(kind):
     ]
 
 
-def test_no_class_name_stands_in_two_layers():
+def test_class_names_are_unique_among_layers():
     layers = defaultdict(set)
     for layer, _, node in nodes(ast.ClassDef):
         layers[node.name].add(layer)
     assert {name: found for name, found in layers.items() if len(found) > 1} == {}
 
 
-def test_the_arrays_of_a_run_are_created_in_three_places():
+def test_workspaces_are_created_in_three_modules():
     """For a run, for the steps that measure an amplification matrix, and for the check of a
     plug-in."""
     calls = {
@@ -81,7 +81,7 @@ def test_the_arrays_of_a_run_are_created_in_three_places():
     }
 
 
-def test_no_result_is_declared_twice():
+def test_results_are_declared_once():
     """The output layer uses the result classes of the analyses. It declares protocols only for
     common members of several result classes."""
     protocols = [
@@ -92,7 +92,7 @@ def test_no_result_is_declared_twice():
     assert protocols == ["OverPeriods"]
 
 
-def test_a_column_is_declared_in_one_place():
+def test_columns_are_declared_in_table_modules():
     """Columns are created in the modules of their tables."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
     subjects = {
@@ -114,7 +114,7 @@ def modules():
     return [Path(*Path(path).parts[1:]) for _, path, _ in trees()]
 
 
-def test_modules_are_few_and_their_folders_flat():
+def test_directories_are_small_and_flat():
     found = [module for module in modules() if module.name != "__init__.py"]
     crowded = [
         folder.name
@@ -127,7 +127,7 @@ def test_modules_are_few_and_their_folders_flat():
     ] == []  # the package and three folders
 
 
-def test_a_name_stands_for_two_modules_at_most():
+def test_module_names_are_used_at_most_twice():
     names = Counter(module.name for module in modules() if module.name != "__init__.py")
     assert {name for name, count in names.items() if count > 2} <= NAMED_MORE_OFTEN
 
@@ -260,7 +260,7 @@ def changed_graph(name, source):
     return import_graph() | {name: set(imported(name, parts, set(import_graph())))}
 
 
-def test_imports_have_no_cycle_and_none_leads_to_a_higher_layer():
+def test_imports_have_no_cycle_and_no_higher_layer():
     """Imports by name are included."""
     graph = import_graph()
     assert layer_of("tdint.__main__", layers_upward()) == len(layers_upward())  # starts the program
@@ -279,7 +279,7 @@ def test_imports_have_no_cycle_and_none_leads_to_a_higher_layer():
         "def check():\n    from tdint.analysis.assessment.order import check_method",
     ],
 )
-def test_an_import_by_name_that_closes_a_cycle_is_found(line):
+def test_import_by_name_that_closes_cycle_is_found(line):
     name = "tdint.analysis.run.compiled_steps"
     source = (ROOT / "src/tdint/analysis/run/compiled_steps.py").read_text(encoding="utf-8")
     upward, cycle = wrong_imports(changed_graph(name, f"{source}\n{line}\n"))
@@ -287,13 +287,13 @@ def test_an_import_by_name_that_closes_a_cycle_is_found(line):
     assert {name, "tdint.analysis.assessment.order"} <= set(cycle)
 
 
-def test_an_import_by_name_of_a_higher_layer_is_found():
+def test_import_by_name_of_higher_layer_is_found():
     source = "from importlib import import_module\nimport_module('tdint.output.plotting')\n"
     upward, _ = wrong_imports(changed_graph("tdint.analysis.compare", source))
     assert upward == ["tdint.analysis.compare imports tdint.output.plotting"]
 
 
-def test_an_import_by_a_computed_name_is_refused():
+def test_import_by_computed_name_is_refused():
     with pytest.raises(AssertionError, match="cannot determine"):
         changed_graph("tdint.units", "import_module('tdint.' + 'output')")
 
@@ -328,7 +328,7 @@ def in_class(tree, node):
     return any(isinstance(other, ast.ClassDef) and node in other.body for other in ast.walk(tree))
 
 
-def test_what_is_imported_is_declared():
+def test_imported_packages_are_dependencies():
     """Imported packages are in the Python standard library, or among the dependencies and extras of
     the project."""
     project = PROJECT["project"]
@@ -346,7 +346,7 @@ def test_what_is_imported_is_declared():
     assert {{"yaml": "pyyaml"}.get(name, name) for name in foreign} <= names
 
 
-def test_code_is_laid_out_by_the_formatter():
+def test_exceptions_from_formatter_are_limited():
     """Exceptions in src are tables that are aligned for reading."""
     skips = [
         path
@@ -370,7 +370,7 @@ def is_bare(node):
     return bool(numbers) and not any(isinstance(part, ast.Name | ast.Attribute) for part in parts)
 
 
-def test_a_constant_has_its_reason():
+def test_constants_have_comments():
     """A comment or a docstring next to the constant, or to its group, states its meaning or the
     reason for its value."""
     bare = []
@@ -409,7 +409,7 @@ def is_border(node):
     return bool({"kernel", "intrinsic"} & set(decorators)) or node.name.startswith("call_")
 
 
-def test_terms_of_the_field_are_said_where_shorter_words_are_used():
+def test_pages_and_modules_contain_standard_terms():
     said = {
         "src/tdint/kernels/laws/README.md": ("hysteretic model", "backbone"),
         "src/tdint/analysis/run/demands.py": ("Engineering demand parameters",),
@@ -428,6 +428,6 @@ MAX_CODE_LINES = 600
 room."""
 
 
-def test_no_file_has_more_code_lines_than_the_limit():
+def test_code_lines_per_file_are_limited():
     counts = {path: len(code_lines(parts)) for _, path, parts in trees()}
     assert {path: count for path, count in counts.items() if count > MAX_CODE_LINES} == {}

@@ -32,7 +32,7 @@ def rows():
 
 
 @pytest.mark.parametrize("where", rows())
-def test_a_row_of_the_claims(where):
+def test_row_of_claims_agrees_with_measurement(where):
     """Numbers outside back quotes and references to equations are the measured values, to the
     digits of the page, or upper bounds; the verdict follows from the values."""
     text, verdict = rows()[where]
@@ -71,7 +71,7 @@ def test_every_row_is_measured():
 
 
 @pytest.mark.parametrize("number", CLOSED_FORMS)
-def test_a_closed_form_holds_once_its_misprints_are_corrected(number):
+def test_corrected_closed_form_holds(number):
     assert paper_claims.corrected_deviation(number) < ROUNDING
     as_printed = paper_claims.printed_deviation(number)
     if number in MISPRINTS:
@@ -91,7 +91,7 @@ def test_each_misprint_alone_is_wrong(number):
 
 
 @pytest.mark.parametrize("number", CLOSED_FORMS)
-def test_each_number_of_a_closed_form_matters(number):
+def test_changed_number_of_closed_form_is_detected(number):
     """An equation with any coefficient or exponent changed by 1 is not confirmed."""
     text = corrected(number)
     for match in re.finditer(r"\d+", text):
@@ -102,20 +102,20 @@ def test_each_number_of_a_closed_form_matters(number):
 
 
 @pytest.mark.parametrize("number", CLOSED_FORMS)
-def test_another_beta_in_the_compiled_step_is_noticed(number):
+def test_other_beta_of_compiled_step_is_detected(number):
     """The equation for beta = 1/144 does not describe the step with beta = 1/143."""
     text = corrected(number).replace("beta", "(1 / 144)")
     assert paper_claims.deviation(number, text, beta=1.0 / 143.0) > 1e-4
 
 
-def test_where_the_misprints_of_the_appendix_do_not_matter():
+def test_misprinted_equations_hold_in_special_cases():
     """A12 holds without damping as printed; A13 without damping and with critical damping, in both
     at any dt; A23 and A31 to A33 hold."""
     assert paper_claims.printed_deviation(58, dampings=(0.0,)) < ROUNDING
     assert paper_claims.printed_deviation(59, dampings=(0.0, 1.0)) < ROUNDING
 
 
-def test_each_correction_is_on_the_page_and_in_the_docstring():
+def test_each_correction_is_on_page_and_in_docstring():
     documented = " ".join(impulse.__doc__.split())
     for number, misprints in MISPRINTS.items():
         (where,) = [
@@ -129,7 +129,7 @@ def test_each_correction_is_on_the_page_and_in_the_docstring():
                 assert correction in rows()[where][0], correction
 
 
-def test_an_equation_is_a_text_of_known_symbols():
+def test_equations_contain_only_known_symbols():
     """A misread text, such as a product without its blank, must not pass as a number."""
     for number, text in EQUATIONS.items():
         symbols = set(re.findall(r"[a-zA-Z]+", text))
@@ -157,7 +157,7 @@ def said(name, pattern):
     return [float(number) for number in sentence.groups()]
 
 
-def test_how_honest_told_errors_are_as_the_first_page_says():
+def test_reliability_of_error_estimates_in_readme():
     text = (
         r"In random buildings, ([\d.]+) % of the drift errors of the default method exceed twice "
         r"the estimate, and ([\d.]+) % of the errors of all quantities"
@@ -171,7 +171,7 @@ def test_how_honest_told_errors_are_as_the_first_page_says():
     assert said("README.md", text) == [float(number) for number in row]
 
 
-def test_the_default_is_the_fastest_as_often_as_the_methods_page_says():
+def test_speed_of_default_method_on_methods_page():
     text = (
         r"fastest method in (\d+), (\d+) and (\d+) of 14 yielding buildings, and takes on average "
         r"([\d.]+), ([\d.]+) and ([\d.]+) times the time of the fastest method"
@@ -182,7 +182,7 @@ def test_the_default_is_the_fastest_as_often_as_the_methods_page_says():
     assert all(sum(row[1::2]) <= 14 for row in rows_of_table)
 
 
-def test_ratios_of_the_table_of_ten_yielding_stories():
+def test_ratios_in_table_of_ten_yielding_stories():
     """How many times closer, and how the error falls per halving."""
     at_step, finer = (table_row("tests/README.md", "impulse4", dt) for dt in ("0.01", "0.0025"))
     average, fine_average = (
@@ -211,7 +211,7 @@ def test_ratios_of_the_table_of_ten_yielding_stories():
     ]
 
 
-def test_what_equal_accuracy_costs_as_the_joss_paper_says():
+def test_cost_of_equal_accuracy_in_joss_paper():
     row = re.findall(
         r"\(([\d.]+)\)",
         re.findall(r"\| 1e-5 \|(.*)", (readmes.ROOT / "tests/README.md").read_text())[0],
@@ -223,7 +223,7 @@ def test_what_equal_accuracy_costs_as_the_joss_paper_says():
     assert (float(row[4]), round(float(row[5]), -2)) == (20, 400)
 
 
-def test_safe_side_of_target_displacements():
+def test_conservatism_of_target_displacements():
     rows_of_table = [
         table_row("configs/README.md", f"`{name}`")
         for name in ("kaikoura-frame", "three-story-concrete", "ten-story-bilinear")
@@ -235,12 +235,12 @@ def test_safe_side_of_target_displacements():
     ]
 
 
-def test_the_error_told_with_the_models_is_that_of_the_table():
+def test_error_on_models_page_equals_table():
     told = said("configs/README.md", r"drifts of `impulse4` are at most ([\d.]+) %")
     assert told == [pytest.approx(100.0 * table_row("tests/README.md", "impulse4", "0.01")[1])]
 
 
-def test_what_samples_miss_of_rotd50():
+def test_underestimation_of_rotd50_at_samples():
     pair = read_horizontals(readmes.ROOT / "records/kaikoura/WTMC.mseed", units="m/s^2")
     least, whole = (
         rotated_spectrum(pair, np.array([0.04]), percentiles=(50,), maxima=maxima).psa
@@ -254,7 +254,7 @@ def test_what_samples_miss_of_rotd50():
 
 
 @pytest.mark.slow
-def test_the_table_of_moment4_with_parts_that_no_step_resolves():
+def test_table_of_moment4_with_unresolved_modes():
     """By its command, L2 alone."""
     command = [sys.executable, readmes.ROOT / "tests/benchmarks/moment4.py", "stiff"]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
@@ -274,7 +274,7 @@ def test_the_table_of_moment4_with_parts_that_no_step_resolves():
         ), method
 
 
-def test_help_has_the_lines_that_the_changelog_states():
+def test_changelog_states_lines_of_help():
     assert said("CHANGELOG.md", r"`COMMAND --help` has at most (\d+) lines") == [LINES]
 
 
@@ -292,7 +292,7 @@ def sections(name):
     return {"": head, **dict(zip(parts[::2], parts[1::2], strict=True))}
 
 
-def test_measured_numbers_have_a_date_or_a_test():
+def test_measured_numbers_have_date_or_test():
     """Each section of tests/README with numbers states when they were measured. The other two pages
     are written by one command, which states versions and processor at their head."""
     for heading, text in sections("tests/README.md").items():
@@ -307,7 +307,7 @@ def test_measured_numbers_have_a_date_or_a_test():
         assert "2 processors" in head, name
 
 
-def test_measured_numbers_of_the_first_page_have_a_date():
+def test_measured_numbers_of_readme_have_date():
     for text in (
         r"\d+ packages \(630 MB; a single measurement, ([\d-]+)",
         r"5 to 20 s \(a single measurement, ([\d-]+)",
@@ -316,20 +316,20 @@ def test_measured_numbers_of_the_first_page_have_a_date():
         assert re.fullmatch(r"20\d\d-\d\d-\d\d", date)
 
 
-def test_runs_within_the_limit_are_those_of_the_table():
+def test_number_of_runs_within_limit_equals_table():
     section = sections("tests/README.md")["Peaks between the steps, of every method"]
     counts = re.findall(r"\| (\d+) of (\d+) \|", section)
     sums = [sum(int(count[i]) for count in counts) for i in (0, 1)]
     assert said("tests/README.md", r"(\d+) of (\d+) runs are within the limit") == sums
 
 
-def test_the_first_page_names_the_directory_of_its_run():
+def test_readme_states_directory_of_its_run():
     text = page("README.md")
     (directory,) = re.findall(r"\$ tdint run \S+ -o (\S+) --history --plot", text)
     assert f"The directory `{directory}` now contains `stories.csv`, `history.csv`" in text
 
 
-def test_errors_over_four_samples_as_the_methods_page_says():
+def test_errors_over_four_samples_on_methods_page():
     """The columns of the table are 1/4, 1/2, 1, 2, 4 and 8 samples in a step, with L2 first."""
     table = sections("tests/README.md")["Energy conservation and accuracy of moment4"].partition(
         "(`yielding`)"

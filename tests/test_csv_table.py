@@ -71,11 +71,11 @@ def refused(request, tmp_path):
         (b"\nCOLUMN,x, COLUMN\n1,2,3\n", r"t\.csv:2: the header contains the column COLUMN twice"),
     ],
 )
-def test_every_reader_refuses(refused, content, message):
+def test_every_reader_refuses_invalid_files(refused, content, message):
     refused(content, message)
 
 
-def test_every_reader_refuses_what_may_never_end(refused, tmp_path, monkeypatch):
+def test_every_reader_refuses_endless_files(refused, tmp_path, monkeypatch):
     monkeypatch.setattr(csv_table, "MOST_BYTES", 2**20)
     refused(b"COLUMN\n" + 2**20 * b"1", r"t\.csv: larger than 1 MiB")
     refused(None, "/dev/zero: larger than 1 MiB", "/dev/zero")
@@ -83,7 +83,7 @@ def test_every_reader_refuses_what_may_never_end(refused, tmp_path, monkeypatch)
     refused(None, "pipe: this is a named pipe, which may never end", str(tmp_path / "pipe"))
 
 
-def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
+def test_too_large_file_is_refused_before_reading(tmp_path):
     """A file without blocks on the disk states its size all the same."""
     with (tmp_path / "t.csv").open("wb") as file:
         file.truncate(2**30)
@@ -114,7 +114,7 @@ FULL = {
 
 
 @pytest.mark.parametrize("reader", FULL)
-def test_rows_with_too_much(tmp_path, reader):
+def test_rows_with_additional_cells_are_refused(tmp_path, reader):
     header, row = FULL[reader]
     raises(
         reader,
@@ -124,7 +124,7 @@ def test_rows_with_too_much(tmp_path, reader):
     )
 
 
-def test_empty_cells_at_the_end_are_nothing(tmp_path):
+def test_empty_cells_at_end_of_row_are_ignored(tmp_path):
     """As spreadsheets leave them."""
     (tmp_path / "t.csv").write_text("drift_m,\n1,,,\n2\n")
     assert read_drift_path(str(tmp_path / "t.csv")) == [1.0, 2.0]
@@ -138,7 +138,7 @@ def test_empty_cells_at_the_end_are_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("reader", [name for name in FULL if name != "path"])
-def test_files_without_rows(tmp_path, reader):
+def test_files_without_rows_are_refused(tmp_path, reader):
     raises(
         reader,
         tmp_path,
@@ -155,7 +155,7 @@ def ending_in(cell, reader):
 
 @pytest.mark.parametrize("cell", ["nan", "inf", "-1e999", "x", "1,5", "1_0", "\uff11"])
 @pytest.mark.parametrize("reader", FULL)
-def test_cells_that_are_no_finite_numbers(tmp_path, reader, cell):
+def test_non_finite_numbers_are_refused(tmp_path, reader, cell):
     last = FULL[reader][0].split(",")[-1]
     raises(
         reader,
@@ -167,7 +167,7 @@ def test_cells_that_are_no_finite_numbers(tmp_path, reader, cell):
 
 @pytest.mark.parametrize("cell", ["1e308", "-1e61", "5e-324"])
 @pytest.mark.parametrize("reader", FULL)
-def test_cells_out_of_all_proportion(tmp_path, reader, cell):
+def test_excessive_numbers_are_refused(tmp_path, reader, cell):
     """As in model files: the square of such a number is none."""
     raises(
         reader,
@@ -227,14 +227,14 @@ def test_cells_out_of_all_proportion(tmp_path, reader, cell):
         ("site.csv,-122,37", "TH_file, factor\nm,\n", RecordError, r"m\.json: cannot be read"),
     ],
 )
-def test_grids(tmp_path, point, motions, error, message):
+def test_invalid_grids_are_refused(tmp_path, point, motions, error, message):
     (tmp_path / "grid.csv").write_text(f"GP_file,Longitude,Latitude\n{point}\n")
     (tmp_path / "site.csv").write_text(motions)
     with pytest.raises(error, match=message):
         grid(str(tmp_path / "grid.csv"))
 
 
-def test_cells(tmp_path):
+def test_cells_of_table(tmp_path):
     """Names in any case, blank lines, a byte-order mark, quoted commas and line breaks, cells that
     a row has not."""
     file = tmp_path / "t.csv"
@@ -263,7 +263,7 @@ def test_cells(tmp_path):
         table.only("b")
 
 
-def test_standard_input(monkeypatch):
+def test_table_is_read_from_standard_input(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"drift_m\n0.1\n-0.2\n")))
     assert read_drift_path("-") == [0.1, -0.2]
     monkeypatch.setattr(sys, "stdin", None)
@@ -278,14 +278,14 @@ def test_standard_input(monkeypatch):
         )
     )
 )
-def test_many_cells_are_the_numbers_of_each(texts: list[str]) -> None:
+def test_numbers_of_many_cells_equal_numbers_of_each(texts: list[str]) -> None:
     np.testing.assert_array_equal(
         csv_table.numbers_in(texts), [csv_table.number(text) for text in texts]
     )
 
 
 @given(st.lists(st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=3)))
-def test_a_column_has_the_texts_that_it_was_made_of(texts: list[str]) -> None:
+def test_text_column_returns_its_texts(texts: list[str]) -> None:
     """By iteration, by index from both ends, by slice and by parts; empty texts and texts with line
     breaks are texts."""
     many = texts * 30
@@ -298,14 +298,14 @@ def test_a_column_has_the_texts_that_it_was_made_of(texts: list[str]) -> None:
         column[len(many)]
 
 
-def test_a_column_that_is_longer_than_a_part() -> None:
+def test_long_text_column_is_divided_into_parts() -> None:
     texts = [str(number) for number in range(100_001)]
     column = TextColumn(texts)
     assert [len(part) for part in column.parts()] == [50_000, 50_000, 1]
     assert column.numbers().tolist() == list(range(100_001)) and column[50_000] == "50000"
 
 
-def test_what_a_column_takes() -> None:
+def test_memory_of_text_column_is_limited() -> None:
     """Little more than its characters: a list of the same texts takes 60 bytes a text more."""
     tracemalloc.start()
     column = TextColumn(f"b{number:07d}" for number in range(100_000))

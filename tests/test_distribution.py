@@ -19,14 +19,14 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("package", ["tdint", "tdint_cli"])
-def test_the_package_is_the_command(package, tmp_path):
+def test_package_is_executed_as_command(package, tmp_path):
     """Words and exit code are those of `tdint`."""
     command = [sys.executable, "-m", package, "run", "none.yaml"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 3 and "none.yaml: file not found" in done.stderr
 
 
-def test_the_description_leads_nowhere_that_an_index_has_not():
+def test_description_for_index_has_only_absolute_links():
     description = metadata("tdint")["Description"] or metadata("tdint").get_payload()
     assert "tdint run" in description
     assert re.findall(r"\]\((?!https?:)[^)]*\)", description) == []
@@ -43,7 +43,7 @@ def index_readme(monkeypatch):
     return readmes.program("index_readme")
 
 
-def test_the_first_run_of_an_index_needs_no_checkout(monkeypatch):
+def test_first_run_for_index_needs_no_checkout(monkeypatch):
     text = index_readme(monkeypatch).for_index((ROOT / "README.md").read_text(encoding="utf-8"))
     begin = text[: text.index("\n## ")]
     assert re.findall(r"^\$ (\w+ \w+)", begin, re.MULTILINE) == [
@@ -54,7 +54,7 @@ def test_the_first_run_of_an_index_needs_no_checkout(monkeypatch):
     assert "checkout" not in begin
 
 
-def test_the_source_archive_has_what_the_checkout_has():
+def test_source_archive_contains_checkout():
     listing = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
     if listing.returncode:
         pytest.skip("not a checkout")
@@ -63,7 +63,7 @@ def test_the_source_archive_has_what_the_checkout_has():
     assert top - set(taken) <= {"pyproject.toml", ".gitignore"}  # which hatchling takes by itself
 
 
-def test_what_is_told_of_the_software_is_told_alike():
+def test_metadata_files_are_consistent():
     release = readmes.program("release")
     faults = release.faults("v0.0.1", "2026-01-01")
     assert [
@@ -84,7 +84,7 @@ def test_what_is_told_of_the_software_is_told_alike():
     assert f"version: {release.read()[0]['version']}\n" in recipe
 
 
-def test_a_release_that_agrees_is_not_refused(tmp_path, monkeypatch):
+def test_consistent_release_is_accepted(tmp_path, monkeypatch):
     """With the tag's version and day everywhere, and somebody to write to."""
     module = readmes.program("release")
     citation, project = module.read()
@@ -112,7 +112,7 @@ def test_a_release_that_agrees_is_not_refused(tmp_path, monkeypatch):
     assert "  year    = {2026}," in module.bibtex(citation, project)
 
 
-def test_persons_and_an_address_go_where_they_are_told():
+def test_authors_and_address_are_written_to_metadata():
     module = readmes.program("release")
     citation, project = module.read()
     person = {
@@ -137,7 +137,7 @@ def test_persons_and_an_address_go_where_they_are_told():
     assert module.contact(project) == "ada@example.org"
 
 
-def test_links_of_an_index_lead_to_the_files_of_the_version(monkeypatch):
+def test_links_for_index_point_to_files_of_version(monkeypatch):
     module = index_readme(monkeypatch)
     place = "https://example.org/a/tdint"
     text = (
@@ -174,7 +174,7 @@ def test_addresses_are_written_to_citation_recipe_and_index(monkeypatch):
     assert index_readme(monkeypatch).urls(place, site)["Documentation"] == f"{site}/"
 
 
-def test_the_same_licenses_are_stated_everywhere():
+def test_licenses_are_consistent():
     """BSD-3-Clause for the program, CC BY 3.0 NZ for the recordings in records/kaikoura."""
     module = readmes.program("release")
     citation, project = module.read()
@@ -188,7 +188,7 @@ def test_the_same_licenses_are_stated_everywhere():
     assert f"  license: {PROJECT['project']['license']}\n" in recipe
 
 
-def test_the_licenses_are_told_apart():
+def test_license_files_of_code_and_data_are_separate():
     assert PROJECT["project"]["license"] == "BSD-3-Clause AND LicenseRef-CC-BY-3.0-NZ"
     code, data = (
         (ROOT / name).read_text(encoding="utf-8") for name in PROJECT["project"]["license-files"]
@@ -202,7 +202,7 @@ def test_the_licenses_are_told_apart():
 @pytest.mark.parametrize(
     "file", sorted((ROOT / ".github" / "workflows").iterdir()), ids=lambda file: file.stem
 )
-def test_a_workflow_runs_what_it_was_checked_with(file):
+def test_workflows_pin_actions_and_limit_permissions(file):
     """Actions are named by hash, rights are the least, and no job runs for hours."""
     text = file.read_text(encoding="utf-8")
     flow = yaml.safe_load(text)
@@ -216,7 +216,7 @@ def test_a_workflow_runs_what_it_was_checked_with(file):
     assert [one for one in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", one)] == []
 
 
-def test_the_paper_is_short_and_what_it_cites_is_there():
+def test_paper_has_required_length_sections_and_references():
     head, _, body = (
         (ROOT / ".github/paper/paper.md").read_text(encoding="utf-8").partition("\nbibliography")
     )

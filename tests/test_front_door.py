@@ -148,7 +148,7 @@ tdint.nothing
 '''  # noqa: E501
 
 
-def test_nothing_of_python_is_shadowed():
+def test_public_names_do_not_shadow_builtins():
     everything: dict[str, object] = {}
     exec("from tdint import *", everything)
     taken = set(everything) - {"__builtins__"}
@@ -159,7 +159,7 @@ def test_nothing_of_python_is_shadowed():
         tdint.init  # noqa: B018
 
 
-def test_all_names_that_a_checker_of_types_is_told_are_there():
+def test_names_for_type_checkers_equal_public_names():
     tree = ast.parse(Path(tdint.__file__).read_text(encoding="utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If)).body
     told = {
@@ -171,7 +171,7 @@ def test_all_names_that_a_checker_of_types_is_told_are_there():
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_function_says_what_it_takes_gives_and_raises(name):
+def test_public_functions_document_parameters_returns_and_errors(name):
     function = inspect.unwrap(getattr(tdint, name))
     signature = inspect.signature(function)
     if not inspect.isfunction(function):  # a package that is loaded, whose docstring is its own
@@ -195,7 +195,7 @@ def test_a_function_says_what_it_takes_gives_and_raises(name):
 
 
 @pytest.mark.parametrize("name", ["methods", "campaign"])
-def test_help_of_a_package_that_is_a_function_shows_its_parameters(name):
+def test_help_of_callable_package_shows_parameters(name):
     import_module(f"tdint.{name}")
     text = pydoc.render_doc(getattr(tdint, name), renderer=pydoc.plaintext)
     function = tdint.__getattr__(name)
@@ -203,7 +203,7 @@ def test_help_of_a_package_that_is_a_function_shows_its_parameters(name):
     assert all(parameter in text for parameter in inspect.signature(function).parameters)
 
 
-def test_help_of_the_plugin_interface_shows_its_functions():
+def test_help_of_plugin_interface_shows_functions():
     text = pydoc.render_doc(tdint.plugin, renderer=pydoc.plaintext)
     for name in ("accumulate_dissipation", "hysteretic_energy", "resume", "solve_blocks_damped"):
         assert f"\n    {name}(" in text and inspect.getdoc(getattr(tdint.plugin, name)) is not None
@@ -251,7 +251,7 @@ def members_of(kind):
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_public_classes_document_their_fields_and_members(name):
+def test_public_classes_document_fields_and_members(name):
     """Each field is in the section of attributes, and each attribute there exists. Derivatives and
     errors have the names of the peaks. No docstring refers to a private name."""
     kind = CLASSES[name]
@@ -273,7 +273,7 @@ def test_public_classes_document_their_fields_and_members(name):
 
 
 @pytest.mark.parametrize("name", [name for name in PUBLIC if name not in FUNCTIONS_OF_TDINT])
-def test_documented_parameters_are_those_of_the_signature(name):
+def test_documented_parameters_agree_with_signature(name):
     """Of functions of `tdint.plugin`, and of the methods of public classes."""
     value = PUBLIC[name]
     functions = members_of(value) if inspect.isclass(value) else {name: value}
@@ -320,7 +320,7 @@ def faults_of_program(tmp_path, *command):
 
 
 @pytest.mark.slow
-def test_mypy_accepts_a_program_of_all_public_names(tmp_path):
+def test_mypy_accepts_program_of_all_public_names(tmp_path):
     """The only two errors are names that do not exist."""
     pytest.importorskip("mypy")
     tree = ast.parse(program())
@@ -341,7 +341,7 @@ def test_mypy_accepts_a_program_of_all_public_names(tmp_path):
 
 
 @pytest.mark.slow
-def test_pyright_accepts_a_program_of_all_public_names(tmp_path):
+def test_pyright_accepts_program_of_all_public_names(tmp_path):
     """basedpyright is pyright with its node as a wheel, so that PyPI is enough to install it."""
     checker = pytest.importorskip("basedpyright").__file__
     faults, output = faults_of_program(tmp_path, sys.executable, "-m", "basedpyright")

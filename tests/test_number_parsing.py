@@ -15,7 +15,7 @@ from tdint.number_parsing import (
 from tdint.units import parse_output_units
 
 
-def test_a_ratio_is_a_number_or_a_percentage():
+def test_ratio_is_number_or_percentage():
     for text, ratio in (
         ("0.05", 0.05),
         ("5%", 0.05),
@@ -28,19 +28,19 @@ def test_a_ratio_is_a_number_or_a_percentage():
 
 
 @pytest.mark.parametrize("text", ["", "%", "a", "5%%", "nan", "inf%", "1/2"])
-def test_what_is_no_ratio(text):
+def test_invalid_ratios_are_refused(text):
     with pytest.raises(UsageError, match="neither a ratio such as"):
         parse_ratio(text)
 
 
-def test_a_grid_has_equal_ratios_and_both_ends():
+def test_grid_has_equal_ratios_and_both_ends():
     values = parse_grid("0.01:10:200").values()
     assert (values[0], values[-1], values.size) == (0.01, 10.0, 200)
     assert np.ptp(np.diff(np.log(values))) < 1e-12
     assert parse_grid("0.3").values().tolist() == [0.3]
 
 
-def test_a_grid_is_written_as_it_is_read():
+def test_text_of_grid_is_parsed_to_same_grid():
     for grid in (Grid(0.01, 10.0, 200), Grid(0.123456789, 2.0, 2)):
         assert parse_grid(str(grid)) == grid
 
@@ -62,27 +62,27 @@ def test_a_grid_is_written_as_it_is_read():
         "1:2:1e3",
     ],
 )
-def test_what_is_no_grid(text):
+def test_invalid_grids_are_refused(text):
     with pytest.raises(UsageError, match="FIRST"):
         parse_grid(text)
     with pytest.raises(UsageError, match=str(MAX_GRID_POINTS)):
         parse_grid(f"1:2:{MAX_GRID_POINTS + 1}")
 
 
-def test_a_number_for_people_has_few_digits():
+def test_number_text_has_four_digits():
     assert number_text(0.895228162611) == "0.8952"
     assert number_text(0.895228162611, 3) == "0.895"
     assert number_text(200.0) == "200"
 
 
-def test_a_number_differs_in_writing_from_a_limit_that_it_does_not_meet():
+def test_number_text_differs_from_missed_limit():
     assert number_text(0.89999, unlike=0.9) == "0.89999"
     assert number_text(0.8999, unlike=0.9) == "0.8999"
     assert number_text(0.9, unlike=0.9) == "0.9"
     assert number_text(np.nextafter(0.9, 0.0), unlike=0.9) == "0.8999999999999999"
 
 
-def test_a_number_in_a_table_has_no_power_of_ten():
+def test_table_number_has_no_power_of_ten():
     for value, text in (
         (8.847113e6, "8847000"),
         (0.0, "0"),
@@ -96,7 +96,7 @@ def test_a_number_in_a_table_has_no_power_of_ten():
     assert table_number(2e-5) == "below 0.0001"
 
 
-def test_a_mass_is_in_the_unit_that_belongs_to_the_force():
+def test_unit_of_mass_follows_from_force():
     """1218 t in the units of a model in kip and in: 1218e3 / 175126.8 kip*s^2/in."""
     mass = 1.218e6
     for words, text in (

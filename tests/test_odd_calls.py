@@ -83,7 +83,7 @@ def odd(call, *values):
         *odd(lambda name: refuse_network(Path(name)), "\0"),
     ],
 )
-def test_numbers_out_of_range_are_refused_in_words(call):
+def test_numbers_out_of_range_are_refused(call):
     """At once: none is computed with."""
     with pytest.raises(TdintError, match=r"must be|stride|null"):
         call()
@@ -92,7 +92,7 @@ def test_numbers_out_of_range_are_refused_in_words(call):
 @pytest.mark.parametrize(
     "name", [name for name, function in FUNCTIONS.items() if required(function)]
 )
-def test_odd_arguments_are_refused_in_words(name, tmp_path, monkeypatch):
+def test_arguments_of_wrong_types_are_refused(name, tmp_path, monkeypatch):
     """All arguments of one odd kind, then each of two kinds."""
     monkeypatch.chdir(tmp_path)
     function = FUNCTIONS[name]
@@ -112,7 +112,7 @@ def test_odd_arguments_are_refused_in_words(name, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("method", [lambda: "impulse4", 1, None, object()])
-def test_methods_that_are_none(method):
+def test_invalid_methods_are_refused(method):
     """They are refused by their kind, not by a missing attribute."""
     for function in (tdint.order, tdint.overshoot):
         with pytest.raises(TdintError, match="method"):
@@ -120,6 +120,6 @@ def test_methods_that_are_none(method):
 
 
 @pytest.mark.parametrize("size", [5e-324, 1e-61, "1e-70mm"])
-def test_drifts_too_small_to_compute_with(size):
+def test_too_small_drifts_are_refused(size):
     with pytest.raises(TdintError, match="must be a positive number between"):
         tdint.pushover(io.StringIO(tdint.model_template()), size)

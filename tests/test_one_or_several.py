@@ -21,14 +21,14 @@ RECORD = tdint.make_record(np.sin(0.3 * np.arange(50)), dt=0.02, units="m/s^2", 
         lambda method: tdint.run(MODEL, RECORD, method=method, check=False),
     ],
 )
-def test_several_methods_give_what_each_does(call):
+def test_several_methods_give_results_of_single_calls(call):
     several = call(["impulse4", "hht:alpha=-0.1"])
     assert [one.method.partition(":")[0] for one in several] == ["impulse4", "hht"]
     assert repr(several[1]) == repr(call("hht:alpha=-0.1"))
     assert len(several) == 2 and several.to_dict()
 
 
-def test_several_steps_and_records():
+def test_several_time_steps_and_records():
     runs = tdint.run(MODEL, RECORD, method=("impulse4", "hht"), dt=[0.02, 0.01], check=False)
     assert [(run.method[:3], run.dt) for run in runs] == [
         ("imp", 0.02),
@@ -42,7 +42,7 @@ def test_several_steps_and_records():
     assert tdint.spectrum(RECORD, np.array([0.5])).psa.shape == (1,)
 
 
-def test_names_that_go_are_taken_with_a_warning():
+def test_deprecated_names_cause_warning():
     with pytest.warns(DeprecationWarning, match="register_law will be removed"):
         assert callable(tdint.register_law)
     assert "register_law" not in dir(tdint)
@@ -51,7 +51,7 @@ def test_names_that_go_are_taken_with_a_warning():
             call([1], methods=["wilson"])
 
 
-def test_a_bar_that_cannot_be_drawn_keeps_no_run(monkeypatch, caplog):
+def test_missing_tqdm_does_not_prevent_run(monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, "tqdm.auto", None)
     runs = tdint.run_many(MODEL, RECORD, progress=True)
     assert runs.status.tolist() == ["done"]

@@ -40,13 +40,13 @@ RECORD = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
         ("scale", {"motions": RECORD}, "motions"),
     ],
 )
-def test_an_argument_of_another_kind_is_told_by_its_name(name, given, parameter):
+def test_argument_of_wrong_type_is_reported_by_name(name, given, parameter):
     with pytest.raises(TdintError) as caught:
         getattr(tdint, name)(**given)
     assert parameter in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_what_works_is_not_looked_at_and_a_bug_stays_one():
+def test_validation_applies_only_to_failed_calls():
     def call(number: float, flag: bool = False) -> float:
         if flag:
             raise ValueError("a bug")
@@ -65,7 +65,7 @@ def test_what_works_is_not_looked_at_and_a_bug_stays_one():
     assert inspect.signature(asked) == inspect.signature(call)
 
 
-def test_a_function_goes_to_another_process():
+def test_public_functions_are_picklable():
     for name in ("run", "spectrum", "cyclic_test", "compare"):
         function = getattr(tdint, name)
         assert pickle.loads(pickle.dumps(function)) is function
@@ -80,12 +80,12 @@ def test_a_function_goes_to_another_process():
         FailedRun("ran away", "diverged", "newmark", 0.1, time=2.0, notes=("a",)),
     ],
 )
-def test_every_error_is_read_by_another_process(error):
+def test_errors_are_picklable(error):
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
 
-def test_a_pool_of_new_processes_does_not_wait_for_ever():
+def test_error_in_spawned_process_is_returned():
     """The function is one of tdint: new processes need not find the tests, which `pytest` alone
     does not tell them."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:

@@ -27,7 +27,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_paths_stand_for_what_they_name(file: Path) -> None:
+def test_paths_are_accepted_for_models_and_records(file: Path) -> None:
     model = tdint.load_model(MODEL)
     wanted = tdint.run(model, record()).stories.peak_drift
     for given in (str(file), file):
@@ -40,7 +40,7 @@ def test_paths_stand_for_what_they_name(file: Path) -> None:
     np.testing.assert_array_equal(tdint.modes(MODEL).omega, tdint.modes(model).omega)  # type: ignore[arg-type]
 
 
-def test_two_records_are_a_pair() -> None:
+def test_two_records_are_accepted_as_pair() -> None:
     pair = record(), record("HNN", 2.0)
     found = tdint.rotated_spectrum(pair, np.array([1.0]))
     assert found.motion.first.component == "HNN"
@@ -49,7 +49,7 @@ def test_two_records_are_a_pair() -> None:
     )
 
 
-def test_texts_that_mean_numbers() -> None:
+def test_texts_are_accepted_for_numbers() -> None:
     model = tdint.load_model(MODEL)
     assert (
         tdint.run(model, record(), tolerance="1%").dt
@@ -94,7 +94,7 @@ WRONG: list[tuple[type[Exception], Callable[[Any], Any]]] = [
 
 
 @pytest.mark.parametrize(("kind", "call"), WRONG)
-def test_what_is_meant_by_nothing_is_refused_in_words(
+def test_invalid_arguments_raise_documented_errors(
     kind: type[Exception], call: Callable[[Any], Any]
 ) -> None:
     with pytest.raises(kind):

@@ -12,7 +12,7 @@ MODEL = {"stories": [STORY, STORY], "damping": "5%"}
 RECORD = tdint.make_record(np.sin(np.arange(200) * 0.1), dt=0.02, units="m/s^2")
 
 
-def test_run_many_takes_lists_of_methods_and_time_steps_as_run_does():
+def test_run_many_accepts_lists_of_methods_and_time_steps():
     methods, steps = ["impulse4", "hht"], np.array([0.01, 0.02])
     single = tdint.run(MODEL, RECORD, method=methods, dt=steps, check=False)
     many = tdint.run_many(MODEL, RECORD, method=methods, dt=steps)
@@ -25,7 +25,7 @@ def test_run_many_takes_lists_of_methods_and_time_steps_as_run_does():
         tdint.run_many(MODEL, RECORD, method=methods, history="drift", out=np.zeros((1, 1, 1)))
 
 
-def test_history_true_keeps_all_quantities_and_a_name_is_refused_by_run():
+def test_history_true_stores_all_quantities():
     runs = tdint.run_many(MODEL, RECORD, history=True)
     response = tdint.run(MODEL, RECORD, history=True, check=False)
     assert set(runs.history) == set(HISTORY_FIELDS)
@@ -44,12 +44,12 @@ def test_history_true_keeps_all_quantities_and_a_name_is_refused_by_run():
         ("stories[1].mass", [1e5, 1e5, np.nan], 2),
     ],
 )
-def test_a_sample_out_of_range_is_named_by_its_number(name, values, sample):
+def test_sample_out_of_range_is_reported_with_its_number(name, values, sample):
     with pytest.raises(tdint.TdintError, match=rf"\(sample {sample}, counted from 0\)"):
         tdint.run_many(MODEL, RECORD, vary={name: values})
 
 
-def test_parameters_of_laws_have_the_names_that_vary_accepts():
+def test_parameter_names_of_laws_are_accepted_by_vary():
     """Each value that a law reports can be varied by its name; the value itself changes nothing."""
     law = tdint.load_model(MODEL).stories[0].law
     assert law.values["yield_force"] == 2e5 and law.values["hardening"] == 0.05

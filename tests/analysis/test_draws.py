@@ -120,7 +120,7 @@ def by_themselves(building, values):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_draw_is_the_building_that_replace_makes(name):
+def test_sample_equals_building_made_by_replace(name):
     building, values = CASES[name]
     drawn = tdint.run_many(building, RECORD, vary=values, scales=[0.5, 2.0], method="impulse4")
     same(
@@ -142,7 +142,7 @@ def test_a_draw_is_the_building_that_replace_makes(name):
         ("central-difference", {"dt": 0.005}),
     ],
 )
-def test_what_hangs_on_the_building_is_found_for_each(method, more):
+def test_building_properties_are_determined_for_each_sample(method, more):
     building, values = CASES["bilinear, Rayleigh"]
     drawn = tdint.run_many(building, [RECORD, SHORT], vary=values, method=method, **more)
     ones = tdint.run_many(by_themselves(building, values), [RECORD, SHORT], method=method, **more)
@@ -153,7 +153,7 @@ def test_what_hangs_on_the_building_is_found_for_each(method, more):
         np.testing.assert_array_equal(drawn.errors.peak_drift, ones.errors.peak_drift)
 
 
-def test_scales_products_and_pairs():
+def test_products_and_pairs_of_varied_parameters():
     building = model(BILINEAR)
     grid = tdint.run_many(
         building,
@@ -175,7 +175,7 @@ def test_scales_products_and_pairs():
     assert pairs.record.tolist() == [0, 1] and pairs.varied["damping"].tolist() == [0.02, 0.05]
 
 
-def test_a_draw_that_collapses_is_told_as_alone():
+def test_collapsed_sample_has_status_of_single_run():
     building = model(BILINEAR, collapse_drift=0.02)
     values = {"strength_factor": np.linspace(0.1, 3.0, DRAWS)}
     drawn = tdint.run_many(building, RECORD, scales=[0.1, 3.0], vary=values)
@@ -208,12 +208,12 @@ def test_a_draw_that_collapses_is_told_as_alone():
         (5, "vary"),
     ],
 )
-def test_what_cannot_be_varied_is_told_before_the_first_run(vary, words):
+def test_invalid_vary_is_refused_before_first_run(vary, words):
     with pytest.raises(TdintError, match=words):
         tdint.run_many(model(BILINEAR), RECORD, vary=vary)
 
 
-def test_progress_is_told_and_bars_stay_out_of_pipes(capfd):
+def test_progress_is_reported_without_bar_in_pipe(capfd):
     told = []
     tdint.run_many(
         model(BILINEAR),
@@ -227,7 +227,7 @@ def test_progress_is_told_and_bars_stay_out_of_pipes(capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_an_interrupt_before_the_first_run_gives_an_empty_result(monkeypatch):
+def test_interrupt_before_first_run_gives_empty_result(monkeypatch):
     """While the buildings are prepared, or while the first batch waits."""
 
     def interrupt(*_):
@@ -248,7 +248,7 @@ def test_an_interrupt_before_the_first_run_gives_an_empty_result(monkeypatch):
     assert runs.status.tolist() == ["interrupted"] and len(runs.failures) == 1
 
 
-def test_an_interrupt_gives_what_is_done():
+def test_interrupt_gives_completed_runs():
     def interrupt(done, of):
         raise KeyboardInterrupt
 

@@ -28,7 +28,7 @@ PEAKS = (
 )
 
 
-def test_what_is_in_proportion_has_that_derivative():
+def test_derivatives_satisfy_euler_theorem():
     """Drifts are homogeneous of degree one in scale and strength, of degree zero in masses, springs
     and strengths with damping ratios and the scale given: Euler's theorem, to what neighbors
     see."""
@@ -47,7 +47,7 @@ def test_what_is_in_proportion_has_that_derivative():
     assert linear.gradient.by and linear.gradient.parameters == ("record.scale",)
 
 
-def test_the_period_of_a_free_oscillator():
+def test_derivatives_of_free_oscillator_agree_with_closed_form():
     """Let go with a velocity, its largest drift is v0 / omega: by the stiffness -u / 2k, by the
     mass u / 2."""
     free = model([story(1e5, 1e7)], velocity=(0.1,), dt=0.002, duration=1.0)
@@ -60,7 +60,7 @@ def test_the_period_of_a_free_oscillator():
 
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average", "hht"])
-def test_other_sizes_of_differences_agree(method):
+def test_gradient_agrees_with_larger_differences(method):
     """And one call of many runs gives, to the last bit, what each run does; a history, too."""
     building = ten_bilinear(ModalDamping((0.05,)))
     response = tdint.run(building, RECORD, method=method, gradient=NAMES, history=True)
@@ -88,7 +88,7 @@ def test_other_sizes_of_differences_agree(method):
     np.testing.assert_array_equal(runs.gradient.peak_drift[3], response.gradient.peak_drift)
 
 
-def test_each_draw_has_derivatives_of_its_own():
+def test_each_sample_has_its_own_derivatives():
     """What is varied is differentiated where it was drawn to, and what is not where the model has
     it."""
     vary = {"stiffness_factor": [0.8, 1.1], "stories[1].stiffness": [9e7, 1e8]}
@@ -112,7 +112,7 @@ def test_each_draw_has_derivatives_of_its_own():
         )
 
 
-def test_a_kink_is_doubted():
+def test_kink_is_reported():
     """At the scale at which the motion is as large as the drift that it was let go with, the
     derivative jumps from 0 to that of the motion; elsewhere the sides agree."""
     building = model([story(1e5, 1e7)], damping=ModalDamping((0.05,)), displacement=(0.02,))
@@ -133,7 +133,7 @@ def test_a_kink_is_doubted():
         assert gradient.kink.peak_drift[0, 0] / slope == pytest.approx(kink, abs=1e-2)
 
 
-def test_at_the_end_of_a_range_neighbors_stand_on_one_side():
+def test_derivative_at_end_of_range_is_one_sided():
     """The derivative by a hardening of 0 is that of the parabola through 0, s and 2 s."""
     building = model([story(1e5, 1e7, Law("bilinear", (1e5, 0.0)))], damping=ModalDamping((0.05,)))
     gradient = tdint.run(
@@ -154,14 +154,14 @@ def test_at_the_end_of_a_range_neighbors_stand_on_one_side():
         ("damping", "damping requires a model with damping ratios"),
     ],
 )
-def test_what_has_no_derivative_is_told(name, words):
+def test_invalid_gradient_parameter_is_refused(name, words):
     building = model([story(1e5, 1e7), story(1e5, 2e7)])
     for call in (tdint.run, tdint.run_many):
         with pytest.raises(UsageError, match=words):
             call(building, RECORD, gradient=[name])
 
 
-def test_a_draw_out_of_range_keeps_its_row():
+def test_sample_out_of_range_keeps_its_row():
     """Where that is asked for; the other runs are those without it."""
     building = ten_bilinear(ModalDamping((0.05,)))
     vary = {
@@ -188,7 +188,7 @@ def test_a_draw_out_of_range_keeps_its_row():
         tdint.run_many(building, RECORD, errors="ignore")
 
 
-def test_a_derivative_of_the_wrong_sign_has_a_large_error():
+def test_derivative_of_wrong_sign_has_large_error():
     """At the default method and time step the derivative of story 2 has the wrong sign; its kink is
     small, and the estimated error is larger than the derivative and covers the true error."""
     law = {"type": "bilinear", "hardening": 0.05}
@@ -212,7 +212,7 @@ def test_a_derivative_of_the_wrong_sign_has_a_large_error():
     ("method", "factor", "least"),
     [("impulse4", 3.0, 0.5), ("moment4", 3.0, 0.5), ("newmark-average", 4.0 / 3.0, 0.2)],
 )
-def test_errors_of_derivatives_are_those_of_two_calls(method, factor, least):
+def test_errors_of_derivatives_agree_with_two_calls(method, factor, least):
     """The estimate follows from a call with half the time step of impulse4, with the factors of the
     errors of peaks; many runs agree."""
     building = ten_bilinear(ModalDamping((0.05,)))
@@ -240,7 +240,7 @@ def test_errors_of_derivatives_are_those_of_two_calls(method, factor, least):
     assert tdint.run_many(building, RECORD, gradient=names).gradient.errors is None
 
 
-def test_the_table_of_a_gradient_has_a_row_for_each_parameter_and_story():
+def test_gradient_table_has_row_for_each_parameter_and_story():
     names = ("record.scale", "mass_factor")
     building = ten_bilinear(ModalDamping((0.05,)))
     gradient = tdint.run(building, RECORD, gradient=names).gradient

@@ -54,7 +54,7 @@ def problem_of(motion, periods):
 
 
 @pytest.mark.parametrize("of", ["motion", "pair"])
-def test_the_largest_extremes_are_the_spectrum(request, of):
+def test_maximum_extremes_equal_spectrum(request, of):
     """By another kernel: that of the spectra, exact between samples, of pairs over 180
     directions."""
     problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 3.0, 25))
@@ -66,7 +66,7 @@ def test_the_largest_extremes_are_the_spectrum(request, of):
 
 
 @pytest.mark.parametrize("of", ["motion", "pair"])
-def test_derivatives_of_extremes_are_their_differences(request, of):
+def test_derivatives_of_extremes_agree_with_differences(request, of):
     """Without an envelope the row of an extreme is what it changes by, over the target, with
     samples through the band, but for the first ones: rows go on before the motion, where an
     envelope is nothing."""
@@ -92,7 +92,7 @@ def test_derivatives_of_extremes_are_their_differences(request, of):
     )  # rows are of single precision
 
 
-def test_the_program_is_that_of_scipy():
+def test_quadratic_program_agrees_with_scipy():
     """Multipliers of equalities free, of inequalities none above zero."""
     rng = np.random.default_rng(7)
     for _ in range(5):
@@ -113,7 +113,7 @@ def test_the_program_is_that_of_scipy():
         assert worth[0] == pytest.approx(worth[1], rel=5e-3, abs=5e-3)
 
 
-def test_a_motion_is_matched(motion, matched):
+def test_motion_is_matched_to_target(motion, matched):
     """At periods of its own, by the exact spectrum; the ground ends where the scaled seed ends."""
     periods = np.geomspace(0.11, 1.9, 333)
     off = tdint.spectrum(matched.record, periods).psa / matched.target.at(periods) - 1.0
@@ -137,7 +137,7 @@ def test_a_motion_is_matched(motion, matched):
     ]
 
 
-def test_a_pair_is_matched_in_rotd100(pair):
+def test_pair_is_matched_in_rotd100(pair):
     """By the spectrum of all directions at periods of its own; both components have one factor."""
     matched = tdint.match(pair, TARGET, periods=(0.1, 2.0))
     periods = np.geomspace(0.11, 1.9, 77)
@@ -159,7 +159,7 @@ def test_a_pair_is_matched_in_rotd100(pair):
     assert matched.to_dict()["component"] == ["HN1", "HN2"]
 
 
-def test_the_mean_of_a_suite_is_matched_and_its_scatter_kept(motion, pair):
+def test_suite_match_fits_mean_and_keeps_scatter(motion, pair):
     """Each motion by its own share of the target."""
     motions = [
         motion,
@@ -181,12 +181,12 @@ def test_the_mean_of_a_suite_is_matched_and_its_scatter_kept(motion, pair):
 
 
 @pytest.mark.parametrize("periods", [(2.0, 0.1), (0.0, 1.0), (0.1, np.inf)])
-def test_a_range_that_is_none_is_refused(motion, periods):
+def test_invalid_period_range_is_refused(motion, periods):
     with pytest.raises(UsageError, match="range of periods"):
         tdint.match(motion, TARGET, periods=periods)
 
 
-def test_rows_are_products_over_all_samples(monkeypatch):
+def test_sparse_rows_agree_with_dense_matrix(monkeypatch):
     """Rows of different places and lengths, over blocks: as with one dense matrix."""
     monkeypatch.setattr(matching_problem, "_BLOCK", 7)
     rng = np.random.default_rng(0)
@@ -206,7 +206,7 @@ def test_rows_are_products_over_all_samples(monkeypatch):
     )
 
 
-def test_the_products_of_rows_are_symmetric_and_need_the_memory_of_two_matrices_and_a_half():
+def test_products_of_rows_are_symmetric_within_memory_limit():
     """The matrix, its directions, and a triangle in single precision are in memory, no copies."""
     count, size = 1000, 64
     rng = np.random.default_rng(7)
@@ -220,7 +220,7 @@ def test_the_products_of_rows_are_symmetric_and_need_the_memory_of_two_matrices_
     assert peak < 2.6 * products.nbytes
 
 
-def test_memory_grows_with_what_lasts_and_not_with_the_record(motion):
+def test_memory_of_free_vibrations_does_not_grow_with_record(motion):
     """A free vibration is stored until it has decayed: ten times the record needs less than twice
     the memory."""
     periods = np.geomspace(0.1, 2.0, 20)
@@ -234,7 +234,7 @@ def test_memory_grows_with_what_lasts_and_not_with_the_record(motion):
     assert sizes[1] < 2.0 * sizes[0]
 
 
-def test_a_motion_is_matched_at_several_damping_ratios(motion, tmp_path):
+def test_motion_is_matched_at_several_damping_ratios(motion, tmp_path):
     """The targets are the spectra of a real motion, which a motion can have at all ratios.
 
     The match at 5 % alone does not have the target at 1 %.
@@ -289,12 +289,12 @@ def test_targets_for_several_damping_ratios(tmp_path):
 
 
 @pytest.mark.parametrize("ratios", [[], [0.05, 0.05]])
-def test_damping_ratios_without_a_meaning_are_refused(motion, ratios):
+def test_invalid_damping_ratios_are_refused(motion, ratios):
     with pytest.raises(UsageError, match="distinct ratios"):
         tdint.match(motion, TARGET, damping=ratios)
 
 
-def test_a_match_reports_its_progress(motion):
+def test_match_reports_progress(motion):
     calls = []
     tdint.match(
         motion, TARGET, periods=(0.5, 0.6), progress=lambda done, total: calls.append((done, total))
@@ -302,7 +302,7 @@ def test_a_match_reports_its_progress(motion):
     assert calls[0] == (0, calls[-1][1]) and calls[-1][0] == calls[-1][1]
 
 
-def test_the_number_of_controlled_extremes_is_limited(motion):
+def test_number_of_controlled_extremes_is_limited(motion):
     """Stationary noise has many extremes above a target of a quarter of its spectrum; the largest
     are controlled, with the maximum at each period among them."""
     noisy = replace(motion, acceleration=np.random.default_rng(5).normal(size=4000))
@@ -319,13 +319,13 @@ def test_the_number_of_controlled_extremes_is_limited(motion):
     assert np.sum(sizes > smallest) <= 6 * periods.size
 
 
-def test_a_motion_without_peaks_is_refused(motion):
+def test_motion_without_peaks_is_refused(motion):
     ramp = replace(motion, acceleration=np.linspace(0.0, 3.0, 800), source="ramp.csv")
     with pytest.raises(RecordError, match=r"ramp\.csv HN1: cannot be matched: .*has no peak"):
         tdint.match(ramp, TARGET, periods=(0.1, 2.0))
 
 
-def test_spectra_beyond_the_matched_range(matched, pair):
+def test_spectra_extend_beyond_matched_range(matched, pair):
     """From half of the shortest period to twice the longest; of a pair RotD100 and both
     components."""
     periods = matched.shown_periods

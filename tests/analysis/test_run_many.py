@@ -36,7 +36,7 @@ MODELS = [ten_bilinear(), small(), ten_linear()]
 RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
 
 
-def test_histories_that_the_memory_cannot_hold_are_refused_with_their_size(monkeypatch):
+def test_histories_exceeding_memory_are_refused_with_size(monkeypatch):
     """Three runs of 150 rows of 2 stories, 8 bytes a number."""
     monkeypatch.setattr("tdint.analysis.run.many_results.available_memory", lambda: 1e3)
     with pytest.raises(
@@ -60,7 +60,7 @@ def runs():
     )
 
 
-def test_each_run_is_the_single_one(runs):
+def test_each_run_equals_single_run(runs):
     assert runs.model.tolist() == np.repeat([0, 1, 2], 6).tolist()
     assert runs.record.tolist() == [0, 0, 0, 1, 1, 1] * 3
     assert runs.scale.tolist() == [*SCALES] * 6
@@ -93,7 +93,7 @@ def test_each_run_is_the_single_one(runs):
 
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
-def test_neither_jobs_nor_what_is_kept_change_a_run(method):
+def test_jobs_and_history_do_not_change_results(method):
     """With a history runs are made one by one, without in one call; a method that carries its error
     has wider rows."""
     both = [
@@ -106,7 +106,7 @@ def test_neither_jobs_nor_what_is_kept_change_a_run(method):
     assert np.nanmax(np.abs(both[0].history["drift"])) <= np.max(both[0].stories.peak_drift)
 
 
-def test_how_runs_end():
+def test_status_of_collapsed_diverged_and_refused_runs():
     """Fallen, diverged and refused runs have the status of single ones, and do not keep the others
     from being done."""
     record = noise(samples=300)
@@ -137,7 +137,7 @@ def test_how_runs_end():
         assert np.isnan(refused.history["drift"][i]).all() == (status == "unstable-step")
 
 
-def test_a_story_that_runs_away():
+def test_failed_run_after_collapse_is_collapsed():
     """Its force falls from a drift of 6 cm on and pulls from 10 cm on: among many runs, too, one
     that fails after the collapse is told as far as the collapse, and one whose energy the method
     has made is none."""
@@ -156,7 +156,7 @@ def test_a_story_that_runs_away():
     assert np.isnan(found.stories.peak_drift[1])
 
 
-def test_histories_go_where_they_are_asked_to(tmp_path, runs):
+def test_histories_are_written_to_given_array(tmp_path, runs):
     whole = runs.history["drift"][6:12, :, :2]
     file = np.lib.format.open_memmap(
         tmp_path / "drift.npy", mode="w+", shape=(6, 50, 2), dtype=np.float32
@@ -185,7 +185,7 @@ def test_histories_go_where_they_are_asked_to(tmp_path, runs):
         tdint.run_many(small(), **{**given, "history": ()}, out=file)
 
 
-def test_pairs_of_a_model_a_record_and_a_scale(runs):
+def test_zip_records_pairs_models_and_records(runs):
     found = tdint.run_many(
         [MODELS[1], MODELS[0]], RECORDS, scales=2.0, zip_records=True, method="newmark-average"
     )
@@ -200,7 +200,7 @@ def test_pairs_of_a_model_a_record_and_a_scale(runs):
         tdint.run_many(MODELS, RECORDS, zip_records=True)
 
 
-def test_the_columns_are_those_of_a_campaign(runs):
+def test_columns_of_runs(runs):
     found = runs.to_dict()
     single = tdint.run(MODELS[1], RECORDS[0].scaled(-2.0), method="newmark-average")
     assert found["method"] == ["newmark-average"] * 18 and found["status"][8] == "done"
@@ -231,13 +231,13 @@ def test_the_columns_are_those_of_a_campaign(runs):
         ({"method": "newmrk"}, UsageError, "newmark"),
     ],
 )
-def test_what_makes_no_sense_is_refused(given, kind, message):
+def test_invalid_arguments_are_refused(given, kind, message):
     with pytest.raises(kind, match=message):
         tdint.run_many(**{"models": small(), "records": RECORDS[0], **given})
 
 
 @pytest.mark.parametrize("method", ["moment4", "impulse4"])
-def test_errors_are_those_of_single_runs(method):
+def test_errors_equal_errors_of_single_runs(method):
     """With the peaks of the run that tells them."""
     found = tdint.run_many(MODELS[:2], RECORDS[:1], method=method, check=True, history="drift")
     for i, building in enumerate(MODELS[:2]):

@@ -35,7 +35,7 @@ def case(method="impulse4", model=None):
 
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average", "bathe"])
-def test_it_is_the_record_put_together_by_hand_to_the_last_digit(method):
+def test_sequence_equals_run_of_joined_record(method):
     found = run_sequence(case(method), [MAIN, AFTER], rest=20.0, history=True)
     by_hand = np.concatenate([MAIN.acceleration, np.zeros(1999), AFTER.acceleration])
     alone = tdint.run(
@@ -52,7 +52,7 @@ def test_it_is_the_record_put_together_by_hand_to_the_last_digit(method):
     )
 
 
-def test_peaks_over_all_are_the_largest_of_the_shocks():
+def test_peaks_of_sequence_are_maxima_of_events():
     found = run_sequence(case("moment4"), [AFTER, MAIN, AFTER.scaled(-1.1)], rest=5.0)
     for name in NAMES:
         largest = np.max([getattr(one.stories, name) for one in found.events], axis=0)
@@ -60,7 +60,7 @@ def test_peaks_over_all_are_the_largest_of_the_shocks():
     assert np.array_equal(found.stories.residual_drift, found.events[-1].stories.residual_drift)
 
 
-def test_the_first_shock_is_the_run_of_its_record_until_rest():
+def test_first_event_equals_run_until_rest():
     found = run_sequence(case(), [MAIN, AFTER])
     alone = tdint.run(ten_bilinear(), MAIN, method="impulse4", until_rest=True)
     first, second = found.events
@@ -71,7 +71,7 @@ def test_the_first_shock_is_the_run_of_its_record_until_rest():
         ), name
 
 
-def test_each_shock_has_its_errors():
+def test_each_event_has_estimated_errors():
     found = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, check=True)
     fine = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, dt=0.01 / 16)
     for one, truth in zip(found.events, fine.events, strict=True):
@@ -80,7 +80,7 @@ def test_each_shock_has_its_errors():
         assert np.all(one.errors.peak_drift < 0.2 * one.stories.peak_drift)
 
 
-def test_shocks_of_several_sampling_intervals_keep_their_motions():
+def test_events_with_different_sampling_intervals_are_resampled():
     coarse = shock(3, 5.0, dt=0.02, samples=300, source="coarse")
     joined = sequence_of(case(), [MAIN, coarse], rest=1.0)
     assert joined.whole.dt == 0.01
@@ -92,7 +92,7 @@ def test_shocks_of_several_sampling_intervals_keep_their_motions():
 
 
 @pytest.mark.parametrize(("dt", "stride"), [(None, 1), (0.04, 4), (0.0025, 1)])
-def test_a_shock_begins_with_the_first_step_after_the_rest(dt, stride):
+def test_event_starts_at_first_step_after_rest(dt, stride):
     """599 samples lie before the last one of the first shock; then 1.01 s of rest are 101."""
     joined = sequence_of(case(), [MAIN, AFTER], rest=1.01, dt=dt)
     assert joined.starts == (0, 700 + -700 % stride)
@@ -104,7 +104,7 @@ def test_a_shock_begins_with_the_first_step_after_the_rest(dt, stride):
     assert len(found.events) == 2
 
 
-def test_the_whole_has_what_its_shocks_have_in_common():
+def test_joined_record_keeps_common_attributes():
     one, other = (
         replace(MAIN, units="g", id="A"),
         replace(AFTER, units="g", id="B", component="HNN"),
@@ -116,19 +116,19 @@ def test_the_whole_has_what_its_shocks_have_in_common():
 
 
 @pytest.mark.parametrize(("rest", "zeros"), [(0.5, 49), (None, 0)])
-def test_shocks_that_are_one_record_have_the_shortest_rest_between_them(rest, zeros):
+def test_joined_records_are_separated_by_rest(rest, zeros):
     shocks = [MAIN, AFTER, MAIN]
     by_hand = [part for one in shocks for part in (np.zeros(zeros), one.acceleration)][1:]
     assert np.array_equal(JoinedRecord.of(shocks, rest).acceleration, np.concatenate(by_hand))
 
 
-def test_a_building_that_never_rests_is_told():
+def test_building_without_rest_is_noted():
     found = run_sequence(case(model=ten_bilinear(damping=None)), [MAIN.scaled(1e-3), AFTER])
     assert any("the building still vibrated" in note for note in found.notes)
     assert len(found.events) == 2
 
 
-def test_a_collapse_ends_the_sequence_in_its_shock():
+def test_collapse_ends_sequence():
     soft = ten_bilinear()
     weak = replace(soft.stories[0], law=Law("bilinear", (2e6, -0.3)))
     model = replace(soft, stories=(weak, *soft.stories[1:]))
@@ -139,14 +139,14 @@ def test_a_collapse_ends_the_sequence_in_its_shock():
 
 
 @pytest.mark.parametrize("rest", [-1.0, float("inf"), "soon"])
-def test_a_rest_is_a_time(rest):
+def test_invalid_rest_is_refused(rest):
     with pytest.raises(UsageError, match="rest"):
         run_sequence(case(), [MAIN, AFTER], rest=rest)
     with pytest.raises(UsageError, match="at least one record"):
         run_sequence(case(), [])
 
 
-def test_the_table_has_the_shocks_and_all():
+def test_table_lists_events_and_maxima():
     found = run_sequence(case(), [MAIN, AFTER], rest=1.0)
     table = found.to_dict()
     assert list(dict.fromkeys(table["shock"])) == ["1", "2", "all"]

@@ -46,7 +46,7 @@ def rows_by_run(rows: list[RunRow]) -> dict[Run, RunRow]:
     ("model", "method"),
     [("ten-story-bilinear", "impulse4"), ("collapse-prone-frame", "newmark-average")],
 )
-def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
+def test_rows_equal_single_runs(model: str, method: str) -> None:
     """Runs to the end, collapses, and collapses from which the motion runs away."""
     of = batch(model, method, stories=True)
     results = of.results(RUNS)
@@ -96,7 +96,7 @@ def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
         ("collapse-prone-frame", "moment4", RUNS[1:4], True),
     ],
 )
-def test_errors_are_those_of_single_runs(
+def test_errors_equal_errors_of_single_runs(
     model: str, method: str, runs: list[Run], rest: bool
 ) -> None:
     """Of every demand and story, collapsed or not. The runs themselves are those without errors."""
@@ -131,7 +131,7 @@ def test_errors_are_those_of_single_runs(
 
 
 @pytest.mark.parametrize("fixed", [0, 1])
-def test_errors_of_shocks_one_after_the_other(fixed: int) -> None:
+def test_errors_of_events_in_sequence(fixed: int) -> None:
     """Of the whole, or of the last one alone where the first is the state that the building is
     in."""
     short = [
@@ -155,14 +155,14 @@ def test_errors_of_shocks_one_after_the_other(fixed: int) -> None:
     )
 
 
-def test_a_run_does_not_depend_on_the_others() -> None:
+def test_run_does_not_depend_on_other_runs() -> None:
     of = batch("ten-story-bilinear", "impulse4")
     together = rows_by_run(of.results(RUNS).runs)
     backwards = rows_by_run(of.results(RUNS[::-1]).runs)
     assert together == backwards == rows_by_run([of.results([run]).runs[0] for run in RUNS])
 
 
-def test_what_fails_is_repeated_with_finer_steps() -> None:
+def test_failed_run_is_repeated_with_finer_steps() -> None:
     """A run that fails with the step asked for has the peaks of the coarsest finer step with which
     it does not."""
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
@@ -187,7 +187,7 @@ def test_what_fails_is_repeated_with_finer_steps() -> None:
 
 
 @pytest.mark.parametrize("method", ["newmark-linear", "newmark-average", "impulse4"])
-def test_a_failing_attempt_is_integrated_once(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_attempt_is_integrated_once(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the batch; individually only a run that collapses before its failure. The row is that of
     individual runs."""
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
@@ -215,14 +215,14 @@ def test_a_failing_attempt_is_integrated_once(method: str, monkeypatch: pytest.M
         assert len(individual) <= (row.status in ("collapsed", "failed-story"))
 
 
-def test_an_unstable_step_is_a_row_with_its_status() -> None:
+def test_unstable_step_has_row_with_status() -> None:
     of = batch("ten-story-bilinear", "central-difference", dt=0.5)
     (row,) = of.results([Run(0, 1.0)]).runs
     assert (row.status, row.dt, row.peak_drift, row.steps) == ("unstable-step", 0.5, None, None)
     assert row.pga == RECORDS[0].pga
 
 
-def test_steps_that_are_chosen_and_steps_that_are_not_within_a_tolerance() -> None:
+def test_chosen_steps_and_unreachable_tolerance() -> None:
     for method, largest, dt in (("newmark-average", 0.008, 0.005), ("impulse4", 0.05, 0.04)):
         of = batch("ten-story-bilinear", method, **{"dt": 0.02} if dt < 0.02 else {})
         (row,) = of.results([Run(0, 1.0)], max_step=largest).runs
@@ -237,7 +237,7 @@ def test_steps_that_are_chosen_and_steps_that_are_not_within_a_tolerance() -> No
     ("status", "expected"),
     [("diverged", REPEATS), ("not-converged", REPEATS), ("unstable-step", 0)],
 )
-def test_a_run_that_always_fails_is_repeated_so_often(
+def test_number_of_repetitions_of_failing_run(
     status: str, expected: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each time with half of the step; then its row says how it failed."""

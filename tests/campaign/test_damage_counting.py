@@ -70,7 +70,7 @@ def by_hand(states: DamageStates) -> list[list[float]]:
 
 
 @pytest.mark.parametrize("dispersion", [0.5, 0.0])
-def test_outcomes_of_runs(dispersion: float) -> None:
+def test_damage_outcomes_of_runs(dispersion: float) -> None:
     states = DamageStates(STATES.demand, STATES.states, STATES.medians, dispersion, STATES.losses)
     of, expected = damage(states), by_hand(states)
     np.testing.assert_allclose(of.probability, expected, atol=1e-15)
@@ -92,7 +92,7 @@ def test_outcomes_of_runs(dispersion: float) -> None:
             assert state == (end if end in FALLEN else "")
 
 
-def test_damage_of_a_group_is_the_mean_of_its_runs() -> None:
+def test_damage_of_group_is_mean_of_runs() -> None:
     """Of all runs with a result alike; errors by leaving out the motions, which have different
     numbers of them."""
     of, expected = damage(), np.array(by_hand(STATES))
@@ -121,7 +121,7 @@ def test_damage_of_a_group_is_the_mean_of_its_runs() -> None:
     np.testing.assert_allclose(found.loss.error, math.sqrt(3.0 * float(np.var(left))))
 
 
-def test_a_group_without_results() -> None:
+def test_group_without_results_has_unknown_damage() -> None:
     group = _Group(STATES)
     group.add(
         damage(),
@@ -136,7 +136,7 @@ def test_a_group_without_results() -> None:
     ).all()
 
 
-def test_levels_count_motions_not_runs() -> None:
+def test_levels_count_ground_motions_instead_of_runs() -> None:
     """A pair has failed or fallen where one of its two runs has; a motion that failed has not
     fallen."""
     rules = SuiteRules(
@@ -173,7 +173,7 @@ def test_levels_count_motions_not_runs() -> None:
 @pytest.mark.parametrize(
     ("yield_force", "share"), [(10.0, 0.7 * 10.0 / 800.0 / 3.0), (1e9, 0.1 * 0.06)]
 )
-def test_an_elastic_scale_of_one_story(yield_force: float, share: float) -> None:
+def test_elastic_scale_of_one_story(yield_force: float, share: float) -> None:
     """Before the first yielding, and a tenth of the collapse drift, by a run of the story that does
     not yield."""
     record = noise(samples=300)

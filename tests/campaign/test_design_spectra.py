@@ -26,7 +26,7 @@ def _named(text):
     return f"asce7:sds={sds!r},sd1={sd1!r},tl={given['tl']!r}"
 
 
-def test_values_of_codes():
+def test_code_spectra_have_published_values():
     with VALUES.open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 271
@@ -46,7 +46,7 @@ def test_values_of_codes():
 
 
 @pytest.mark.parametrize("text", EXAMPLES.values())
-def test_points_are_on_the_curve(text):
+def test_tabulated_points_are_on_curve(text):
     target = read_target(text)
     assert target.psa == pytest.approx(target.at(target.periods), rel=1e-14)
     assert target.zero == pytest.approx(float(target.curve(np.array([1e-9]))[0]), rel=1e-6)
@@ -55,7 +55,7 @@ def test_points_are_on_the_curve(text):
     assert target.psv * omega == pytest.approx(target.psa) == target.sd * omega**2
 
 
-def test_a_long_tl_acts():
+def test_long_period_branch_starts_at_tl():
     """Up to 20 s: 1/T to TL, 1/T^2 beyond; the peak ground acceleration at 0 is 0.4 SDS."""
     target = read_target("mcer:sds=1.0,sd1=0.6,tl=12")
     told = target.at([0.0, 1.0, 11.0, 12.0, 20.0]) / STANDARD_GRAVITY
@@ -65,7 +65,7 @@ def test_a_long_tl_acts():
         target.at([21.0])
 
 
-def test_a_national_annex_and_damping():
+def test_national_annex_and_damping_of_ec8():
     greece = read_target("ec8:type=1,soil=B,ag=0.25g,td=2.5")
     recommended = read_target("ec8:type=1,soil=B,ag=2.4516625m/s^2")
     assert greece.at([2.0]) == pytest.approx(recommended.at([2.0]))
@@ -81,7 +81,7 @@ def test_a_national_annex_and_damping():
 
 
 @pytest.mark.parametrize("damping", [5, 20])
-def test_ec8_beyond_four_seconds(damping):
+def test_ec8_spectrum_beyond_four_seconds(damping):
     """EN 1998-1:2004 A.2: to TE as before, a straight line of displacements to that of the ground
     at 10 s. The two meet within 2.5 / 4 pi^2 over 0.0625; type 2 ends at 4 s."""
     target = read_target(f"ec8:type=1,soil=C,ag=0.3g,damping={damping}%")
@@ -122,7 +122,7 @@ def test_ec8_beyond_four_seconds(damping):
         ("ec8:type=1,soil=B,ag=0.25g,damping=0", "damping must be between"),
     ],
 )
-def test_wrong_names_and_parameters(text, said):
+def test_invalid_names_and_parameters_are_refused(text, said):
     with pytest.raises(UsageError, match=re.escape(said)):
         read_target(text)
 
@@ -130,7 +130,7 @@ def test_wrong_names_and_parameters(text, said):
 @pytest.mark.parametrize(
     "header", ["T (s),Sa (g)", "Period [s],PSA [g]", "period_s,sa_g", "T,psa_g"]
 )
-def test_tables_with_headings(tmp_path, header):
+def test_headings_of_target_tables(tmp_path, header):
     file = tmp_path / "target.csv"
     file.write_text(f"{header}\n0,0.4\n0.5,1\n1,0.6\n")
     target = read_target(str(file))

@@ -43,7 +43,7 @@ def nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("shard", [None, Shard(1, 3), Shard(2, 3), Shard(3, 3)])
 @pytest.mark.parametrize("ready", [(), (0, 1, 5), tuple(range(CHUNKS))])
 @pytest.mark.parametrize("max_runs", [None, 1, 8, 9, 1000])
-def test_what_is_left_is_done_chunk_by_chunk(
+def test_remaining_chunks_are_executed_in_order(
     shard: Shard | None, ready: tuple[int, ...], max_runs: int | None
 ) -> None:
     of_shard = [
@@ -73,7 +73,7 @@ def test_what_is_left_is_done_chunk_by_chunk(
     assert last.done == last.runs
 
 
-def test_a_job_at_least() -> None:
+def test_at_least_one_job_is_required() -> None:
     threads(1)
     with pytest.raises(UsageError, match=r"jobs .*at least 1, got 0"):
         threads(0)

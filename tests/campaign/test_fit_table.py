@@ -42,7 +42,7 @@ def table(folder: Path, im: np.ndarray, status: np.ndarray = STATUS) -> str:
     return str(file)
 
 
-def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
+def test_runs_at_common_levels_are_fitted_as_stripes(tmp_path: Path) -> None:
     """Failed runs are omitted. For the bounds they are counted once as exceeding and once as not
     exceeding."""
     im = np.repeat(LEVELS[:, None], MOTIONS, axis=1)
@@ -83,7 +83,7 @@ def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
         ((16, 19, 20), False),  # 55 of 60
     ],
 )
-def test_published_counts_keep_their_interval_unless_collapses_are_rare_or_usual(
+def test_interval_is_omitted_if_collapses_are_rare_or_frequent(
     tmp_path: Path, collapses: tuple[int, ...], keeps: bool
 ) -> None:
     file = tmp_path / "counts.csv"
@@ -99,7 +99,7 @@ def test_published_counts_keep_their_interval_unless_collapses_are_rare_or_usual
 @pytest.mark.parametrize(
     ("motions", "fit"), [((3, 3), "stripes"), ((4, 3), "stripes"), ((4, 4, 4, 4, 2), "cloud")]
 )
-def test_stripes_of_a_type_need_three_motions_at_each_of_several_levels(
+def test_stripes_of_type_require_three_motions_per_level(
     motions: tuple[int, ...], fit: str
 ) -> None:
     """Each type has four buildings; all runs under one ground motion count once."""
@@ -118,7 +118,7 @@ def test_stripes_of_a_type_need_three_motions_at_each_of_several_levels(
             fit_states(refused, FragilityRequest(fit="stripes"))
 
 
-def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
+def test_runs_at_individual_levels_are_fitted_as_cloud(tmp_path: Path) -> None:
     im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
     (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     fell = STATUS == "collapsed"
@@ -139,7 +139,7 @@ def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
         whole[0] = LEVELS[0]
 
 
-def test_of_a_collapse_it_counts_that_it_was_one(
+def test_drift_of_collapsed_runs_is_ignored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Fits and counts do not depend on the drift at which a collapsed run stopped, a thousand times
@@ -164,7 +164,7 @@ def test_of_a_collapse_it_counts_that_it_was_one(
         )
 
 
-def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None:
+def test_function_that_contradicts_runs_causes_warning(tmp_path: Path) -> None:
     """A warning is printed if demands jump from far below to far above the threshold at one
     intensity, because a regression line does not represent them. No warning is printed for a
     line with normal scatter, for any sample."""
@@ -180,7 +180,7 @@ def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None
         assert len(result.disagreements) == count, result.disagreements
 
 
-def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -> None:
+def test_threshold_outside_demands_causes_warning(tmp_path: Path) -> None:
     """The threshold 2 (instead of 2 %) is far above all runs; the regression line is extrapolated,
     and a warning states this."""
     file = tmp_path / "cloud.csv"
@@ -220,7 +220,7 @@ def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 @pytest.mark.parametrize("event", [False, True])
-def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) -> None:
+def test_standard_errors_are_jackknife_estimates(tmp_path: Path, event: bool) -> None:
     """Standard errors of clouds of runs, of user-defined tables, and of the slopes in the
     comparison of measures equal jackknife estimates computed by hand. The information matrix,
     which assumes independent runs, gives half of them."""
@@ -244,7 +244,7 @@ def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) ->
     assert found.slope_error == pytest.approx(math.sqrt(13.0 * float(np.var(slopes))), rel=1e-9)
 
 
-def test_capacities_of_one_record_err_alike(tmp_path: Path) -> None:
+def test_capacities_of_one_record_count_as_one_motion(tmp_path: Path) -> None:
     """Two capacities of the same record count as one ground motion: the standard error equals the
     error with one capacity per record. The standard error of different motions is unchanged."""
     capacity = np.exp(0.4 * np.random.default_rng(12).standard_normal(9))
@@ -259,7 +259,7 @@ def test_capacities_of_one_record_err_alike(tmp_path: Path) -> None:
     assert errors["twins"] == pytest.approx(errors["single"])
 
 
-def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
+def test_few_exceedances_give_no_confidence_interval(tmp_path: Path) -> None:
     """Three of 112 runs exceed 5 %: the function has no confidence interval. It has none either if
     the median is above all intensities and an eighth of the runs exceed the threshold."""
     _, im, edp = scattered(tmp_path, False)
@@ -288,7 +288,7 @@ def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
     ]
 
 
-def test_what_cannot_be_fitted_is_told_where_nothing_can(tmp_path: Path) -> None:
+def test_failed_fits_are_reported_next_to_successful_fits(tmp_path: Path) -> None:
     file = table(
         tmp_path, np.repeat(LEVELS[:, None], MOTIONS, axis=1), np.full_like(STATUS, "done")
     )
@@ -318,7 +318,7 @@ class PairStore:
 @pytest.mark.parametrize(
     ("columns", "motions"), [(("record", "component"), [0, 0, 1, 0]), (("record",), [0, 1, 2, 0])]
 )
-def test_each_row_has_a_motion_also_without_the_column_of_components(
+def test_rows_are_assigned_to_motions_without_component_column(
     tmp_path, monkeypatch, columns, motions
 ):
     monkeypatch.setattr("tdint.campaign.fragility.measures._store_of_table", lambda _: PairStore())

@@ -43,13 +43,13 @@ TRUNCATED = fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)
     ],
     ids=["stripes", "capacities", "truncated"],
 )
-def test_fits_of_baker(found, fit, numbers, counts):
+def test_fits_agree_with_published_values_of_baker(found, fit, numbers, counts):
     assert (round(found.theta, 5), round(found.beta, 5)) == numbers
     assert (found.fit, found.motions, found.censored) == (fit, *counts)
     assert found.runs == found.motions * (8 if fit == "stripes" else 1)
 
 
-def test_errors_of_known_capacities():
+def test_standard_errors_of_capacities_agree_with_closed_form():
     assert WHOLE.theta_error == pytest.approx(WHOLE.beta / math.sqrt(37))
     assert WHOLE.beta_error == pytest.approx(WHOLE.beta / math.sqrt(74))
 
@@ -88,7 +88,7 @@ def truncated_likelihood(p):
     [(stripes_likelihood, STRIPES), (truncated_likelihood, TRUNCATED)],
     ids=["stripes", "truncated"],
 )
-def test_maximum_and_information_by_a_second_route(likelihood, found):
+def test_likelihood_maximum_and_covariance_agree_with_minimizer(likelihood, found):
     best = minimize(
         likelihood, [0.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}
     )
@@ -103,7 +103,7 @@ def cloud(censored_above=math.inf, count=60):
     return im, np.minimum(edp, censored_above), edp >= censored_above
 
 
-def test_a_cloud_without_censoring_is_least_squares():
+def test_cloud_without_censoring_is_least_squares():
     im, edp, _ = cloud()
     slope, intercept = np.polyfit(np.log(im), np.log(edp), 1)
     sigma = np.sqrt(np.mean((np.log(edp) - intercept - slope * np.log(im)) ** 2))
@@ -114,7 +114,7 @@ def test_a_cloud_without_censoring_is_least_squares():
         assert found.beta == pytest.approx(sigma / slope, rel=1e-9)
 
 
-def test_a_cloud_that_bends_below_the_lightest_state():
+def test_cloud_ignores_demands_below_lower_threshold():
     """Demands on a steep line from 0.01 on and on a flat one below: the medians are those of the
     steep one, within three standard errors, with all demands they are not; and the likelihood is
     the largest by another route."""
@@ -149,7 +149,7 @@ def test_a_cloud_that_bends_below_the_lightest_state():
     assert few.cloud.light == 0 and few.theta == fit_cloud(im, edp, [0.02])[0].theta
 
 
-def test_a_censored_cloud_by_a_second_route():
+def test_censored_cloud_agrees_with_minimizer():
     im, edp, above = cloud(0.02)
     assert 5 < above.sum() < 40
     x, y = np.log(im), np.log(edp)
@@ -176,7 +176,7 @@ def test_a_censored_cloud_by_a_second_route():
     )
 
 
-def test_a_change_of_unit_changes_theta_alone():
+def test_change_of_unit_only_scales_theta():
     one, other = (
         fit_stripes(np.array(LEVELS) * unit, COLLAPSES, [40] * 8) for unit in (1.0, 9.80665)
     )
@@ -184,7 +184,7 @@ def test_a_change_of_unit_changes_theta_alone():
     assert (other.beta, other.theta_error) == pytest.approx((one.beta, one.theta_error), rel=1e-8)
 
 
-def test_standard_errors_are_those_of_repetition():
+def test_standard_errors_agree_with_repeated_samples():
     """Of 400 samples of 60 capacities the scatter of the estimates is their stated error, to its
     own scatter (7 %)."""
     random = np.random.default_rng(3)
@@ -199,7 +199,7 @@ def test_standard_errors_are_those_of_repetition():
         assert np.std(values) == pytest.approx(np.mean(errors), rel=0.12)
 
 
-def test_band_and_total():
+def test_confidence_band_and_total_dispersion():
     found = fit_capacities(CAPACITIES)
     im = np.array([0.5, found.theta, 2.0])
     low, high = found.band(im)
@@ -221,7 +221,7 @@ SURE = Fragility("cloud", 1.0, 0.5, np.zeros((2, 2)), 12)
 """A function that is known without error."""
 
 
-def test_counts_of_few_levels_are_those_of_each():
+def test_counts_at_few_levels():
     """Two levels in any order, of three and two runs; of the three two are beyond the state."""
     counted = SURE.beside_counts(
         np.array([2.0, 1.0, 2.0, 1.0, 2.0]), np.array([1.0, 0.0, 1.0, 1.0, 0.0])
@@ -239,14 +239,14 @@ def test_counts_of_few_levels_are_those_of_each():
     )
 
 
-def test_counts_of_levels_that_stand_for_many_runs():
+def test_counts_of_levels_with_given_numbers_of_runs():
     runs = np.array([40.0, 10.0])
     counted = SURE.beside_counts(np.array([1.0, 2.0]), np.array([0.5, 0.9]), runs=runs).counted
     assert (counted.runs.tolist(), counted.fraction.tolist()) == ([40.0, 10.0], [0.5, 0.9])
     assert counted.half_motion == pytest.approx(0.5 / runs)
 
 
-def test_the_error_of_the_fit_counts_beside_the_scatter():
+def test_error_of_counts_includes_error_of_fit():
     """By the delta method: that of theta alone moves the probability by density times its error
     over beta."""
     covariance = np.diag([0.2**2, 0.0])
@@ -259,7 +259,7 @@ def test_the_error_of_the_fit_counts_beside_the_scatter():
     )
 
 
-def test_what_parts_most_from_the_counts_is_told():
+def test_largest_disagreement_with_counts_is_reported():
     """100 runs at the median, of which all are beyond: half is expected, the scatter 5 %, half a
     motion .5 %."""
     im = np.repeat([1.0, 4.0], 100)
@@ -280,7 +280,7 @@ def test_what_parts_most_from_the_counts_is_told():
     assert SURE.disagreement == ""
 
 
-def test_observations_go_along_into_other_units():
+def test_observations_are_converted_to_other_units():
     """A line ln EDP = a + b ln IM keeps its demands where the intensity is 9.80665 times as large a
     number."""
     im = np.array([0.1, 0.2, 0.4, 0.8])
@@ -299,7 +299,7 @@ def test_observations_go_along_into_other_units():
     assert points.in_units(OutputUnits(length="cm")).points.im == pytest.approx(980.665 * im)
 
 
-def test_empirical_points_are_the_middles_of_steps():
+def test_empirical_points_are_midpoints_of_steps():
     points = empirical(np.array([1.0, 3.0, 2.0]), np.zeros(3, bool))
     assert (points.im.tolist(), points.fraction.tolist()) == (
         [1.0, 2.0, 3.0],
@@ -319,7 +319,7 @@ def test_empirical_points_are_the_middles_of_steps():
         (([0.5, 1.0, 2.0], [9, 5, 1], [10, 10, 10]), "does not increase with intensity"),
     ],
 )
-def test_stripes_that_tell_nothing(arguments, message):
+def test_degenerate_stripes_are_refused(arguments, message):
     with pytest.raises(AnalysisError, match=message):
         fit_stripes(*arguments)
 
@@ -332,12 +332,12 @@ def test_stripes_that_tell_nothing(arguments, message):
         ([1.0, 1.0, 1.0], None, "all capacities are equal"),
     ],
 )
-def test_capacities_that_tell_nothing(capacity, censored, message):
+def test_degenerate_capacities_are_refused(capacity, censored, message):
     with pytest.raises(AnalysisError, match=message):
         fit_capacities(capacity, censored)
 
 
-def test_clouds_that_tell_nothing():
+def test_degenerate_clouds_are_refused():
     with pytest.raises(AnalysisError, match="do not increase"):
         fit_cloud([1.0, 2.0, 3.0, 4.0], [4.0, 3.1, 2.0, 1.0], [2.0])
     with pytest.raises(AnalysisError, match="three different intensities"):
@@ -377,6 +377,6 @@ SQUARE = [[0.5, 1.0], [2.0, 4.0]]
         (lambda: fit_cloud(SQUARE, SQUARE, [1.0]), "arrays of the same length"),
     ],
 )
-def test_numbers_that_make_no_sense(call, message):
+def test_invalid_numbers_are_refused(call, message):
     with pytest.raises(UsageError, match=message):
         call()

@@ -70,7 +70,7 @@ def curve(*runs, collapse_drift=0.1):
     return IdaCurve(motion(), tuple(made), collapse_drift)
 
 
-def test_a_linear_building_has_a_straight_line():
+def test_ida_curve_of_linear_building_is_straight():
     """One story: the drift ratio is Sa / (omega^2 h) at every level, with the spectrum's exact
     Sa."""
     omega, height = 2.0 * math.pi / 0.8, 3.0
@@ -94,7 +94,7 @@ def test_a_linear_building_has_a_straight_line():
     assert not one.resurrection
 
 
-def test_every_bracket_is_as_narrow_as_asked_for(study):
+def test_collapse_brackets_have_requested_precision(study):
     for one in study.curves:
         assert 1.0 < one.collapse.upper / one.collapse.lower <= 1.05
         assert one.collapse.lower == one.stable[-1].im
@@ -102,7 +102,7 @@ def test_every_bracket_is_as_narrow_as_asked_for(study):
         assert sum(run.im > one.collapse.upper for run in one.runs) >= 2
 
 
-def test_curves_are_filled(study):
+def test_levels_fill_curves(study):
     """Neighbours differ by less than 20 % in drift, unless their levels are closer than the
     bracket."""
     for one in study.curves:
@@ -112,12 +112,12 @@ def test_curves_are_filled(study):
         assert one.stable[0].drift_ratio < 0.01
 
 
-def test_threads_change_nothing(frame, study):
+def test_number_of_threads_does_not_change_runs(frame, study):
     again = ida(frame, [motion(seed) for seed in range(4)], jobs=1)
     assert same_runs(again, study)
 
 
-def test_a_narrower_bracket(frame, study):
+def test_higher_precision_narrows_bracket(frame, study):
     (fine,) = ida(frame, [motion(0)], settings=IdaSettings(precision=0.01)).curves
     assert fine.collapse.upper / fine.collapse.lower <= 1.01
     coarse = study.curves[0].collapse
@@ -125,7 +125,7 @@ def test_a_narrower_bracket(frame, study):
     assert fine.collapse.upper <= coarse.upper
 
 
-def test_the_largest_intensity_censors(frame):
+def test_maximum_intensity_censors_capacities(frame):
     found = ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.8, thresholds=(0.001, 0.05)))
     (one,) = found.curves
     assert one.collapse.censored
@@ -154,19 +154,19 @@ def test_the_largest_intensity_censors(frame):
         "the first counts",
     ],
 )
-def test_crossings(runs, threshold, found):
+def test_capacity_at_threshold(runs, threshold, found):
     crossing = curve(*runs).capacity(threshold)
     assert (crossing.capacity, crossing.lower, crossing.upper) == pytest.approx(found)
 
 
-def test_resurrection():
+def test_resurrection_is_detected():
     assert not curve((1.0, 0.01), (2.0, math.inf), (3.0, math.inf)).resurrection
     again = curve((1.0, 0.01), (2.0, math.inf), (3.0, 0.05))
     assert again.resurrection
     assert (again.collapse.lower, again.collapse.upper) == (1.0, 2.0)
 
 
-def test_a_run_without_a_result_is_no_collapse():
+def test_failed_run_does_not_count_as_collapse():
     one = curve((1.0, 0.01), (2.0, math.nan), (3.0, 0.02), (4.0, math.nan))
     assert one.collapse.censored
     assert (one.collapse.capacity, one.capacity(0.015).upper) == (3.0, 3.0)
@@ -181,7 +181,7 @@ def drive(levels, building, most=200):
     return runs
 
 
-def test_levels_find_a_collapse_below_the_first_one_found():
+def test_search_finds_collapse_below_first_collapse():
     """A building that collapses in a narrow range too, below where it stands again: the fill comes
     upon it."""
 
@@ -195,7 +195,7 @@ def test_levels_find_a_collapse_below_the_first_one_found():
     assert 1.4 < found.collapse.lower <= 1.45 <= found.collapse.upper <= 1.5
 
 
-def test_levels_go_around_runs_without_a_result():
+def test_search_avoids_levels_of_failed_runs():
     lost = []
 
     def building(im):
@@ -212,7 +212,7 @@ def test_levels_go_around_runs_without_a_result():
 
 
 @pytest.mark.parametrize("ratio", [1.06, 1.4, 30.0])
-def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
+def test_bracket_with_failed_run_is_divided_elsewhere(ratio):
     """At a quarter of its logarithm, then at three: however narrow or wide the bracket is."""
     runs = [IdaRun(2.0, 2.0, "done", 0.02), IdaRun(2.0 * ratio, 2.0 * ratio, "collapsed", 0.1)]
     for place in (0.5, 0.25, 0.75):
@@ -222,14 +222,14 @@ def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
 
 
 @pytest.mark.parametrize(("drift", "part"), [(0.02, 0.4), (0.0105, 1.0 / 1.5), (0.5, 0.1)])
-def test_levels_go_down_to_the_lowest_threshold(drift, part):
+def test_search_continues_to_lowest_threshold(drift, part):
     """To four fifths of the level at which a linear building has it; by a third at least, to a
     tenth at most."""
     runs = [IdaRun(2.0, 2.0, "done", drift), IdaRun(2.04, 2.04, "collapsed", 0.1)]
     assert LevelSearch(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
 
 
-def test_levels_go_down_from_a_start_that_is_too_high():
+def test_search_decreases_too_high_start():
     runs = drive(
         LevelSearch(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im)
     )
@@ -237,14 +237,14 @@ def test_levels_go_down_from_a_start_that_is_too_high():
     assert 0.95 <= stable[-1] <= 1.0
 
 
-def test_a_building_that_never_stands_has_no_capacity():
+def test_always_collapsing_building_has_no_capacity():
     runs = drive(LevelSearch(1.0), lambda im: ("failed-story", 0.1))
     found = IdaCurve(motion(), tuple(runs), 0.1)
     assert not found.stable
     assert math.isnan(found.collapse.capacity)
 
 
-def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
+def test_repeated_runs_are_marked(frame, monkeypatch):
     """A run that has a result with a finer step counts; one that has none counts neither way."""
     original = Batch.results
 
@@ -270,7 +270,7 @@ def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
     assert one.collapse.lower > 2.2
 
 
-def test_until_rest(frame):
+def test_residual_drift_is_taken_at_rest(frame):
     """Behind the record the building comes to rest: another drift remains, that of the run until
     rest."""
     settings = IdaSettings(max_im=1.5, thresholds=())
@@ -288,7 +288,7 @@ def test_until_rest(frame):
     assert abs(cut.residual_drift_ratio - rested.residual_drift_ratio) > 0.05 * rested.drift_ratio
 
 
-def test_fractiles_of_one_and_of_three():
+def test_fractiles_of_one_and_three_curves():
     drifts = np.array([0.02])
     curves = [curve((im, 0.02), (2.0 * im, math.inf)) for im in (1.0, 2.0, 8.0)]
     assert fractiles(curves[:1], drifts)[:, 0] == pytest.approx([1.0, 1.0, 1.0])
@@ -296,7 +296,7 @@ def test_fractiles_of_one_and_of_three():
     assert (low, middle, high) == pytest.approx((2.0**0.32, 2.0, 2.0 * 4.0**0.68))
 
 
-def test_a_pair_is_run_by_its_components_at_levels_of_both(frame):
+def test_components_of_pair_are_run_at_levels_of_pair(frame):
     one, other = motion(0), replace(motion(1), component="HN2")
     pair = Horizontals(one, other)
     single, both = (
@@ -313,7 +313,7 @@ def test_a_pair_is_run_by_its_components_at_levels_of_both(frame):
         )
 
 
-def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame, monkeypatch):
+def test_stored_runs_at_outdated_levels_are_repeated(tmp_path, frame, monkeypatch):
     """As where a later version chooses others: their rows would mix."""
     settings = IdaSettings(precision=0.3)
     with monkeypatch.context() as before:
@@ -333,7 +333,7 @@ def same_runs(one, other):
     )
 
 
-def test_what_makes_no_sense(frame):
+def test_invalid_arguments_are_refused(frame):
     records = [motion(0)]
     for settings, message in (
         (IdaSettings(precision=0.0), "precision"),
@@ -350,7 +350,7 @@ def test_what_makes_no_sense(frame):
         ida(replace(frame, stories=stories, p_delta=False), records)
 
 
-def test_a_larger_collapse_drift_is_not_smaller_a_capacity(frame, study):
+def test_larger_collapse_drift_does_not_lower_capacity(frame, study):
     """And the measure at another period changes the intensities alone: the factors of the
     capacities stay."""
     (wide,) = ida(frame, [motion(0)], settings=IdaSettings(collapse_drift=0.2)).curves
@@ -361,7 +361,7 @@ def test_a_larger_collapse_drift_is_not_smaller_a_capacity(frame, study):
     )
 
 
-def test_a_mainshock_has_the_component_of_the_record_or_one_for_all():
+def test_mainshock_has_component_of_record_or_single_component():
     east, north = (replace(motion(9), component=name) for name in ("HNE", "HNN"))
     record = replace(motion(0), component="HNN")
     assert Mainshock((east, north), (0.01,)).before(record) is north

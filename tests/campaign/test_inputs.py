@@ -30,7 +30,7 @@ WITHOUT = replace(BUILDING, stories=tuple(replace(one, height=None) for one in B
 HALF = replace(BUILDING, stories=(*BUILDING.stories[:2], WITHOUT.stories[2]))
 
 
-def test_what_a_campaign_says_of_all_buildings_is_theirs() -> None:
+def test_analysis_overrides_apply_to_all_buildings() -> None:
     for of in (BUILDING, WITHOUT):
         assert adapted(of, AnalysisOverrides()) == of
         assert adapted(of, AnalysisOverrides(p_delta=False)) == replace(of, p_delta=False)
@@ -44,7 +44,7 @@ def test_what_a_campaign_says_of_all_buildings_is_theirs() -> None:
             adapted(bare, AnalysisOverrides(p_delta=True))
 
 
-def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
+def test_damage_demands_use_first_mode_and_height() -> None:
     """The same chain in matrices: participation for a mode that is 1 at the roof."""
     masses = np.array([one.mass for one in BUILDING.stories])
     springs = [one.stiffness for one in BUILDING.stories]
@@ -79,14 +79,14 @@ def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
             type_of_model(bare, demand)
 
 
-def test_an_inventory_without_a_building(tmp_path: Path) -> None:
+def test_inventory_without_buildings_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "none.csv"
     file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\n")
     with pytest.raises(ModelError, match=r"none.csv: .*no buildings"):
         read_rows(InventoryFile(str(file), "mdof-lu", 1.0))
 
 
-def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
+def test_at_most_eight_differences_per_type_are_reported() -> None:
     known = {"stored_label": "the store", "compared_label": "a.yaml"}
     assert differences(
         {"a": "1", "b": "2", "c": "3"},
@@ -119,7 +119,7 @@ def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
     ]
 
 
-def test_records_of_a_motion_are_known_by_their_names() -> None:
+def test_components_of_motion_are_identified_by_names() -> None:
     """Two of one name at right angles are a pair; not one alone, nor three, nor two that are
     parallel or unnamed."""
     records = {
@@ -140,7 +140,7 @@ def test_records_of_a_motion_are_known_by_their_names() -> None:
     assert recording_numbers(records) == alone | {2: 1, 5: 4, 12: 11}
 
 
-def test_levels_are_ranked_motion_by_motion() -> None:
+def test_levels_are_ranked_for_each_motion() -> None:
     runs = [Run(1, 2.0), Run(1, -0.5), Run(2, 0.1), Run(1, 1.0), Run(2, 7.0), Run(1, 9.0, 1)]
     assert level_ranks(runs) == dict(zip(runs, (2, 0, 0, 1, 1, 0), strict=True))
 
@@ -158,7 +158,7 @@ def pairs() -> list[Horizontals]:
     ]
 
 
-def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
+def test_scale_with_rule_equals_rule_function(pairs: list[Horizontals]) -> None:
     def same(one: object, other: object) -> None:
         assert (one.rule, one.pair, one.damping, one.measure, one.value) == (
             other.rule, other.pair, other.damping, other.measure, other.value
@@ -188,7 +188,7 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
         scale(pairs, target=target, rule="p695")
 
 
-def test_targets_travel_to_other_processes() -> None:
+def test_targets_are_picklable() -> None:
     for target in (
         TargetSpectrum("table", np.array([0.2, 1.0]), np.array([5.0, 4.0]), 2.0, 0.05),
         read_target("asce7:sds=1.0,sd1=0.6,tl=8"),

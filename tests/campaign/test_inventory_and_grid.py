@@ -93,7 +93,7 @@ def check_strongest_run(
     np.testing.assert_allclose(row.pga, record.pga, rtol=1e-12)
 
 
-def test_buildings_are_those_of_their_model_files(study: Path) -> None:
+def test_runs_equal_runs_of_exported_models(study: Path) -> None:
     """A run of a row is the run of the model that `tdint inventory --models` writes, under the
     motion times g."""
     whole = plan(study)
@@ -105,7 +105,7 @@ def test_buildings_are_those_of_their_model_files(study: Path) -> None:
         check_strongest_run(study, whole, done, number, model)
 
 
-def test_draws_depend_on_seed_and_id_alone(study: Path) -> None:
+def test_samples_depend_only_on_seed_and_id(study: Path) -> None:
     """Other buildings beside a building, or another order of them, change nothing of what it draws;
     a seed does."""
     before = {row: plan(study).assignment.draws(number) for number, row in enumerate("abc")}
@@ -117,7 +117,7 @@ def test_draws_depend_on_seed_and_id_alone(study: Path) -> None:
     assert plan(study).assignment.draws(0) != before["c"]
 
 
-def test_both_components_of_a_draw_are_run_under_one_number(study: Path) -> None:
+def test_components_of_sample_share_number(study: Path) -> None:
     whole = plan(study)
     for building in range(3):
         samples: dict[int, list[str]] = {}
@@ -127,7 +127,7 @@ def test_both_components_of_a_draw_are_run_under_one_number(study: Path) -> None
         assert all(sorted(components) == ["x", "y"] for components in samples.values())
 
 
-def test_weights_are_the_inverse_squares_of_distances(tmp_path: Path) -> None:
+def test_weights_are_inverse_squares_of_distances(tmp_path: Path) -> None:
     """Two points at the north of a building and one at its west, some kilometers away, and one out
     of reach; the draws follow the weights (chi-squared over 20 000 draws, 3 degrees of freedom less
     one)."""
@@ -156,13 +156,13 @@ def test_weights_are_the_inverse_squares_of_distances(tmp_path: Path) -> None:
     assert chi_squared < 13.8  # passed by one seed in a thousand; the seed is fixed
 
 
-def test_a_building_on_a_point_draws_from_it_alone(study: Path) -> None:
+def test_building_at_grid_point_samples_only_this_point(study: Path) -> None:
     whole = plan(study)
     near = {whole.motions[draw.motion].name for draw in whole.assignment.draws(0)}
     assert near <= {"m10", "m11"}
 
 
-def test_of_one_neighbor_the_nearest_point_counts_alone(study: Path) -> None:
+def test_single_neighbor_is_nearest_point(study: Path) -> None:
     file = study / "campaign.yaml"
     file.write_text(STUDY.replace("neighbors: 2", "neighbors: 1"))
     (study / "buildings.csv").write_text(BUILDINGS.replace("37.805,-122.265", "37.806,-122.264"))
@@ -174,7 +174,7 @@ def test_of_one_neighbor_the_nearest_point_counts_alone(study: Path) -> None:
     assert drawn == [{"m1"}, {"m0"}, {"m0"}]
 
 
-def test_motions_that_cannot_be_read_are_left_out_and_named(study: Path) -> None:
+def test_unreadable_motions_are_omitted_and_reported(study: Path) -> None:
     (study / "m00.json").write_text("{}")
     (study / "m01.json").unlink()
     whole = plan(study)
@@ -216,13 +216,13 @@ def test_motions_that_cannot_be_read_are_left_out_and_named(study: Path) -> None
         ),
     ],
 )
-def test_motions_of_a_grid_that_are_none(study: Path, text: str, message: str) -> None:
+def test_invalid_grid_motions_are_reported(study: Path, text: str, message: str) -> None:
     (study / "m00.json").write_text(text)
     (failure,) = plan(study).failures
     assert re.search(message, str(failure))
 
 
-def test_a_grid_needs_places(study: Path) -> None:
+def test_buildings_without_coordinates_are_omitted(study: Path) -> None:
     """A building without one is left out alone; without any that has one there is nothing to do."""
     text, before = (study / "buildings.csv").read_text(), plan(study)
     (study / "buildings.csv").write_text(text.replace(",37.805,-122.265", ",,"))
@@ -238,7 +238,7 @@ def test_a_grid_needs_places(study: Path) -> None:
         plan(study)
 
 
-def test_the_factor_of_a_grid_is_in_the_scale(study: Path) -> None:
+def test_scale_includes_factor_of_grid(study: Path) -> None:
     """m00 and m01 are one file's motions with factors 1 and .5: the name is that of the file, the
     factor in `scale`; of levels of a measure the scale is level over what the file's motion has,
     whatever its factor."""
@@ -275,7 +275,7 @@ def test_the_factor_of_a_grid_is_in_the_scale(study: Path) -> None:
         np.testing.assert_allclose(run.scale, 0.1 * STANDARD_GRAVITY / mean, rtol=1e-12)
 
 
-def test_another_grid_is_another_campaign(study: Path) -> None:
+def test_description_changes_with_grid(study: Path) -> None:
     """Points elsewhere, or other motions at them, change the draws: the fingerprint knows them."""
     before = plan(study).assignment.description()
     assert plan(study).assignment.description() == before
@@ -283,7 +283,7 @@ def test_another_grid_is_another_campaign(study: Path) -> None:
     assert plan(study).assignment.description() != before
 
 
-def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
+def test_sweep_varies_buildings_of_inventory(study: Path) -> None:
     """Each variation is the run of the varied model, under the motions that its building draws
     without a sweep."""
     plain = plan(study)
@@ -324,7 +324,7 @@ def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
         ),
     ],
 )
-def test_what_a_sweep_cannot_change_is_refused_before_any_run(
+def test_invalid_sweep_is_refused_before_first_run(
     study: Path, change: tuple[str, str], message: str
 ) -> None:
     (study / "campaign.yaml").write_text(STUDY.replace(*change))

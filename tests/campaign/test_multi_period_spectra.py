@@ -52,7 +52,7 @@ def site(tmp_path, monkeypatch):
     Path("site.json").write_text(json.dumps(content()))
 
 
-def test_values_are_those_of_the_file_and_linear_between_its_periods(site):
+def test_values_are_linear_between_periods_of_file(site):
     target = read_target("asce7-22:site.json")
     np.testing.assert_allclose(
         target.at(PERIODS), STANDARD_GRAVITY * np.array(ORDINATES), rtol=1e-14
@@ -99,7 +99,7 @@ def test_values_are_those_of_the_file_and_linear_between_its_periods(site):
         ),
     ],
 )
-def test_other_files_are_refused_with_their_name(site, changes, message):
+def test_invalid_files_are_refused_with_name(site, changes, message):
     Path("site.json").write_text(json.dumps(content(**changes)))
     with pytest.raises(ModelError, match=message) as raised:
         read_target("asce7-22:site.json")
@@ -116,7 +116,7 @@ def test_missing_files_are_refused(site):
         read_target("mcer-22:text.json")
 
 
-def test_the_printed_form_names_the_standard_and_the_file():
+def test_printed_form_contains_standard_and_file():
     assert spectrum_text("asce7-22:site.json") == (
         "ASCE 7-22 multi-period design spectrum (site.json)"
     )

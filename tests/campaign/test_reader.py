@@ -32,7 +32,7 @@ analysis: {%s}
         ),
     ],
 )
-def test_numbers_and_words_without_a_meaning(
+def test_invalid_values_are_refused(
     tmp_path: Path, intensity: str, analysis: str, said: str
 ) -> None:
     file = tmp_path / "study.yaml"
@@ -42,7 +42,7 @@ def test_numbers_and_words_without_a_meaning(
     assert said in str(caught.value) and len(str(caught.value).splitlines()) == 1
 
 
-def test_how_the_files_of_pairs_are_named(tmp_path: Path) -> None:
+def test_file_name_patterns_of_pairs(tmp_path: Path) -> None:
     file = tmp_path / "study.yaml"
     for written, read in (
         ("true", USUAL),
@@ -86,7 +86,7 @@ records: {sequences: s.csv, rest: 0}
 
 
 @pytest.mark.parametrize("text", _ENDS.values(), ids=_ENDS)
-def test_what_the_schema_refuses_the_reader_refuses(tmp_path: Path, text: str) -> None:
+def test_reader_refuses_values_that_schema_refuses(tmp_path: Path, text: str) -> None:
     """The shortest lists and the ends of numbers are read; what is shorter or beyond them neither
     takes."""
     file, schema = tmp_path / "study.yaml", campaign_schema()
@@ -187,7 +187,7 @@ VALUES = {
         ),
     ],
 )
-def test_keys_that_belong_to_others(
+def test_keys_of_other_inputs_are_refused(
     tmp_path: Path, section: str, given: str, refused: str, said: str
 ) -> None:
     """Each of them is refused where it stands; what is given without them is not."""
@@ -217,7 +217,7 @@ def test_keys_that_belong_to_others(
 
 
 @pytest.mark.parametrize("source", ["files: [a.csv]", "fields: f.csv"])
-def test_pairs_or_a_component(tmp_path: Path, source: str) -> None:
+def test_pairs_and_component_exclude_each_other(tmp_path: Path, source: str) -> None:
     file = tmp_path / "study.yaml"
     sound_ones = (
         "",

@@ -24,7 +24,7 @@ def noise(seed=0, samples=400, dt=0.02, peak=2.0):
     return Record(peak * values / np.abs(values).max(), dt, "", "", "HN1", f"{seed}.mseed")
 
 
-def test_cav5_of_a_ramp():
+def test_cav5_of_ramp():
     """Of 0 to 0.2 m/s^2 in 4 s what lies above 0.05: (0.2^2 - 0.05^2) / 2 over the slope."""
     ramp = Record(np.linspace(0.0, 0.2, 9), 0.5, "", "", "", "")
     assert measure(ramp).cav5 == pytest.approx(0.5 * (0.04 - 0.0025) / 0.05, rel=1e-12)
@@ -34,7 +34,7 @@ def test_cav5_of_a_ramp():
 
 
 @pytest.mark.parametrize("threshold", [0.01, 0.05, 0.7])
-def test_cav_above_a_threshold_by_a_fine_grid(threshold):
+def test_cav_above_threshold_agrees_with_fine_grid(threshold):
     record = noise(1)
     fine = 4000
     t = (np.arange((record.acceleration.size - 1) * fine) + 0.5) / fine
@@ -64,7 +64,7 @@ def test_cav_above_a_threshold_by_a_fine_grid(threshold):
         "sa-avg:0.2:2:9",
     ],
 )
-def test_a_factor_on_the_motion(name):
+def test_measure_of_scaled_motion(name):
     """What grows with a power of it is what the motion times the factor has."""
     record, wanted = noise(2), run_measure(name)
     assert wanted.of(record, -1.7, 0.8) == pytest.approx(
@@ -72,7 +72,7 @@ def test_a_factor_on_the_motion(name):
     )
 
 
-def test_spectral_measures_are_those_of_spectra():
+def test_spectral_measures_agree_with_spectra():
     record = noise(3)
     periods = np.geomspace(0.2, 2.0, 50)
     psa = spectrum(record, np.array([0.5, 0.8]), 0.05).psa
@@ -89,7 +89,7 @@ def test_spectral_measures_are_those_of_spectra():
     )
 
 
-def test_inelastic_displacement():
+def test_inelastic_displacement_agrees_with_constant_strength_spectrum():
     """With a strength that is not reached it is the elastic Sd; a factor on the motion is one on
     the strength."""
     record, period = noise(4), 0.8
@@ -118,16 +118,16 @@ def test_inelastic_displacement():
         ("sa-avg:2:1", "expected sa-avg"),
     ],
 )
-def test_measures_that_there_are_not(text, words):
+def test_unknown_measures_are_refused(text, words):
     with pytest.raises(UsageError, match=words):
         run_measure(text)
 
 
-def test_a_period_too_short_leaves_the_cell_empty():
+def test_too_short_period_leaves_cell_empty():
     assert math.isnan(run_measure("sdi:1e-6:0.1").of(noise(5), 1.0, 1.0))
 
 
-def test_a_line_by_least_squares():
+def test_regression_line_agrees_with_least_squares():
     rng = np.random.default_rng(6)
     x, magnitude = rng.standard_normal(40), rng.uniform(5.0, 8.0, 40)
     y = 0.3 + 1.4 * x + 0.2 * magnitude + 0.1 * rng.standard_normal(40)
@@ -146,7 +146,7 @@ def test_a_line_by_least_squares():
     assert (exact.slope, exact.beta) == pytest.approx((2.0, 0.0), abs=1e-12)
 
 
-def test_runs_under_one_motion_are_not_independent():
+def test_runs_under_one_motion_are_clustered():
     """The p-value by sums over the motions, one after the other; runs that are there three times
     tell no more than once but for the factor of (n - 1)/(n - 2)."""
     rng = np.random.default_rng(8)
@@ -169,7 +169,7 @@ def test_runs_under_one_motion_are_not_independent():
     assert thrice.p_value == pytest.approx(2.0 * student.sf(abs(slope) / of, 8), rel=1e-9)
 
 
-def test_too_few_runs_and_a_measure_that_is_always_the_same():
+def test_too_few_runs_and_constant_measure_are_refused():
     with pytest.raises(AnalysisError, match="at least 3 completed runs, got 2"):
         line(np.zeros(2), np.zeros(2), {})
     with pytest.raises(AnalysisError, match="equal in all runs"):
@@ -201,7 +201,7 @@ def folder_of(tmp_path: Path, buildings=("a",)) -> Path:
     return tmp_path
 
 
-def test_the_best_measure_comes_first(tmp_path):
+def test_best_measure_is_listed_first(tmp_path):
     (tmp_path / "events.csv").write_text(
         "record,magnitude\n" + "".join(f"{i}.csv,{6 + i % 3}\n" for i in range(12))
     )
@@ -212,7 +212,7 @@ def test_the_best_measure_comes_first(tmp_path):
     assert other.beta > 0.1
 
 
-def test_tables_that_do_not_fit(tmp_path):
+def test_inconsistent_tables_are_refused(tmp_path):
     folder_of(tmp_path)
     (tmp_path / "events.csv").write_text("record,magnitude\n0.csv,6\n")
     with pytest.raises(ModelError, match=r"row of the record 1\.csv is missing"):

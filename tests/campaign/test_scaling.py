@@ -59,7 +59,7 @@ def turned(pair, measure, percentile):
     return np.percentile([measure.of(motion) for motion in motions], percentile)
 
 
-def test_measures_of_a_component():
+def test_measures_of_component():
     """Those of the spectrum and of the motion of the ground, which have tests of their own."""
     one = record(1)
     assert pga().of(one) == np.max(np.abs(one.acceleration))
@@ -86,7 +86,7 @@ def test_measures_of_a_component():
         *((MotionIntensity(name), n) for name, n in GROUND.items()),
     ],
 )
-def test_measures_grow_with_the_motion(measured, power):
+def test_measures_grow_with_power_of_factor(measured, power):
     """By a power of the factor, which factors that bring a motion to a value know."""
     one = record(3)
     assert measured.of(one.scaled(-2.5)) == pytest.approx(2.5**power * measured.of(one), rel=1e-12)
@@ -94,7 +94,7 @@ def test_measures_grow_with_the_motion(measured, power):
     assert measured.of(one.scaled(float(factor))) == pytest.approx(0.37, rel=1e-12)
 
 
-def test_measures_of_a_pair():
+def test_measures_of_pair():
     (pair,) = pairs(1)
     one, other = pair.first, pair.second
     for measured in (pga(), MotionIntensity("pgv"), sa(0.7)):
@@ -108,7 +108,7 @@ def test_measures_of_a_pair():
             )
 
 
-def test_measures_that_are_none():
+def test_invalid_measures_are_refused():
     still = Record(np.zeros(10), 0.01, "", "", "HN1", "still.mseed")
     for measured in (pga(), MotionIntensity("pgv"), sa(1.0)):
         with pytest.raises(RecordError, match=r"still\.mseed HN1: .* is 0"):
@@ -119,7 +119,7 @@ def test_measures_that_are_none():
         sa(0.0)
 
 
-def test_suites():
+def test_suites_of_components_and_pairs():
     suite = read_components(FILES, RecordChoice())
     assert [record.component for record in suite.records] == ["HN1", "HN2"] * 3
     both = read_pairs([*FILES, "none.mseed"], RecordChoice())
@@ -127,7 +127,7 @@ def test_suites():
     assert "none.mseed" in str(both.failures[0])
 
 
-def test_a_suite_says_which_motions_it_has_twice(tmp_path):
+def test_duplicate_motions_of_suite_are_noted(tmp_path):
     """A copy under another name, and a file beside its folder; other samples or steps are another
     motion."""
     for name, dt, last in (("a", 0.01, 2), ("b", 0.01, 2), ("c", 0.01, 3), ("d", 0.02, 2)):
@@ -141,7 +141,7 @@ def test_a_suite_says_which_motions_it_has_twice(tmp_path):
     assert read_suite([first, *others], RecordChoice()).notes == ()
 
 
-def test_vertical_components_are_left_out_unless_they_are_named(tmp_path):
+def test_vertical_components_are_omitted_unless_requested(tmp_path):
     """And said so; a file with nothing else is a fault, not an empty suite."""
     with quiet_import():
         from obspy import Stream, Trace
@@ -168,7 +168,7 @@ def test_vertical_components_are_left_out_unless_they_are_named(tmp_path):
 TARGET = TargetSpectrum("target.csv", np.array([0.1, 0.6, 2.5]), np.array([5.0, 5.0, 1.2]))
 
 
-def test_a_target_is_straight_on_logarithmic_axes():
+def test_target_is_linear_on_logarithmic_axes():
     assert TARGET.at(np.array([0.3, 0.6])) == pytest.approx([5.0, 5.0])
     middle = TARGET.at(np.array([math.sqrt(0.6 * 2.5)]))
     assert middle == pytest.approx([math.sqrt(5.0 * 1.2)])
@@ -187,7 +187,7 @@ def test_scaling_to_a_target_is_least_squares():
         assert misfit[1] < min(misfit[0], misfit[2])
 
 
-def test_asce7():
+def test_asce7_scaling_meets_floor_with_common_factor():
     """The average of the maximum-direction spectra is nowhere below 90 % of the target; all are
     raised alike."""
     motions, grid = pairs(11), np.geomspace(0.4, 2.0, 3)
@@ -210,7 +210,7 @@ def test_asce7():
     )  # between the periods of the fit it is lower
 
 
-def test_asce7_raises_a_set_that_is_too_low():
+def test_asce7_raises_too_low_suite():
     """A target with a peak that no motion has: the average touches 90 % of it, at the peak."""
     grid = np.geomspace(0.2, 2.0, 9)
     peaked = TargetSpectrum(
@@ -224,7 +224,7 @@ def test_asce7_raises_a_set_that_is_too_low():
 
 
 @pytest.mark.parametrize("period", [0.4, 1.1])
-def test_the_floor_holds_between_the_periods_of_the_fit(period):
+def test_ec8_floor_is_met_between_periods_of_fit(period):
     """However few these are: at 5000 others the mean is not lower, and somewhere it is just
     that."""
     target, grid = (
@@ -240,7 +240,7 @@ def test_the_floor_holds_between_the_periods_of_the_fit(period):
     assert average.min() >= 0.9 * (1.0 - 2e-6)
 
 
-def test_p695():
+def test_p695_normalization_and_scaling():
     motions = pairs(5)
     velocities = [math.sqrt(measure(pair.first).pgv * measure(pair.second).pgv) for pair in motions]
     normalized = scale_p695(motions).factors
@@ -256,7 +256,7 @@ def test_p695():
     assert np.median(values) == pytest.approx(5.0, rel=1e-12)
 
 
-def test_rules_that_ask_for_more():
+def test_rules_refuse_incomplete_input():
     with pytest.raises(UsageError, match="asce7 requires pairs"):
         scale_asce7([record(i) for i in range(11)], TARGET, PERIODS)
     with pytest.raises(UsageError, match="p695 requires pairs"):
@@ -267,7 +267,7 @@ def test_rules_that_ask_for_more():
         scale_to_value([record(1)], pga(), -1.0)
 
 
-def test_targets_that_are_read(tmp_path):
+def test_target_tables_are_read(tmp_path):
     file = tmp_path / "target.csv"
     file.write_text("Period,Sa_g\n0,0.4\n0.5,1\n\n2,0.5\n")
     found = read_target(str(file))
@@ -295,7 +295,7 @@ def test_targets_that_are_read(tmp_path):
         ("period_s,sa_g\n1,0\n2,1\n", "2: sa_g must be a positive number, got '0'"),
     ],
 )
-def test_targets_that_are_refused(tmp_path, text, message):
+def test_invalid_target_tables_are_refused(tmp_path, text, message):
     file = tmp_path / "t.csv"
     file.write_text(text)
     with pytest.raises(ModelError, match=message):

@@ -31,7 +31,7 @@ def score(off, wanted=None):
 
 @pytest.mark.parametrize("scatter", [None, 0.35])
 @pytest.mark.parametrize("per_event", [1, 99])
-def test_the_best_choice_of_small_pools_is_found(scatter, per_event):
+def test_best_selection_from_small_pools_is_found(scatter, per_event):
     """Of all choices of four of twelve, in 19 of 20 pools at least; none is better than the
     best."""
     rng, events = np.random.default_rng(58), np.arange(12) // 2
@@ -60,7 +60,7 @@ def pool():
     return [*motions, motions[3], replace(noise(), acceleration=np.zeros(50)), coarse]
 
 
-def test_the_chosen_fit_the_target_together(pool):
+def test_mean_of_selected_motions_fits_target(pool):
     """Their mean is nearer than that of the four that are nearest each by itself; factors are least
     squares."""
     scaling = tdint.select(pool, TARGET, 4, periods=PERIODS, factors=(0.2, 20.0))
@@ -76,7 +76,7 @@ def test_the_chosen_fit_the_target_together(pool):
     assert list(scaling.to_dict()) == ["record", "component", "factor"]
 
 
-def test_a_scatter_that_is_asked_for_is_nearer(pool):
+def test_requested_scatter_is_approached(pool):
     narrow, wide = (
         tdint.select(pool, TARGET, 5, periods=PERIODS, scatter=asked) for asked in (0.0, 0.8)
     )
@@ -86,7 +86,7 @@ def test_a_scatter_that_is_asked_for_is_nearer(pool):
     assert narrow < 0.9 * wide
 
 
-def test_the_rule_acts_on_the_chosen(pool):
+def test_rule_applies_to_selected_motions(pool):
     scaling = tdint.select(pool, TARGET, 4, rule="ec8", periods=PERIODS, factors=(0.01, 100.0))
     assert scaling.rule == "ec8" and scaling.least[0] >= 0.9 * (1.0 - 1e-6)
 
@@ -105,12 +105,12 @@ def test_the_rule_acts_on_the_chosen(pool):
         ({"rule": "usual"}, "unknown rule 'usual'"),
     ],
 )
-def test_what_makes_no_sense_is_refused(pool, wishes, message):
+def test_invalid_arguments_are_refused(pool, wishes, message):
     with pytest.raises(UsageError, match=message):
         tdint.select(pool, TARGET, **{"count": 3, "periods": PERIODS} | wishes)
 
 
-def test_motions_that_begin_together_are_of_one_event():
+def test_motions_with_close_start_times_belong_to_one_event():
     starts = [
         "2016-11-13T11:02:50",
         "2016-11-13T11:03:40",
@@ -130,7 +130,7 @@ def named(*files_and_events):
     ]
 
 
-def test_both_components_of_a_recording_are_of_one_event():
+def test_components_of_recording_belong_to_one_event():
     """Whichever of the two files states the event, and in whichever spelling."""
     motions = named(
         ("A_067.AT2", "Loma Prieta 10/18/1989"),
@@ -149,14 +149,14 @@ def test_both_components_of_a_recording_are_of_one_event():
     assert events_of([pair, motions[3]]) == ["Loma Prieta 1989-10-18", "Kobe 1995-01-16"]
 
 
-def test_recordings_of_several_events_in_one_file():
+def test_recordings_of_several_events_in_one_file_are_distinguished():
     """Different times in one file are different events; equal ones have one label."""
     motions = named(*[("all.csv", f"X 1/1/2001 {clock}") for clock in ("0100", "0400", "0100")])
     first, second, third = events_of(motions)
     assert first == third != second
 
 
-def test_three_pairs_of_one_event_are_not_selected():
+def test_pairs_per_event_are_limited():
     """The unsafe case: undated files were taken for an event each, and all three were selected."""
     pairs = [
         Horizontals(
@@ -195,7 +195,7 @@ def test_unknown_events_are_refused(pool):
     assert tdint.select(motions, TARGET, 1, periods=PERIODS).chosen
 
 
-def test_a_table_of_events_has_one_row_for_a_recording():
+def test_event_table_requires_one_row_per_recording():
     motions = named(("x/A_067.AT2", ""), ("x/A_337.AT2", ""), ("x/B.mseed", ""), ("x/C.mseed", ""))
     table = {"A_337": "here", "x/B.mseed": "there"}
     assert named_events(motions, table) == ["here", "here", "there", ""]
@@ -215,7 +215,7 @@ def weak_pairs(count, peak):
 
 
 @pytest.mark.parametrize("rule", ["asce7", "ec8"])
-def test_limits_include_the_common_factor_of_a_rule(rule):
+def test_limits_include_common_factor_of_rule(rule):
     """A rule raises the factors of the best selection beyond the limit; another one meets both."""
     target = "asce7:sds=1,sd1=0.6,tl=8" if rule == "asce7" else "ec8:type=1,soil=B,ag=0.4g"
     pairs = weak_pairs(16, 0.8)
@@ -231,7 +231,7 @@ def test_limits_include_the_common_factor_of_a_rule(rule):
 
 
 @pytest.mark.parametrize("rule", ["asce7", "ec8"])
-def test_the_nearest_selection_is_reported_if_none_is_within_the_limits(rule):
+def test_nearest_selection_is_reported_if_limits_cannot_be_met(rule):
     """The limits that the message names are enough."""
     target = "asce7:sds=1,sd1=0.6,tl=8" if rule == "asce7" else "ec8:type=1,soil=B,ag=0.4g"
     pairs = weak_pairs(13, 0.2)
@@ -243,7 +243,7 @@ def test_the_nearest_selection_is_reported_if_none_is_within_the_limits(rule):
     assert np.max(found.factors) <= needed and found.least[0] >= 0.9 * (1.0 - 1e-6)
 
 
-def test_motions_at_a_limit_are_counted(pool):
+def test_motions_at_limit_are_counted(pool):
     """Selected motions with the factor of a limit, and others that would have it."""
     scaling = tdint.select(pool, TARGET, 4, periods=PERIODS, factors=(2.0, 3.0))
     places = [*range(14), 16]  # the others are a duplicate and a motion at rest

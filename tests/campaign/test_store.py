@@ -32,7 +32,7 @@ MOUNTS = """\
 
 
 @pytest.mark.parametrize("kind", ["nfs4", "lustre", "cifs", "fuse.sshfs"])
-def test_a_network_file_system_is_refused(
+def test_network_file_system_is_refused(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also for a folder that does not exist yet; a local disk mounted below it is none, nor is a
@@ -71,7 +71,7 @@ def plan_of(
     factors=st.lists(st.integers(1, 40), min_size=6, max_size=6),
     buildings=st.integers(1, 4),
 )
-def test_chunks_hold_every_run_once_in_order(
+def test_chunks_contain_every_run_once_in_order(
     sizes: list[int], factors: list[int], buildings: int
 ) -> None:
     plan = plan_of({f"c{i}": np.ones(size) for i, size in enumerate(sizes)}, factors, buildings)
@@ -94,7 +94,7 @@ def test_chunks_hold_every_run_once_in_order(
     ]
 
 
-def test_chunks_of_equal_runs_are_of_equal_length() -> None:
+def test_chunks_of_equal_runs_have_equal_length() -> None:
     """25 buildings under 40 factors: 64 chunks of 15 or 16 runs each, wherever a building
     begins."""
     plan = plan_of({"c": np.ones(1000)}, [40], 25)
@@ -123,7 +123,7 @@ def test_parts_of_different_campaigns_are_not_merged(
     assert len(lines) == 1 and lines[0].startswith(words)
 
 
-def test_parts_that_divide_a_campaign_in_other_ways_are_not_merged(tmp_path: Path) -> None:
+def test_parts_with_different_chunks_are_not_merged(tmp_path: Path) -> None:
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
         store, _ = open_store(tmp_path / name, small_plan())
@@ -143,18 +143,18 @@ def small_plan(
     return plan_of({name: np.full(30, peaks[name]) for name in names}, [2, 2], duration=duration)
 
 
-def test_the_time_of_a_chunk_is_a_part_of_the_time_around_it() -> None:
+def test_chunk_reports_its_duration() -> None:
     began = time.perf_counter()
     seconds = run_chunk(small_plan().chunk(0)).seconds
     assert 0.0 < seconds < time.perf_counter() - began
 
 
-def test_runs_in_a_second_are_those_of_this_call() -> None:
+def test_rate_counts_runs_of_this_call() -> None:
     assert Advance(done=30, runs=40, before=10, seconds=4.0).rate == 5.0
     assert Advance(done=30, runs=40, before=30, seconds=0.0).rate == 0.0
 
 
-def test_a_period_that_is_too_short_for_a_record_takes_no_other_along() -> None:
+def test_too_short_period_does_not_affect_other_periods() -> None:
     """Sa of several buildings is asked for at once: each has what it has alone."""
     record = Record(np.sin(np.arange(400.0)), 0.01, "", "", "", "r")
     short = 0.01 * record.dt  # oscillators need a twentieth

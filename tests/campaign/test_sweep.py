@@ -72,7 +72,7 @@ def rows(store, path):
         return list(csv.DictReader(stream))
 
 
-def test_factors_and_ratios_do_what_they_say(model):
+def test_factors_and_ratios_change_model(model):
     """The first period goes as the root of mass over stiffness; strengths and stiffnesses are
     apart."""
     before = tdint.modes(model)
@@ -91,7 +91,7 @@ def test_factors_and_ratios_do_what_they_say(model):
     assert [story.stiffness for story in one.stories] == [4e6, 2e6]
 
 
-def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
+def test_inconsistent_law_parameters_are_reported_with_story(records):
     """Each is in range; the ultimate force is less than that at yield."""
     law = {
         "type": "trilinear-pinching",
@@ -108,7 +108,7 @@ def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
         tdint.run_many(model, records[0], vary={name: [2e4, 6e4]})
 
 
-def test_nothing_to_act_on_is_told():
+def test_change_without_effect_is_refused():
     plain = tdint.load_model({"stories": [{"mass": 1.0, "stiffness": 1.0}]})
     for change, message in (
         ("damping", "damping ratio cannot be changed"),
@@ -121,7 +121,7 @@ def test_nothing_to_act_on_is_told():
 @pytest.mark.parametrize(
     ("change", "stiffness"), [("coefficients[1]", 300.0), ("coefficients[2]", 100.0)]
 )
-def test_the_stiffness_of_a_law_follows_its_numbers(change, stiffness):
+def test_story_stiffness_follows_law_parameters(change, stiffness):
     """That of a polynomial is its first coefficient; a factor on it multiplies all of them, in the
     law and in the story."""
     law = {"type": "polynomial", "coefficients": [100.0, 2.0]}
@@ -132,7 +132,7 @@ def test_the_stiffness_of_a_law_follows_its_numbers(change, stiffness):
     assert (stiffer.stiffness, stiffer.law.parameters) == (150.0, (150.0, 3.0))
 
 
-def test_a_latin_hypercube_has_one_draw_in_each_part():
+def test_latin_hypercube_has_one_sample_per_stratum():
     """Of 40 draws one lies in each fortieth of a distribution, whatever it is, and a seed gives
     them again."""
     random = {
@@ -151,7 +151,7 @@ def test_a_latin_hypercube_has_one_draw_in_each_part():
     assert changes != ParameterSweep(random=random, samples=40, seed=4).changes()
 
 
-def test_each_variation_is_the_run_of_the_varied_model(tmp_path, model, records):
+def test_each_variation_equals_run_of_varied_model(tmp_path, model, records):
     sweep = ParameterSweep(
         {"damping": (0.02, 0.05), "story 1.strength_factor": (0.8, 1.0)},
         methods=("newmark-average", "bathe"),
@@ -175,7 +175,7 @@ def test_each_variation_is_the_run_of_the_varied_model(tmp_path, model, records)
         assert min(abs(peak / float(row["peak_drift_m"]) - 1.0) for peak in peaks) < 1e-9
 
 
-def test_a_campaign_file_with_a_sweep(tmp_path):
+def test_campaign_file_with_sweep(tmp_path):
     text = """
         buildings: {models: [frame.yaml]}
         records: {files: [a.mseed]}
@@ -209,7 +209,7 @@ def test_a_campaign_file_with_a_sweep(tmp_path):
         assert message in str(caught.value)
 
 
-def test_swings_are_those_of_runs_and_come_in_their_order(model, records):
+def test_parameter_effects_agree_with_runs_and_are_sorted(model, records):
     ranges = {"damping": (0.02, 0.08), "strength_factor": (0.7, 1.3)}
     with stored(one_at_a_time(model, ranges), records[:1]) as store:
         found = parameter_effects(store, "frame", ranges)
@@ -221,7 +221,7 @@ def test_swings_are_those_of_runs_and_come_in_their_order(model, records):
             assert math.isclose(run.stories.peak_drift_ratio.max(), peak, rel_tol=1e-9)
 
 
-def test_variations_are_called_by_their_values_and_the_number_of_their_draw(model):
+def test_labels_of_variations_contain_values_and_sample_number(model):
     random = {"mass_factor": Distribution("uniform", 0.9, 1.1)}
     sweep = ParameterSweep(
         {"damping": (0.02, 0.05)}, random, samples=2, seed=1, methods=("bathe",), steps=(0.01,)
@@ -232,7 +232,7 @@ def test_variations_are_called_by_their_values_and_the_number_of_their_draw(mode
     ]
 
 
-def test_ranks_of_a_monotonic_response(records):
+def test_rank_correlation_of_monotonic_response(records):
     """The static part of a soft, strong story: its drift falls with its stiffness, in every
     draw."""
     stiff = tdint.load_model(
@@ -264,7 +264,7 @@ def test_ranks_of_a_monotonic_response(records):
         (Distribution("uniform", -1.0, 4.0), uniform(-1.0, 5.0)),
     ],
 )
-def test_distributions_are_those_of_their_names(one: Distribution, same: Any) -> None:
+def test_distributions_agree_with_scipy(one: Distribution, same: Any) -> None:
     parts = np.linspace(0.01, 0.99, 21)
     np.testing.assert_allclose(one.at(parts), same.ppf(parts), rtol=1e-12)
 
@@ -278,7 +278,9 @@ def test_distributions_are_those_of_their_names(one: Distribution, same: Any) ->
         ("uniform", (1.0, 1.0), "uniform: low must be less than high"),
     ],
 )
-def test_numbers_of_no_distribution(kind: str, numbers: tuple[float, float], said: str) -> None:
+def test_invalid_distribution_parameters_are_refused(
+    kind: str, numbers: tuple[float, float], said: str
+) -> None:
     """At their bounds; just within them they are some."""
     with pytest.raises(UsageError, match=said):
         Distribution(kind, *numbers)

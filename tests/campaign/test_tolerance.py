@@ -71,7 +71,7 @@ def test_drifts_of_all_runs_are_within_the_tolerance(
         assert np.log2(row.dt / RECORDS[row.motion].dt) % 1.0 == 0.0
 
 
-def test_the_step_is_the_smallest_of_those_of_the_runs() -> None:
+def test_building_step_is_minimum_of_steps_of_runs() -> None:
     """Of four runs, all of which are looked at; and with a step that is asked for it is the largest
     one."""
     subject = Subject(OFFICE, "newmark-average")
@@ -89,7 +89,7 @@ def test_the_step_is_the_smallest_of_those_of_the_runs() -> None:
     assert step_within(cases[largest], 0.05, largest=min(single)) == min(single)
 
 
-def test_runs_in_which_a_building_collapses_say_nothing() -> None:
+def test_collapsed_runs_do_not_affect_building_step() -> None:
     subject = Subject(tdint.load_model("configs/collapse-prone-frame.yaml"), "impulse4")
     collapses = [Run(0, 12.0), Run(1, 12.0), Run(2, 12.0)]
     assert {row.status for row in results(subject, collapses, 0.01).runs} == {"collapsed"}

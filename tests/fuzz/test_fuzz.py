@@ -50,7 +50,7 @@ def work():
 
 @pytest.mark.parametrize(("kind", "name"), CASES)
 @pytest.mark.filterwarnings("ignore")
-def test_damaged(work, kind, name):
+def test_corrupt_inputs_have_expected_outcomes(work, kind, name):
     seeds, some = TRIED[kind]
     seeds = min(seeds, MAX_SEEDS.get(name, seeds))
     found = Counter(KINDS[kind].outcome(name, seed) for seed in range(seeds))
@@ -59,7 +59,7 @@ def test_damaged(work, kind, name):
 
 
 @pytest.mark.parametrize("name", studies.STUDIES)
-def test_sound_studies(work, name):
+def test_intact_studies_are_done(work, name):
     """But for a fit, which takes seconds and is asked in tests/cli/test_compare.py."""
     lines = {line for line in studies.STUDIES[name].lines if "--fit" not in line}
     assert {run(list(line)) for line in lines} == {"done"}
@@ -67,7 +67,7 @@ def test_sound_studies(work, name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BITS)
-def test_every_bit_of_a_header(name):
+def test_every_flipped_bit_of_header_is_detected(name):
     _, failures = flipped_bits(name, BITS[name])
     assert not failures
 
@@ -94,12 +94,12 @@ def test_every_bit_of_a_header(name):
         (0, b"", "", {"out/t.json": b'{"a": NaN}'}, "NaN is no JSON"),
     ],
 )
-def test_the_oracle_sees_what_must_not_be_printed(code, stdout, stderr, files, message):
+def test_oracle_detects_forbidden_output(code, stdout, stderr, files, message):
     with pytest.raises(Failure, match=message):
         check(code, stdout, stderr, files)
 
 
-def test_the_oracle_passes_what_may_be_printed():
+def test_oracle_accepts_valid_output():
     assert (
         check(0, b"a,b\n-1.5,inf.txt\n", "note: inf.txt is read", {"out/t.csv": b"a\n1\n"})
         == "done"
@@ -107,7 +107,7 @@ def test_the_oracle_passes_what_may_be_printed():
     assert check(2, b"", "Error: nan is not a finite number", {}) == "usage"
 
 
-def test_the_oracle_sees_what_is_not_compared(monkeypatch):
+def test_oracle_detects_missing_comparison(monkeypatch):
     """Without the comparison of the counts a lost line of a text is a silent change."""
     sound = next(one for one in corpus() if one.name == "SLIST")
     before = read(sound.data, sound.units)

@@ -40,7 +40,7 @@ def path(tmp_path):
     return path
 
 
-def test_all_members_of_known_formats(path):
+def test_all_members_of_known_formats_are_read(path):
     records = read_records(path)
     assert [(record.source.removeprefix(str(path)), record.component) for record in records] == [
         ("/a.AT2", "067"),
@@ -55,18 +55,18 @@ def test_all_members_of_known_formats(path):
     )
 
 
-def test_one_member(path):
+def test_single_member_is_selected_by_component(path):
     assert read_record(path, component="067").pga == pytest.approx(1.5 * 9.80665)
     refused(path, "choose one by `component`: 067, HNZ, HNE")
     refused(path, "component 'X' not found", component="X")
 
 
-def test_without_records(tmp_path):
+def test_archive_without_records_is_refused(tmp_path):
     (tmp_path / "a.zip").write_bytes(packed({"a.txt": "words\n"}))
     refused(tmp_path / "a.zip", r"contains no record of a supported format; it contains a\.txt")
 
 
-def test_damage_is_found_by_the_archive_s_checksum(tmp_path, path):
+def test_corrupt_archive_is_detected_by_checksum(tmp_path, path):
     data = bytearray(packed({"a.AT2": files.at2()}, zipfile.ZIP_STORED))
     data[data.index(b"DT= .00500") + 6] = ord("9")
     whole = path.read_bytes()
@@ -79,14 +79,14 @@ def test_damage_is_found_by_the_archive_s_checksum(tmp_path, path):
         refused(damaged, message)
 
 
-def test_a_bomb_is_refused(tmp_path, monkeypatch):
+def test_decompression_bomb_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(contents, "MAX_FILE_BYTES", 2**20)
     (tmp_path / "a.zip").write_bytes(packed({"a": bytes(2**19), "b": bytes(2**21)}))
     with pytest.raises(RecordError, match="larger than 256 MiB uncompressed"):
         read_records(tmp_path / "a.zip")
 
 
-def test_only_zip_files_stand_for_records_in_a_folder(tmp_path, path):
+def test_only_zip_archives_count_as_records_of_directory(tmp_path, path):
     (tmp_path / "table.xlsx").write_bytes(path.read_bytes())
     assert is_record(path)
     assert not is_record(tmp_path / "table.xlsx")

@@ -30,7 +30,7 @@ from tdint.ground_motion.record import Record
         ("", ""),
     ],
 )
-def test_dates_in_headers(text, label):
+def test_event_labels_from_headers(text, label):
     assert parse_event(text).label == label
 
 
@@ -118,7 +118,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_formats_state_the_event(name, tmp_path):
+def test_formats_state_event(name, tmp_path):
     """Every component of a file has the event in its header."""
     text, label = FILES[name]
     (tmp_path / "motion").write_text(text)
@@ -126,7 +126,7 @@ def test_formats_state_the_event(name, tmp_path):
     assert {(event.label, event.is_start) for event in events} == {(label, False)}
 
 
-def test_formats_of_other_programs_state_the_event(tmp_path):
+def test_sac_header_states_event(tmp_path):
     """Name and origin time of SAC: relative to the reference time, of which `b` is the first
     sample."""
     import obspy
@@ -168,6 +168,6 @@ def record(event="", start=""):
         (("", "1970-01-01T00:00:00"), ("", "1970-01-01T00:00:00"), False),
     ],
 )
-def test_same_events(event, other, same):
+def test_equality_of_events(event, other, same):
     one, two = event_of(record(*event)), event_of(record(*other))
     assert is_same_event(one, two) is is_same_event(two, one) is same

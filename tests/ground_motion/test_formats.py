@@ -54,17 +54,17 @@ class TestAt2:
         ],
     )  # fmt: skip
     @pytest.mark.parametrize("each", [1, 5, 8, 1000])
-    def test_spellings_and_columns(self, step, each):
+    def test_spellings_of_step_and_values_per_line(self, step, each):
         trace = only(files.at2(step=step, each=each))
         np.testing.assert_array_equal(trace.data, motion())
         assert trace.stats.delta == 0.005
 
-    def test_ends_of_dos_and_no_end_of_the_last_line(self):
+    def test_dos_line_ends_and_missing_final_newline(self):
         text = files.at2().rstrip().replace("\n", "\r\n")
         np.testing.assert_array_equal(only(text).data, motion())
         np.testing.assert_array_equal(only(text + "\r\n\x1a\x1a").data, motion())
 
-    def test_free_lines(self):
+    def test_header_with_free_text_is_read(self):
         trace = only(files.free_at2())
         np.testing.assert_array_equal(trace.data, motion())
         assert (trace.stats.delta, trace.stats.tdint_units, trace.id) == (0.02, "g", "...")
@@ -76,10 +76,10 @@ class TestAt2:
             ("IN UNITS OF M/S^2", "m/s^2"), ("IN G", "g"),
         ],
     )  # fmt: skip
-    def test_units(self, stated, expected):
+    def test_units_in_header(self, stated, expected):
         assert only(files.at2().replace("IN UNITS OF G", stated)).stats.tdint_units == expected
 
-    def test_without_units_the_user_gives_them(self, tmp_path):
+    def test_missing_units_must_be_specified(self, tmp_path):
         path = tmp_path / "a.at2"
         path.write_text(files.free_at2().replace("The units are (g)\n", ""))
         refused(path, "does not state the units of its samples; specify")
@@ -87,7 +87,7 @@ class TestAt2:
         assert record.pga == pytest.approx(0.015)
         assert (record.units, record.units_from) == ("gal", "given")
 
-    def test_units_of_another_quantity(self):
+    def test_units_of_other_quantity_are_refused(self):
         for units in ("CM/S", "CM", "IN/SEC"):
             refused(
                 files.at2(units=units),
@@ -98,7 +98,7 @@ class TestAt2:
             "must be a unit of velocity, but its header states 'G'",
         )
 
-    def test_a_velocity_is_read_as_one(self, tmp_path):
+    def test_velocity_and_displacement_are_read(self, tmp_path):
         (tmp_path / "a.VT2").write_text(files.at2(units="CM/S").replace("ACCELERATION", "VELOCITY"))
         record = read_record(tmp_path / "a.VT2")
         assert (record.quantity, record.units, record.units_from) == ("velocity", "cm/s", "file")
@@ -110,7 +110,7 @@ class TestAt2:
         )
         assert read_record(tmp_path / "a.DT2").quantity == "displacement"
 
-    def test_other_numbers_of_values(self):
+    def test_wrong_number_of_values_is_refused(self):
         refused(
             files.at2(npts=121),
             "cut off: the header states 121 values after line 4, the file has 120",
@@ -118,20 +118,20 @@ class TestAt2:
         refused(files.at2(npts=119), "more than the 119 values")
         refused(files.at2(npts=115), "more values than NPTS states")
 
-    def test_values_without_blanks(self):
+    def test_values_without_blanks_are_separated(self):
         trace = only("NPTS= 4, DT= .01\n-1.5E-01-2.5E+00 1.D-2\n-.125\n")
         np.testing.assert_array_equal(trace.data, [-0.15, -2.5, 0.01, -0.125])
 
 
 class TestCosmos:
-    def test_codes_of_seed(self):
+    def test_seed_codes_are_read(self):
         trace = only(files.cosmos())
         np.testing.assert_array_equal(trace.data, motion())
         assert trace.id == "XX.FAR.10.HNE"
         assert (trace.stats.delta, trace.stats.tdint_units) == (0.01, "cm/s^2")
         assert str(trace.stats.starttime) == "2005-06-16T20:53:04.400000Z"
 
-    def test_other_codes_and_unknown_start(self):
+    def test_station_codes_without_start_time(self):
         text = files.cosmos(codes=False).replace("    2005\n     167", "    -999\n     167")
         trace = only(text)
         assert trace.id == "CE.J2236.1.340"
@@ -141,28 +141,28 @@ class TestCosmos:
         ("units", "expected"),
         [("g (2)", "g"), ("cm/s^2", "cm/s^2"), ("in/sec2(07)", "in/s^2"), ("?(02)", "g")],
     )
-    def test_units(self, units, expected):
+    def test_units_in_header(self, units, expected):
         assert only(files.cosmos(units=units)).stats.tdint_units == expected
 
     @pytest.mark.parametrize("kind", ["raw acceleration", "raw accel."])
-    def test_counts_need_their_value(self, tmp_path, kind):
+    def test_counts_require_value_of_count(self, tmp_path, kind):
         path = tmp_path / "a.v0"
         path.write_text(files.cosmos(np.arange(1, 121), units="counts (50)", kind=kind))
         refused(path, "counts of a recorder")
         assert read_record(path, units="0.01 gal").pga == pytest.approx(0.012)
 
-    def test_several_channels_and_blocks(self):
+    def test_several_channels_and_blocks_are_read(self):
         blocks = [("velocity", motion(peak=3.0)), ("displacement", motion(peak=4.0))]
         second = files.cosmos(motion(peak=-2.25), codes=False, channel="2: Up", blocks=blocks)
         traces = contents(files.cosmos(codes=False, blocks=blocks) + second).traces
         assert [trace.id for trace in traces] == ["CE.J2236.1.340", "CE.J2236.2.UP"]
         assert [np.abs(trace.data).max() for trace in traces] == [1.5, 2.25]
 
-    def test_channels_of_one_name_are_numbered(self):
+    def test_channels_with_equal_names_are_numbered(self):
         traces = contents(files.cosmos() + files.cosmos()).traces
         assert [trace.id for trace in traces] == ["XX.FAR.101.HNE", "XX.FAR.102.HNE"]
 
-    def test_refused(self):
+    def test_invalid_files_are_refused(self):
         refused(files.cosmos(kind="velocity"), "unit of velocity, but its header states 'cm/sec2'")
         assert only(files.cosmos(kind="velocity", units="cm/sec(05)")).stats.tdint_units == "cm/s"
         refused(
@@ -181,7 +181,7 @@ class TestCosmos:
             "120 samples at the interval of 0.01 s",
         )
 
-    def test_values_without_blanks_in_fixed_columns(self):
+    def test_fixed_columns_without_blanks_are_read(self):
         values = np.array([1.5, -999.25, 1234.25, 9999.5, -2.0, 0.25] * 20)
         text = files.cosmos(values)
         assert "-999.250001234.250009999.50000" in text
@@ -189,7 +189,7 @@ class TestCosmos:
 
 
 class TestCsmip:
-    def test_volume_2(self):
+    def test_volume_2_is_read(self):
         traces = contents(files.csmip_v2()).traces
         assert [trace.id for trace in traces] == [".36456.1.90", ".36456.2.UP"]
         for trace, peak in zip(traces, (150.5, -75.25), strict=True):
@@ -205,7 +205,7 @@ class TestCsmip:
         [None, " 120 POINTS OF ACCEL DATA EQUALLY SPACED AT .005 SEC.  (UNITS: G)"],
         ids=["by rate", "by step"],
     )
-    def test_volume_1(self, line):
+    def test_volume_1_is_read(self, line):
         text = files.csmip_v1()
         traces = contents(
             re.sub(r"(?m)^ 120 Accelerogram points.*$", line, text) if line else text
@@ -225,11 +225,11 @@ class TestCsmip:
             ("N65W DEGREES", "N65W"),
         ],
     )
-    def test_azimuths_beside_other_words(self, line, code):
+    def test_azimuth_is_read_from_channel_line(self, line, code):
         trace = next(iter(contents(files.csmip_v2({line: 10.0})).traces))
         assert trace.stats.channel == code
 
-    def test_the_file_s_own_peaks(self, tmp_path):
+    def test_peaks_of_velocity_and_displacement_in_file_are_used(self, tmp_path):
         path = tmp_path / "a.v2"
         path.write_text(files.csmip_v2({" 90 DEG": 150.5}))
         record = read_record(path)
@@ -245,7 +245,7 @@ class TestCsmip:
         assert changed.peaks == (None, None)
         assert measure(changed).pgv != measures.pgv
 
-    def test_peaks_of_velocity_and_displacement_that_are_others(self):
+    def test_wrong_peak_velocity_is_refused(self):
         text = files.csmip_v2({" 90 DEG": 150.5})
         line = "PEAK ACCELERATION =  150.500    CM/SEC/SEC  AT   10.940   SEC.\n"
         more = "PEAK   VELOCITY   =   {}      CM/SEC    AT    5.080   SEC.\n"
@@ -255,7 +255,7 @@ class TestCsmip:
             "peak velocity of 82.912 CM/SEC, but the data that were read have 75.25",
         )
 
-    def test_choosing_among_channels(self, tmp_path):
+    def test_channel_is_selected_by_component(self, tmp_path):
         path = tmp_path / "a.v2"
         path.write_text(files.csmip_v2({"  0 DEG": 10.0, " 90 DEG": 20.0, "90 DEG": 30.0}))
         assert [record.pga for record in read_records(path)] == pytest.approx([0.1, 0.2, 0.3])
@@ -268,13 +268,13 @@ class TestCsmip:
 
     @pytest.mark.parametrize("write", [files.csmip_pairs, files.usc])
     @pytest.mark.parametrize("first", [0.0, 99.0])
-    def test_pairs(self, write, first):
+    def test_pairs_of_time_and_acceleration_are_read(self, write, first):
         """From 100 s on without blanks between them."""
         trace = only(write(motion(400), times=first + np.arange(400) * 0.005))
         np.testing.assert_array_equal(trace.data, motion(400))
         assert (trace.stats.delta, trace.stats.tdint_units) == (0.005, "0.1 g")
 
-    def test_uneven_film_is_told(self):
+    def test_uneven_film_times_are_noted(self):
         times = np.arange(4000) * 0.00425 + 0.008 * np.sin(np.arange(4000) / 600)
         found = contents(files.usc(motion(4000), times=times))
         (trace,) = found.traces
@@ -288,7 +288,7 @@ class TestCsmip:
         assert note.startswith("the times in the file depart by up to")
         assert "interpolated linearly between these times and sampled at 0.001 s" in note
 
-    def test_refused(self):
+    def test_invalid_files_are_refused(self):
         times = np.arange(120) * 0.005
         times[60:] += 0.02  # a piece missing on film
         refused(files.usc(times=times), "not at equal steps")
@@ -300,7 +300,7 @@ class TestCsmip:
             "sampling rate must be positive, but line 37 states 0",
         )
 
-    def test_a_peak_that_is_another(self):
+    def test_wrong_peak_is_refused(self):
         sound = files.csmip_v2()
         for stated in ("-160.500", "  15.050"):
             text = sound.replace("PEAK ACCELERATION =  150.500", f"PEAK ACCELERATION = {stated}")
@@ -329,7 +329,7 @@ class TestCsmip:
 
 
 class TestSmc:
-    def test_header(self):
+    def test_header_is_read(self):
         trace = only(files.smc())
         np.testing.assert_allclose(trace.data, motion(), rtol=1e-15)
         assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (
@@ -342,7 +342,7 @@ class TestSmc:
         for text in (files.smc(), files.smc(integers=by_month)):
             assert str(only(text).stats.starttime) == "1989-10-18T00:04:07.250000Z"
 
-    def test_refused(self, tmp_path):
+    def test_invalid_files_are_refused(self, tmp_path):
         (tmp_path / "a.smc").write_text(files.smc(kind="0 UNKNOWN"))
         refused(tmp_path / "a.smc", "does not state the units")
         assert only(files.smc(kind="3 VELOCITY")).stats.tdint_units == "cm/s"
@@ -355,7 +355,7 @@ class TestSmc:
 
 
 class TestEsm:
-    def test_header(self):
+    def test_header_is_read(self):
         trace = only(files.esm())
         np.testing.assert_array_equal(trace.data, motion())
         assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (
@@ -365,7 +365,7 @@ class TestEsm:
         )
         assert str(trace.stats.starttime) == "2019-07-28T16:09:19.870000Z"
 
-    def test_refused(self):
+    def test_invalid_files_are_refused(self):
         refused(files.esm(kind="VELOCITY"), "must be a unit of velocity")
         assert only(files.esm(kind="VELOCITY", units="cm/s")).stats.tdint_units == "cm/s"
         refused(files.esm(kind="SPECTRUM"), "must contain a ground motion, got 'spectrum'")
@@ -381,7 +381,7 @@ class TestEsm:
 
 class TestGeonet:
     @pytest.mark.parametrize("volume", [1, 2])
-    def test_components(self, volume):
+    def test_components_are_read(self, volume):
         traces = contents(files.geonet(volume)).traces
         assert [trace.id for trace in traces] == [".FARS..S16W", ".FARS..S74E", ".FARS..UP"]
         for trace, peak in zip(traces, (41.6, -194.0, 27.3), strict=True):
@@ -389,11 +389,11 @@ class TestGeonet:
             assert (trace.stats.delta, trace.stats.tdint_units) == (0.02, "mm/s^2")
             assert str(trace.stats.starttime) == "2018-02-12T21:15:17.000000Z"
 
-    def test_a_reading_s_value(self):
+    def test_value_of_reading_is_unit(self):
         trace = contents(files.geonet(1, readings="2.50")).traces[0]
         assert trace.stats.tdint_units == "2.50 mm/s^2"
 
-    def test_refused(self):
+    def test_invalid_files_are_refused(self):
         refused(
             files.geonet().replace("at 0.020 sec", "at 0.010 sec"),
             "0.02 s in the numbers, but as 0.010 s",
@@ -402,7 +402,7 @@ class TestGeonet:
 
 
 class TestLargeFiles:
-    def test_refused_before_they_fill_the_memory(self, monkeypatch):
+    def test_too_large_file_is_refused_before_reading(self, monkeypatch):
         monkeypatch.setattr("tdint.ground_motion.formats.lines._LARGEST", 1000)
         refused(files.at2(), "must not exceed 64 MiB")
 
@@ -422,7 +422,7 @@ class TestNumbersOfSmc:
             (-99, 45, "45"),
         ],
     )
-    def test_component(self, vertical, azimuth, name):
+    def test_component_from_azimuths(self, vertical, azimuth, name):
         assert only(files.smc(integers={0: -99, 12: vertical, 13: azimuth})).stats.channel == name
         assert only(files.smc(integers={0: 0, 12: 0, 13: 30})).stats.channel == "30"
 
@@ -430,7 +430,7 @@ class TestNumbersOfSmc:
         ("largest", "smallest", "peak"),
         [(3.0, -5.0, -5.0), (6.0, -5.0, 6.0), (1e38, -5.0, None), (3.0, 1e38, None)],
     )
-    def test_peak(self, largest, smallest, peak):
+    def test_peak_from_stated_extremes(self, largest, smallest, peak):
         """The larger one of the stated extremes, with five digits; none where one of them is not
         known."""
         text = files.smc(motion(peak=peak or 5.0), reals={0: 1e38, 29: largest, 31: smallest})
@@ -449,7 +449,7 @@ class TestNumbersOfSmc:
             assert "peak" in note
 
     @pytest.mark.parametrize("told", ["", "  1994 1 17  x", "1994 01 18"])
-    def test_start(self, told):
+    def test_start_from_day_of_year_or_date(self, told):
         """By the day of the year, or by month and day where that is near the day that the text
         tells."""
         texts = ["", told, "x"]

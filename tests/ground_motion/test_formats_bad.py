@@ -49,7 +49,7 @@ def check_whole(name, data, whole):
 
 
 @pytest.mark.parametrize(("name", "data"), CASES)
-def test_cut_off_anywhere(name, data):
+def test_truncated_files_are_refused(name, data):
     whole = read(name, data)
     shortest = (
         200 if name == "TEXT" else 0
@@ -65,7 +65,7 @@ OTHERS = (b"-1", b"1e308", b"9" * 5000, b"1e-308", b"1e" + b"9" * 20)
 @pytest.mark.parametrize(
     "turn", [0, 2, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 3, 4))]
 )
-def test_other_numbers_in_the_header(name, data, turn):
+def test_changed_numbers_in_header_are_read_or_refused(name, data, turn):
     """In each place the next one, in all turns each in each place. Of numbers that are repeated
     over and over, as where nothing is known, the first one."""
     before, others = b"", cycle(OTHERS[turn:] + OTHERS[:turn])
@@ -76,7 +76,7 @@ def test_other_numbers_in_the_header(name, data, turn):
 
 
 @pytest.mark.parametrize(("name", "data"), CASES)
-def test_huge_numbers_of_samples(name, data):
+def test_huge_number_of_samples_does_not_fill_memory(name, data):
     """120 samples are written; ten to the twelfth would not fit into any memory."""
     tracemalloc.start()
     try:
@@ -94,7 +94,7 @@ LETTERS = st.text(alphabet="NPTSDT=,.0123456789\n eE+-#", max_size=400)
 @given(
     data=st.binary(max_size=600) | LETTERS.map(str.encode) | st.text(max_size=300).map(str.encode)
 )
-def test_anything_else(data):
+def test_arbitrary_bytes_are_refused(data):
     """No check of a format raises, and each reader refuses, as all together do."""
     for plugin in OWN:
         plugin.is_format.load()(io.BytesIO(data))
@@ -107,7 +107,7 @@ def test_anything_else(data):
 @pytest.mark.parametrize(
     "word", [b" ", b"POINTS OF ", b"NPTS= 1 ", b"#", b"1", b"CHAN 1:  ", b"1 2,", b"units = "]
 )
-def test_endless_lines(name, word):
+def test_very_long_lines_are_refused(name, word):
     line, sound = word * (100_000 // len(word)), SAMPLES[name][0]().encode()
     for data in (line, b"\n".join([line] * 5), sound + line, line + b"\n" + sound):
         read(name, data)

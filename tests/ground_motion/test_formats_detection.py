@@ -23,7 +23,7 @@ def claims(file):
 
 
 @pytest.mark.parametrize("name", SAMPLES)
-def test_samples_are_claimed_and_read_by_their_own_format(name, tmp_path):
+def test_examples_are_detected_by_their_own_format_only(name, tmp_path):
     path = tmp_path / "file"
     for make in SAMPLES[name]:
         data = make().encode()
@@ -41,17 +41,17 @@ def test_samples_are_claimed_and_read_by_their_own_format(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["MSEED", "SAC", "GSE2", "SLIST", "TSPAIR", "SH_ASC"])
-def test_formats_of_obspy_are_not_claimed(name, tmp_path):
+def test_obspy_formats_are_not_detected(name, tmp_path):
     data = wave().astype(np.int32 if name == "GSE2" else np.float32)
     assert claims(write(tmp_path / "file", trace(data), format=name)) == []
 
 
-def test_knet_is_not_claimed():
+def test_knet_is_not_detected():
     assert claims(need_obspy_data("nied/tests/data/test.knet")) == []
 
 
 @pytest.mark.parametrize("files", ["*.md", "*.toml", "configs/*", "tests/ground_motion/*.py"])
-def test_files_of_this_project_are_not_claimed(files):
+def test_files_of_this_project_are_not_detected(files):
     for path in ROOT.glob(files):
         assert claims(path) == [], path
 
@@ -59,17 +59,17 @@ def test_files_of_this_project_are_not_claimed(files):
 @pytest.mark.parametrize(
     ("rows", "claimed"), [("0 5\n1 5\n2 3\n", True), ("0 5\n1 5\n1 3\n", False)]
 )
-def test_of_columns_without_names_the_first_one_grows(rows, claimed):
+def test_first_column_without_names_must_increase(rows, claimed):
     assert claims(io.BytesIO(rows.encode())) == ["TEXT"] * claimed
 
 
 @pytest.mark.parametrize("file", ["missing", 3, None, io.StringIO("text"), io.BytesIO()])
-def test_what_is_no_file_is_not_claimed(file):
+def test_invalid_file_arguments_are_not_detected(file):
     assert claims(file) == []
 
 
 @pytest.mark.parametrize("name", CHECKS)  # each of them has samples, then
-def test_a_check_reads_the_beginning_only(name):
+def test_detection_reads_only_beginning_of_file(name):
     class Counting(io.BytesIO):
         got = 0
 

@@ -46,7 +46,7 @@ def ids(text):
         ),
     ],
 )
-def test_components(write, units, dt, names, start):
+def test_components_of_network_formats(write, units, dt, names, start):
     found = contents(write())
     expected = files.components(decimals=6 if write is files.bhrc else 3)
     assert ids(write()) == names
@@ -59,7 +59,7 @@ def test_components(write, units, dt, names, start):
     assert found.notes == ()
 
 
-def test_other_counts():
+def test_wrong_numbers_of_samples_are_refused():
     for write in (files.afad, files.unam):
         refused(write(count=121), "121 rows after line .*, the file has 120")
         refused(write(count=119), "follows the last row stated in the header")
@@ -74,7 +74,7 @@ def test_other_counts():
         )
 
 
-def test_a_row_that_ends_before_the_number_of_points():
+def test_incomplete_header_row_is_refused():
     """Which is the twelfth of its row."""
     for numbers in (11, 10):
         lines = files.bhrc().splitlines()
@@ -82,7 +82,7 @@ def test_a_row_that_ends_before_the_number_of_points():
         refused("\n".join(lines), "the header before line 13 must contain only numbers")
 
 
-def test_other_steps_and_peaks():
+def test_wrong_sampling_intervals_and_peaks_are_refused():
     refused(
         files.cwb(rate=100),
         "states a sampling interval of 0.01 s, but the data that were read have 0.02",
@@ -97,13 +97,13 @@ def test_other_steps_and_peaks():
     refused(files.unam().replace("/1.50/", "/1.40/"), "V: the file states a peak of 1.4 cm/s")
 
 
-def test_rows_that_repeat_the_last_one():
+def test_repeated_last_rows_are_omitted():
     found = contents(files.unam(repeated=2))
     assert {trace.data.size for trace in found.traces} == {120}
     assert found.notes == ("2 rows omitted that repeat the last row stated in the header",)
 
 
-def test_a_row_that_is_missing_before_repeated_rows():
+def test_missing_row_before_repeated_rows_is_noted():
     """A repeated row takes the place of the last row announced, so the count alone is met."""
     lines = files.unam(repeated=2).splitlines()
     del lines[60]
@@ -111,7 +111,7 @@ def test_a_row_that_is_missing_before_repeated_rows():
     assert "a row may be missing" in missing
 
 
-def test_a_row_with_another_number_of_numbers():
+def test_row_with_wrong_number_of_values_is_refused():
     lines = files.afad().splitlines()
     lines[20] += " 0.1"
     refused("\n".join(lines) + "\n", "contains 4 numbers, not 3")
@@ -126,7 +126,7 @@ def test_a_row_with_another_number_of_numbers():
         ("13:00:00", "01:00:00", 5),
     ],
 )
-def test_a_record_of_unam_that_begins_after_midnight(origin, first, day):
+def test_start_of_unam_record_after_midnight(origin, first, day):
     """The header has the day of the earthquake: the first sample comes within twelve hours of
     it."""
     header = files.unam().replace("2004/01/01", "2004/03/05").replace("00:00:01    ", first)

@@ -22,12 +22,12 @@ class TestOneColumn:
             "# samples = 120, dt = .01, rate: x\n\n# units=g",
         ],
     )
-    def test_declarations(self, header):
+    def test_declarations_in_header(self, header):
         trace = only(one_column(header=header))
         np.testing.assert_array_equal(trace.data, motion())
         assert (trace.stats.delta, trace.stats.tdint_units) == (0.01, "g")
 
-    def test_names_and_start(self):
+    def test_names_and_start_in_header(self):
         header = (
             "# dt = 0.01 s, units = 0.1 g\n# network = XX, station = Far Hill, location = 00, "
             "component = NS\n"
@@ -40,7 +40,7 @@ class TestOneColumn:
         )
         assert only(one_column(header="# dt = 1 s\n# start: noon")).stats.starttime.timestamp == 0
 
-    def test_one_value_a_line_or_none(self):
+    def test_blank_and_comment_lines_are_ignored(self):
         assert contents(one_column()).notes == ()
         np.testing.assert_array_equal(
             only("# dt = 1\n1\n\n# between\n2.5\n-.5").data, [1.0, 2.5, -0.5]
@@ -66,7 +66,7 @@ class TestOneColumn:
             ("# dt = 0.01\n# units = g\n# acceleration (gal)", "states units twice: 'g' and 'gal'"),
         ],
     )
-    def test_refused(self, header, message):
+    def test_invalid_headers_are_refused(self, header, message):
         refused(one_column(header=header), message)
 
 
@@ -97,7 +97,7 @@ class TestTwoColumns:
         np.testing.assert_array_equal(trace.data, motion())
         assert trace.stats.delta == 0.005
 
-    def test_a_separator_at_the_end_of_rows_and_a_byte_order_mark(self):
+    def test_trailing_separator_and_byte_order_mark(self):
         rows = two_columns().replace("\n", ",\n").replace("acceleration_m_s2,", "acceleration_m_s2")
         np.testing.assert_array_equal(only("\ufeff" + rows).data, motion())
 
@@ -111,10 +111,10 @@ class TestTwoColumns:
             (0.015, 3, 0.015),
         ],
     )
-    def test_the_interval_of_rounded_times(self, dt, decimals, expected):
+    def test_sampling_interval_of_rounded_times(self, dt, decimals, expected):
         assert only(two_columns(dt=dt, decimals=decimals)).stats.delta == expected
 
-    def test_a_declared_interval_must_be_that_of_the_times(self):
+    def test_declared_interval_must_agree_with_times(self):
         assert only(two_columns(header="# dt = 0.01")).stats.delta == 0.01
         refused(two_columns(header="# dt = 0.02"), "stated as 0.02 s and as 0.01 s")
 
@@ -131,7 +131,7 @@ class TestTwoColumns:
             (1, -0.00015, None),
         ],
     )
-    def test_unequal_steps(self, later, change, message):
+    def test_unequal_time_steps_are_refused(self, later, change, message):
         times = np.arange(120) * 0.01
         times[70 : 70 + later] += change
         rows = text([f"{t:.5f} {value:.3f}" for t, value in zip(times, motion(), strict=True)])
@@ -140,7 +140,7 @@ class TestTwoColumns:
         else:
             assert only(rows).stats.delta == 0.01
 
-    def test_times_that_turn_back_or_are_too_coarse(self):
+    def test_times_must_increase(self):
         lines = two_columns().splitlines(keepends=True)
         refused(
             "".join([*lines[:50], *lines[40:]]), "times must increase, but do not after sample 48"
@@ -165,16 +165,16 @@ class TestOtherText:
             "nan\nnan\n",
         ],
     )
-    def test_is_not_taken_for_a_record(self, other):
+    def test_other_text_is_refused(self, other):
         refused(other, "unknown format")
 
-    def test_words_after_the_first_rows(self):
+    def test_words_after_first_rows_are_refused(self):
         refused(one_column() * 100 + "end\n1\n", "must contain 1 numbers, got 'end'")
         refused(
             two_columns() + "1.2, nan\n", "unknown format|must contain 2 numbers, got '1.2, nan'"
         )
 
-    def test_a_last_zero_without_point_and_end_of_line(self):
+    def test_truncated_last_number_is_refused(self):
         rows = "".join(f"{value:.3f}\n" for value in motion(80))
         assert only(f"# dt = 1, units = g\n0\n{rows}0").data[-1] == 0.0
         refused(f"# dt = 1, units = g\n{rows}0", "cut off within its last number")
@@ -196,14 +196,14 @@ class TestTables:
     def three(self):
         return [motion(60, peak, 4) for peak in (1.0, -2.0, 0.5)]
 
-    def test_velocity_and_displacement_beside_an_acceleration(self, tmp_path, three):
+    def test_peaks_are_taken_from_velocity_and_displacement_columns(self, tmp_path, three):
         (tmp_path / "a.csv").write_text(self.table("Time (s),Acc (g),Vel (cm/s),Disp (cm)", three))
         record = read_record(tmp_path / "a.csv")
         assert (record.pga, record.units) == (pytest.approx(STANDARD_GRAVITY), "g")
         assert record.peaks == (pytest.approx(0.02), pytest.approx(0.005))
         assert record.header_checks == ("sampling interval",)
 
-    def test_without_units_nothing_is_guessed(self, tmp_path, three):
+    def test_missing_units_are_not_guessed(self, tmp_path, three):
         (tmp_path / "a.csv").write_text(self.table("Time,Acc,Vel,Disp", three))
         refused(tmp_path / "a.csv", "does not state the units")
         record = read_record(tmp_path / "a.csv", units="gal")
@@ -220,7 +220,7 @@ class TestTables:
             ("", "  ", ("2", "3", "4")),
         ],
     )
-    def test_components(self, tmp_path, three, header, separator, names):
+    def test_components_of_table(self, tmp_path, three, header, separator, names):
         for mark, encoding in (
             (b"", "utf-8"),
             (b"\xef\xbb\xbf", "utf-8"),
@@ -236,7 +236,7 @@ class TestTables:
                 tmp_path / "a.csv", units=given, component=names[1]
             ).pga == pytest.approx(0.02)
 
-    def test_refused(self, three):
+    def test_invalid_tables_are_refused(self, three):
         refused(self.table("time,N,E", three), "names 3 columns, the rows have 4")
         refused(
             self.table("time,N (g),E (s),Z (g)", three),

@@ -21,7 +21,7 @@ from tdint.ground_motion.reading.contents import read_contents
 
 
 class TestComparison:
-    def test_names_what_was_compared_once(self):
+    def test_compared_quantities_are_listed_once(self):
         statements = [
             Statement("peak", 1.0, 1.0),
             Statement("step", 0.01, 0.0101, 2e-4),
@@ -31,11 +31,11 @@ class TestComparison:
         assert compare([]) == ()
 
     @pytest.mark.parametrize("stated", [1.1, -1.0, float("nan"), float("inf")])
-    def test_another_number(self, stated):
+    def test_wrong_value_is_refused(self, stated):
         with pytest.raises(RecordError, match=r"peak of .* g, .* 1 g"):
             compare([Statement("peak", stated, 1.0, 0.01, "g")])
 
-    def test_a_measured_value_may_be_off_by_a_hundredth_with_a_word(self):
+    def test_measured_value_may_differ_by_one_percent_with_warning(self):
         with pytest.warns(UserWarning, match=r"states a peak of 1\.009"):
             compare([Statement("peak", 1.009, 1.0, measured=True)])
         with pytest.raises(RecordError):
@@ -43,7 +43,7 @@ class TestComparison:
 
 
 @pytest.mark.parametrize("dt", [1e-6, 0.005, 10.0])
-def test_sampling_intervals_that_recorders_have(dt):
+def test_implausible_sampling_intervals_are_refused(dt):
     check_step(dt)
     for other in (0.0, -dt, 0.99e-6, 10.01, float("nan"), float("inf")):
         with pytest.raises(RecordError, match="recorders have 1e-06 to 10 s"):
@@ -57,7 +57,7 @@ class TestSac:
             write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes()
         )
 
-    def test_sound(self, data):
+    def test_sound_header_is_compared(self, data):
         compared = read_contents(bytes(data), "file").compared
         assert set(compared) == {
             "number of samples",
@@ -80,17 +80,17 @@ class TestSac:
             (56, 1.0, "mean of 1, but the data that were read have"),
         ],
     )
-    def test_another_number(self, data, word, value, match):
+    def test_wrong_header_value_is_refused(self, data, word, value, match):
         struct.pack_into("<f", data, 4 * word, value)
         refused(data, match)
 
-    def test_numbers_that_are_not_known(self, data):
+    def test_unknown_header_values_are_ignored(self, data):
         for word in (1, 2, 6, 56):
             struct.pack_into("<f", data, 4 * word, -12345.0)
         assert read_contents(bytes(data), "file").compared == ("number of samples",)
 
     @pytest.mark.parametrize("peak", [1e-4, 1e4])
-    def test_a_peak_is_compared_with_the_peak(self, tmp_path, peak):
+    def test_peak_tolerance_is_relative(self, tmp_path, peak):
         """Whatever the units: a ten-thousandth of it is another number, a millionth is rounding."""
         samples = (wave() * peak / np.max(np.abs(wave()))).astype(np.float32)
         data = bytearray(write(tmp_path / "a", trace(samples), format="SAC").read_bytes())
@@ -102,7 +102,7 @@ class TestSac:
 
 class TestText:
     @pytest.mark.parametrize("format", ["SLIST", "TSPAIR"])
-    def test_more_or_fewer_samples(self, tmp_path, format):
+    def test_wrong_number_of_samples_is_refused(self, tmp_path, format):
         data = write(tmp_path / "a", trace(wave(300)), format=format).read_bytes()
         assert read_contents(data, "file").compared == ("number of samples",)
         for stated in (b"294", b"306"):
@@ -114,7 +114,7 @@ class TestText:
         refused(b"\n".join([*lines, last, last, b""]), "but the data that were read have 30")
 
     @pytest.mark.parametrize("version", ["1", "2"])
-    def test_gse_sections(self, version):
+    def test_sections_of_gse_are_counted(self, version):
         """The number of samples stands in columns of the first line that each version has of its
         own."""
 
@@ -163,7 +163,7 @@ class TestText:
         with pytest.raises(Damaged, match=r"1 sections, .*2"):
             gse_statements([3], [trace(counts(3)), trace(counts(2))])
 
-    def test_the_last_place_of_a_number(self):
+    def test_last_place_of_number(self):
         assert [last_place(text) for text in ("12", "1.50", "2.5E-3", "-1e2")] == [
             1.0,
             0.01,
@@ -172,7 +172,7 @@ class TestText:
         ]
 
     @pytest.mark.parametrize("order", ["<", ">"])
-    def test_longitudes_of_sac(self, tmp_path, order):
+    def test_invalid_longitudes_of_sac_are_refused(self, tmp_path, order):
         """Of station and event; 12345 of either sign stands for one that is not known."""
         path = write(
             tmp_path / "a", trace(wave().astype(np.float32)), format="SAC", byteorder=order
@@ -186,7 +186,7 @@ class TestText:
                 else:
                     refused(data, "its header states an invalid longitude")
 
-    def test_lengths_of_sac(self, tmp_path):
+    def test_length_of_sac_record_is_compared(self, tmp_path):
         """The time of the last sample, or of that which would follow; not two of them."""
         data = bytearray(
             write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes()
@@ -214,7 +214,7 @@ class TestText:
 @pytest.mark.parametrize(
     ("off", "remarked"), [(0.0, False), (0.9e-3, False), (-0.9e-3, False), (1.2e-3, True)]
 )
-def test_peaks_of_knet_are_without_the_offset(off, remarked):
+def test_knet_peaks_are_compared_without_offset(off, remarked):
     """In gal, to a thousandth beside what another offset makes of it; samples are counts of `calib`
     m/s^2."""
     samples = counts(1000) + 777

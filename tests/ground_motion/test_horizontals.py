@@ -55,11 +55,11 @@ def record(component, samples=100, *, dt=0.01, station="N.STA", start="", source
         ("UP", None),
     ],
 )
-def test_azimuths(name, degrees):
+def test_azimuth_of_component_name(name, degrees):
     assert azimuth(name) == degrees
 
 
-def test_which_components_are_vertical():
+def test_vertical_components_are_recognized():
     vertical = [
         "U",
         "UP",
@@ -97,13 +97,13 @@ def test_which_components_are_vertical():
         (("X", "Y", "Z"), "X+Y"),
     ],
 )
-def test_pairs(names, found):
+def test_horizontal_components_are_paired(names, found):
     """By azimuth the second component lies 90 degrees clockwise of the first."""
     pair = find_horizontals([record(name) for name in names])
     assert (pair.component, pair.source, pair.notes) == (found, "a.x", ())
 
 
-def test_names_that_tell_no_direction_are_taken_with_a_note():
+def test_names_without_direction_are_paired_with_note():
     pair = find_horizontals([record("", source="a.txt"), record("", source="b.txt", seed=1)])
     assert (pair.source, pair.component) == ("a.txt+b.txt", "?+?")
     assert pair.notes == (
@@ -141,12 +141,12 @@ def test_names_that_tell_no_direction_are_taken_with_a_note():
         ),
     ],
 )
-def test_what_is_no_pair(records, message):
+def test_invalid_pairs_are_refused(records, message):
     with pytest.raises(RecordError, match=message):
         find_horizontals(records)
 
 
-def test_the_same_motion_twice():
+def test_identical_components_are_refused():
     one = record("HNE")
     twice = Record(one.acceleration, one.dt, "", "", "HNN", "b.x")
     with pytest.raises(RecordError, match="both components are identical"):
@@ -156,7 +156,7 @@ def test_the_same_motion_twice():
 @pytest.mark.parametrize(
     ("samples", "words"), [(99, "last sample of HNE"), (97, "last 3 samples of HNE")]
 )
-def test_the_end_that_one_alone_has_is_left_out(samples, words):
+def test_longer_component_is_truncated(samples, words):
     pair = find_horizontals([record("HNE"), record("HNN", samples=samples)])
     assert pair.first.acceleration.size == pair.second.acceleration.size == samples
     assert pair.notes == (f"{words} omitted, because the other component is shorter",)
@@ -194,11 +194,11 @@ OTHER_MOTION = [
     ("one", "other", "same"),
     [*((*pair, True) for pair in SAME_MOTION), *((*pair, False) for pair in OTHER_MOTION)],
 )
-def test_files_of_one_motion(one, other, same):
+def test_files_of_one_motion_are_recognized(one, other, same):
     assert (motion_name(one) == motion_name(other)) == same
 
 
-def test_pairs_by_names_that_are_given():
+def test_pairs_by_file_name_patterns():
     names = PairNames.parse("{}_long.txt, {}_tran.txt")
     files = [
         "r/a_long.txt",
@@ -229,12 +229,12 @@ def test_pairs_by_names_that_are_given():
 @pytest.mark.parametrize(
     "text", ["{}_N.txt", "{}_N.txt,{}_N.txt", "{}_N.txt,{}_E.txt,{}_Z.txt", "{}{},{}_E", "a,{}_b"]
 )
-def test_names_that_make_no_pair(text):
+def test_invalid_file_name_patterns_are_refused(text):
     with pytest.raises(UsageError, match="must be two file name patterns"):
         PairNames.parse(text)
 
 
-def test_a_component_comes_from_the_name_where_the_file_has_none():
+def test_missing_component_is_taken_from_file_name():
     assert with_component(record("", source="a/site_ns.csv")).component == "NS"
     assert with_component(record("HNE", source="a/site_ns.csv")).component == "HNE"
     assert with_component(record("", source="a/site.csv")).component == ""
@@ -251,7 +251,7 @@ def test_a_component_comes_from_the_name_where_the_file_has_none():
         ),
     ],
 )
-def test_files_without_a_partner_are_told_once(files, names):
+def test_single_components_are_reported_once_with_remedy(files, names):
     """With names that `PairNames` takes, by which they are pairs."""
     failures = []
     for file in files:
@@ -265,7 +265,7 @@ def test_files_without_a_partner_are_told_once(files, names):
     assert combine_single_components(failures[:1]) == failures[:1]
 
 
-def test_names_far_from_each_other_are_not_called_close():
+def test_different_file_names_give_no_pattern():
     failures = [SingleHorizontal(file, "") for file in ("kobe.txt", "northridge.txt")]
     assert "--pairs" not in str(combine_single_components(failures)[0])
 
@@ -280,14 +280,14 @@ def test_names_far_from_each_other_are_not_called_close():
         (("20180212_211557_WPWS_20.V2A",), "S74E+S16W"),
     ],
 )
-def test_real_records(names, found):
+def test_real_records_are_paired(names, found):
     paths = [real_file(name) for name in names]
     assert (
         find_horizontals([one for path in paths for one in read_records(path)]).component == found
     )
 
 
-def test_read_from_a_file():
+def test_pair_is_read_from_file():
     file = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
     pair = read_horizontals(file, units="m/s^2")
     assert (pair.component, pair.first.pga) == (

@@ -9,7 +9,7 @@ from tdint.ground_motion.formats.lines import Lines
 TEXT = "first\n\n \n\n1 2\n3 4\nend\n"
 
 
-def test_blank_lines_are_passed_over_one_by_one():
+def test_blank_lines_are_skipped_individually():
     """Three of them, and one: a step of two lines would pass over a row or fall beyond it."""
     lines = Lines(TEXT)
     assert (lines.peek(), lines.number) == ("first", 0)
@@ -19,7 +19,7 @@ def test_blank_lines_are_passed_over_one_by_one():
     assert Lines("\n\n").peek() is None
 
 
-def test_lines_are_taken_blank_or_not():
+def test_take_returns_blank_lines():
     lines = Lines(TEXT)
     assert [lines.take() for _ in range(3)] == ["first", "", " "]
     assert lines.number == 3
@@ -31,7 +31,7 @@ def test_lines_are_taken_blank_or_not():
         lines.take()
 
 
-def test_messages_name_the_line():
+def test_errors_contain_line_number():
     lines = Lines(TEXT)
     with pytest.raises(RecordError, match=r"7 lines, .* 8"):
         lines.skip(8)

@@ -32,7 +32,7 @@ def arias(energy):
 
 
 class TestClosedForms:
-    def test_step(self):
+    def test_measures_of_step(self):
         """2 m/s^2 for 10 s."""
         found = measure(record([2.0] * 21))
         assert (found.pga, found.pgv, found.pgd) == pytest.approx((2.0, 20.0, 100.0), rel=1e-13)
@@ -41,7 +41,7 @@ class TestClosedForms:
         assert (found.d5_75, found.d5_95) == pytest.approx((7.0, 9.0), rel=1e-12)
         assert found.mean == 2.0
 
-    def test_ramp(self):
+    def test_measures_of_ramp(self):
         """t from 0 to 10 s: the energy grows with t^3."""
         found = measure(record(np.arange(21) * 0.5))
         assert (found.pga, found.pgv, found.pgd) == pytest.approx(
@@ -52,7 +52,7 @@ class TestClosedForms:
         assert found.d5_75 == pytest.approx(10.0 * 0.75 ** (1 / 3) - start, rel=1e-12)
         assert found.d5_95 == pytest.approx(10.0 * 0.95 ** (1 / 3) - start, rel=1e-12)
 
-    def test_what_a_run_leaves_out(self):
+    def test_omitted_arias_intensity_is_reported(self):
         """Of 2 m/s^2 for 10 s the energy grows with t, of a ramp with t^3: after 5 s come a half
         and 7 / 8 of it."""
         step, ramp = (
@@ -70,7 +70,7 @@ class TestClosedForms:
             == []
         )
 
-    def test_triangle_through_zero(self):
+    def test_measures_of_triangle_through_zero(self):
         """From 1 to -2 m/s^2 in 3 s: zero after 1 s, at rest again after 2 s."""
         found = measure(record([1.0, -2.0], dt=3.0))
         assert found.pgv == pytest.approx(
@@ -84,7 +84,7 @@ class TestClosedForms:
             2.0 / 3.0
         )  # where the velocity is zero, between the samples
 
-    def test_sine(self):
+    def test_measures_of_sine(self):
         """Twenty periods of A sin(omega t), 400 samples each."""
         amplitude, omega, n = 3.0, 2.0 * math.pi, 8000
         dt = 20.0 / n
@@ -96,7 +96,7 @@ class TestClosedForms:
         assert found.cav == pytest.approx(20.0 * 2.0 * amplitude / math.pi, rel=1e-4)
         assert (found.d5_75, found.d5_95) == pytest.approx((14.0, 18.0), rel=1e-3)
 
-    def test_spectrum_intensity_of_a_straight_line(self):
+    def test_spectrum_intensity_of_straight_line(self):
         periods = np.linspace(0.1, 2.5, 7)
         assert spectrum_intensity(periods, 2.0 + periods) == pytest.approx(
             2.4 * 2.0 + (2.5**2 - 0.1**2) / 2.0
@@ -114,7 +114,7 @@ class TestAgainstFineIntegration:
 
     @settings(max_examples=30)
     @given(st.lists(st.floats(-5.0, 5.0).map(thousandths), min_size=2, max_size=8))
-    def test_all(self, samples):
+    def test_measures_agree_with_fine_integration(self, samples):
         pieces = 2000
         motion = record(samples)
         t = np.arange((len(samples) - 1) * pieces + 1) / pieces
@@ -140,7 +140,7 @@ class TestAgainstFineIntegration:
 
 
 class TestUnusualRecords:
-    def test_nothing_but_zeros(self):
+    def test_measures_of_zero_record(self):
         found = measure(record([0.0, 0.0, 0.0]))
         assert (found.pga, found.pgv, found.pgd, found.arias, found.cav) == (
             0.0,
@@ -153,7 +153,7 @@ class TestUnusualRecords:
         assert math.isnan(found.d5_95)
         assert found.notes == ()
 
-    def test_beyond_the_range_of_floats(self):
+    def test_overflow_gives_infinite_measures(self):
         found = measure(record([1e300, -1e300]))
         assert not math.isfinite(found.arias)
         assert math.isnan(found.d5_95)
@@ -162,7 +162,7 @@ class TestUnusualRecords:
         ("samples", "expected"),
         [([0, 0, 1, 0], (2, 1)), ([1, 0, 1], (0, 0)), ([0, 0], (2, 0)), ([1], (0, 0))],
     )
-    def test_zeros_at_the_ends(self, samples, expected):
+    def test_zeros_at_ends_are_counted(self, samples, expected):
         assert zeros_at_ends(np.array(samples, dtype=float)) == expected
 
     @pytest.mark.parametrize(
@@ -190,21 +190,21 @@ class TestUnusualRecords:
             ([0, 1, -2, 1, 0], []),
         ],
     )
-    def test_doubts(self, samples, notes):
+    def test_suspect_samples_are_noted(self, samples, notes):
         assert list(measure(record(samples)).notes) == notes
 
 
 class TestMeasuresOfFrequencyAndLevel:
     """Mean period, A95 and bracketed duration against closed forms."""
 
-    def test_the_mean_period_of_a_sine_is_its_period(self):
+    def test_mean_period_of_sine_is_its_period(self):
         """100 whole periods of 2 Hz: one Fourier amplitude."""
         dt, frequency = 0.005, 2.0
         motion = record(np.sin(2.0 * math.pi * frequency * dt * np.arange(10_000)), dt)
         assert measure(motion).mean_period == pytest.approx(0.5, rel=1e-9)
         assert measure(motion.scaled(7.0)).mean_period == pytest.approx(0.5, rel=1e-9)
 
-    def test_the_mean_period_weights_periods_by_squared_amplitudes(self):
+    def test_mean_period_weights_periods_by_squared_amplitudes(self):
         """Amplitudes 1 at 1 Hz and 2 at 4 Hz: (1 x 1 + 4 x 0.25) / 5. Frequencies outside of 0.25
         to 20 Hz do not count."""
         time = 0.005 * np.arange(20_000)
@@ -212,7 +212,7 @@ class TestMeasuresOfFrequencyAndLevel:
         motion = sum(a * np.sin(2.0 * math.pi * f * time) for a, f in sines)
         assert measure(record(motion, 0.005)).mean_period == pytest.approx(0.4, rel=1e-9)
 
-    def test_zeros_behind_a_short_record_do_not_change_its_mean_period(self):
+    def test_trailing_zeros_do_not_change_mean_period(self):
         """The frequencies of a record of 2 s are 0.5 Hz apart; the limit is 0.05 Hz."""
         rng = np.random.default_rng(4)
         samples = rng.standard_normal(400) * np.hanning(400)
@@ -220,7 +220,7 @@ class TestMeasuresOfFrequencyAndLevel:
         padded = record(np.concatenate([samples, np.zeros(3600)]), 0.005)
         assert measure(short).mean_period == measure(padded).mean_period
 
-    def test_a95_of_a_ramp(self):
+    def test_a95_of_ramp(self):
         """The energy below A of a ramp from 0 to 1 is A^3 of the whole."""
         assert measure(record([0.0, 1.0])).a95 == pytest.approx(0.95 ** (1.0 / 3.0), rel=1e-12)
         assert measure(record([-3.0, 3.0])).a95 == pytest.approx(
@@ -237,7 +237,7 @@ class TestMeasuresOfFrequencyAndLevel:
         assert measure(record([*flat, *[2.0] * 11])).a95 == pytest.approx(2.0, rel=1e-9)
         assert measure(record([*[1.0] * 9001, 1.1, 1.1])).a95 == pytest.approx(1.0, rel=1e-9)
 
-    def test_the_bracketed_duration_is_between_crossings_of_straight_lines(self):
+    def test_bracketed_duration_uses_linear_crossings(self):
         """From 0 to 0.1 g, to -0.1 g, to 0 at intervals of 0.5 s: crossings at 0.25 s and 1.75 s...
         the last sample inside is -0.1 g at 1 s, and the line to 0 crosses -0.05 g at 1.25 s."""
         g = STANDARD_GRAVITY
@@ -248,7 +248,7 @@ class TestMeasuresOfFrequencyAndLevel:
         # One sample inside: 0.1 g, with 0 before and after.
         assert measure(record([0.0, 0.1 * g, 0.0])).bracketed_duration == pytest.approx(0.5)
 
-    def test_a_record_of_zeros_has_no_periods(self):
+    def test_zero_record_has_no_mean_period(self):
         still = measure(record([0.0] * 10))
         assert math.isnan(still.mean_period)
         assert (still.a95, still.bracketed_duration) == (0.0, 0.0)

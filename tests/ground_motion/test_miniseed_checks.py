@@ -28,7 +28,7 @@ class TestMiniSeed:
         path = write(tmp_path / "a", trace(values), reclen=512, encoding=request.param)
         return bytearray(path.read_bytes())
 
-    def test_sound(self, data):
+    def test_sound_file_is_compared(self, data):
         assert read_contents(bytes(data), "file").compared == ("number of samples",)
 
     # Where, from the beginning or the end of the file, which bytes instead, and what is then said
@@ -78,17 +78,17 @@ class TestMiniSeed:
             (39, b"\x02", "states . blockettes, it has ."),
         ],
     )
-    def test_other_bytes(self, data, place, content, message):
+    def test_changed_header_bytes_are_refused(self, data, place, content, message):
         place %= len(data)
         data[place : place + len(content)] = content
         refused(data, message)
 
-    def test_one_sample_more(self, data):
+    def test_additional_sample_in_header_is_refused(self, data):
         (count,) = struct.unpack_from(">H", data, 30)
         struct.pack_into(">H", data, 30, count + 1)
         refused(data, "corrupt|gap|overlap|Xn")
 
-    def test_a_record_that_swallows_others(self, data):
+    def test_too_long_record_is_refused(self, data):
         data[54] = 11
         message = (
             "its header states 2048 bytes, but another record begins after 512|has 1024 of 2048 "
@@ -96,7 +96,7 @@ class TestMiniSeed:
         )
         refused(data, message)
 
-    def test_fewer_samples_in_the_last_record(self, data):
+    def test_fewer_samples_in_last_record_are_reported(self, data):
         """No gap tells it, but the rest of the record is not empty; compressed samples miss the
         last one stated."""
         last = len(data) - 512
@@ -109,7 +109,7 @@ class TestMiniSeed:
             assert note.startswith(f"the last record of XX.ABC.00.HNE states {count - 10} samples")
 
     @pytest.mark.parametrize("multiplier", [-32768, 32767])
-    def test_a_step_that_no_recorder_has(self, tmp_path, multiplier):
+    def test_implausible_sampling_interval_is_refused(self, tmp_path, multiplier):
         path = write(tmp_path / "a", trace(wave(50)), reclen=512)
         data = bytearray(path.read_bytes())
         struct.pack_into(">hh", data, 32, 100, multiplier)
@@ -146,7 +146,7 @@ def seed_record(
 
 class TestMiniSeedByHand:
     @pytest.mark.parametrize("order", [">", "<"])
-    def test_what_a_header_says(self, order):
+    def test_header_fields_are_read(self, order):
         clock = {"year": 2011, "day": 70, "hour": 5, "minute": 46, "second": 24, "fraction": 1234}
         first = seed_record(order, **clock, samples=20, factor=200, rate=200.5)
         later = seed_record(
@@ -186,7 +186,7 @@ class TestMiniSeedByHand:
         ],
     )  # fmt: skip
     @pytest.mark.parametrize("order", [">", "<"])
-    def test_times_that_there_are(self, order, field, least, most):
+    def test_bounds_of_time_fields(self, order, field, least, most):
         for value in (least, most):
             assert len(look_at_mseed(seed_record(order, **{field: value}))) == 1
         for value in {least - 1, most + 1} - {-1}:
@@ -200,14 +200,14 @@ class TestMiniSeedByHand:
         ("factor", "multiplier", "rate"),
         [(100, 2, 200), (100, -2, 50), (-4, 2, 0.5), (-4, -2, 0.125), (0, 1, 0), (1, 0, 0)],
     )
-    def test_rates(self, factor, multiplier, rate):
+    def test_sampling_rate_from_factor_and_multiplier(self, factor, multiplier, rate):
         """SEED manual, chapter 8, fields 10 and 11: each of them positive for a factor, negative
         for a divisor."""
         (record,) = look_at_mseed(seed_record(factor=factor, multiplier=multiplier))
         assert (record.rate, record.end > record.start) == (rate, rate > 0)
 
     @pytest.mark.parametrize("order", [">", "<"])
-    def test_blockette_100_corrects_by_a_hundredth(self, order):
+    def test_blockette_100_may_differ_by_one_percent(self, order):
         for rate in (99.01, 100.99):
             look_at_mseed(seed_record(order, rate=rate))
         for rate in (98.99, 101.01, float("nan")):
@@ -218,7 +218,7 @@ class TestMiniSeedByHand:
             )
 
     @pytest.mark.parametrize(("encoding", "bits"), WIDTHS.items())
-    def test_room(self, encoding, bits):
+    def test_maximum_number_of_samples_of_encoding(self, encoding, bits):
         """As many samples of each encoding as the bytes behind the header hold, and none more."""
         room = (512 - 64) * 8 // bits
         (record,) = look_at_mseed(seed_record(encoding=encoding, samples=room))
@@ -230,7 +230,7 @@ class TestMiniSeedByHand:
         )
 
     @pytest.mark.parametrize("exponent", [7, 20])
-    def test_lengths(self, exponent):
+    def test_record_lengths(self, exponent):
         (record,) = look_at_mseed(seed_record(exponent=exponent))
         assert record.length == 2**exponent
         wrong = bytearray(seed_record(exponent=exponent))
@@ -239,7 +239,7 @@ class TestMiniSeedByHand:
             look_at_mseed, wrong, rf"its header states an invalid length of 2\^{wrong[54]} bytes"
         )
 
-    def test_channels_that_continue_others(self):
+    def test_channel_continuing_other_channel_is_refused(self):
         """In up to three letters another name, less than half a sample off."""
         first = seed_record(samples=50, second=1, fraction=0)
         for channel, fraction in ((b"HNF", 5000), (b"ABC", 5049)):
@@ -255,7 +255,7 @@ class TestMiniSeedByHand:
         )
         look_at_mseed(first + seed_record(second=1, fraction=5000, factor=50, channel=b"HNF"))
 
-    def test_blank_space_between_records(self):
+    def test_blank_space_between_records_is_skipped(self):
         """A file may be blank for long, in steps of the shortest record."""
         record = seed_record(exponent=7)
         for blank in (b"\0" * 128, b" " * 1280):
@@ -266,7 +266,7 @@ class TestMiniSeedByHand:
         refused_by(look_at_mseed, record + record[:100], "its last record has 100 of 128 bytes")
 
     @pytest.mark.parametrize("kind", [b"005", b"008", b"010", b"011"])
-    def test_volumes_with_control_headers(self, kind):
+    def test_control_headers_of_volumes_are_skipped(self, kind):
         """Of the length that the first one tells, or up to the next header."""
         for exponent in (8, 12):
             first = b"000001V " + kind + (b"009502.4%02d" % exponent if kind != b"011" else b"")
@@ -288,7 +288,7 @@ class TestMiniSeedByHand:
 
 
 @pytest.mark.parametrize("name", ["CDSN", "DWWSSN", "GEOSCOPE16_4", "SRO"])
-def test_rare_encodings_have_no_more_samples_than_room(name):
+def test_excessive_samples_of_rare_encodings_are_refused(name):
     data = bytearray(need_obspy_data(f"mseed/tests/data/{name}_encoding.mseed").read_bytes())
     assert read_contents(bytes(data), "file").compared == ("number of samples",)
     struct.pack_into(">H", data, 30, 60000)
@@ -305,7 +305,7 @@ class TestSteim:
             control |= code << (30 - 2 * place)
         return struct.pack(">Iii13I", control, first, last, *(words + [0] * (13 - len(words))))
 
-    def test_steim_1(self):
+    def test_samples_of_steim_1_are_counted(self):
         # Four differences of a byte (the first one is passed over), two of 16 bits, one of 32.
         words = [struct.unpack(">I", struct.pack(">4b", 9, 1, -2, 3))[0]]
         words.append(struct.unpack(">I", struct.pack(">2h", -300, 500))[0])
@@ -313,7 +313,7 @@ class TestSteim:
         frames = self.frames(words, [1, 2, 3], 1000, -98_798)
         assert most_samples(frames, 1) == 7
 
-    def test_steim_2(self):
+    def test_samples_of_steim_2_are_counted(self):
         def pack(values, bits, code):
             word = code << 30
             for place, value in enumerate(values):

@@ -64,7 +64,7 @@ EVERYTHING = {
 }
 
 
-def test_the_order_of_the_steps_is_fixed():
+def test_order_of_processing_steps_is_fixed():
     before = noise()
     one_by_one = before
     for step in (
@@ -83,7 +83,7 @@ def test_the_order_of_the_steps_is_fixed():
     assert not Processing()
 
 
-def test_every_step_is_told_and_the_rest_is_kept():
+def test_every_step_is_noted_and_other_attributes_are_kept():
     before = replace(noise(), inputs=(Input("x", "00"),))
     copy = before.acceleration.copy()
     after = process(before, **EVERYTHING)
@@ -112,7 +112,7 @@ def test_every_step_is_told_and_the_rest_is_kept():
 
 @settings(max_examples=3, deadline=None)
 @given(factor=st.floats(-3.0, 3.0), seed=st.integers(0, 99))
-def test_all_steps_are_linear(factor, seed):
+def test_processing_steps_are_linear(factor, seed):
     one, other = noise(seed=seed), noise(seed=seed + 100)
     both = process(
         record(one.acceleration + factor * other.acceleration), **EVERYTHING
@@ -131,7 +131,7 @@ def test_all_steps_are_linear(factor, seed):
         ((0.495, 0.515), 50, 51),
     ],
 )  # fmt: skip
-def test_trim_keeps_the_samples_within(part, first, last):
+def test_trim_keeps_samples_within_bounds(part, first, last):
     before = record(np.arange(201.0))
     after = process(before, trim=part)
     np.testing.assert_array_equal(after.acceleration, np.arange(first, last + 1.0))
@@ -139,14 +139,14 @@ def test_trim_keeps_the_samples_within(part, first, last):
 
 
 @pytest.mark.parametrize("dt", [0.005, 1.0 / 128.0, 31.026 / 7339.0, 0.1])
-def test_bounds_of_a_trim_may_be_samples_whatever_the_rounding(dt):
+def test_trim_bounds_are_tolerant_to_rounding(dt):
     before = record(np.arange(1001.0), dt)
     for first in range(0, 990, 7):
         after = process(before, trim=(first * dt, (first + 10) * dt))
         np.testing.assert_array_equal(after.acceleration, np.arange(first, first + 11.0))
 
 
-def test_a_constant_baseline_is_the_mean():
+def test_constant_baseline_is_mean():
     after = process(record(noise().acceleration + 5.0), baseline="constant").acceleration
     assert abs(after.mean()) < 1e-14
     np.testing.assert_allclose(
@@ -154,7 +154,7 @@ def test_a_constant_baseline_is_the_mean():
     )
 
 
-def test_a_linear_baseline_is_orthogonal_to_every_line():
+def test_linear_baseline_is_orthogonal_to_lines():
     t = np.arange(2000.0)
     after = process(noise(), baseline="linear").acceleration
     assert abs(np.dot(after, np.ones_like(t))) < 1e-10
@@ -179,7 +179,7 @@ def test_pad_adds_zeros(pad, before, after):
 
 @pytest.mark.parametrize("corners", [None, 1, 2, 8])
 @pytest.mark.parametrize("frequency", [0.5, 2.0, 5.0, 12.0])
-def test_a_sine_loses_amplitude_and_no_phase(frequency, corners):
+def test_filter_changes_amplitude_but_not_phase_of_sine(frequency, corners):
     before = sine(frequency, seconds=90.0)
     low = process(before, lowpass=5.0, filter_order=corners).acceleration
     high = process(before, highpass=5.0, filter_order=corners).acceleration
@@ -190,7 +190,7 @@ def test_a_sine_loses_amplitude_and_no_phase(frequency, corners):
 
 @pytest.mark.parametrize("kind", ["highpass", "lowpass"])
 @pytest.mark.parametrize(("corner", "corners"), [(0.05, 4), (2.0, 4), (49.0, 10), (0.001, 1)])
-def test_zeros_around_the_record_change_nothing(kind, corner, corners):
+def test_filter_does_not_depend_on_zero_padding(kind, corner, corners):
     """The filter is that of the motion which is zero outside its samples, however much of that is
     written out."""
     alone = process(noise(), **{kind: corner}, filter_order=corners).acceleration
@@ -204,7 +204,7 @@ def test_zeros_around_the_record_change_nothing(kind, corner, corners):
 
 
 @pytest.mark.parametrize("parts", [2, 3, 10])
-def test_old_samples_are_kept_between_new_ones(parts):
+def test_refined_resampling_keeps_old_samples(parts):
     before = noise(600)
     done = process(before, resample=DT / parts)
     assert done.acceleration.size == parts * 599 + 1
@@ -213,7 +213,7 @@ def test_old_samples_are_kept_between_new_ones(parts):
 
 
 @pytest.mark.parametrize("new", [0.0025, 0.004, 1.0 / 128.0, 0.02, 0.025, 0.0137, 0.1])
-def test_a_sine_that_both_can_hold_is_kept(new):
+def test_resampling_keeps_sine_below_nyquist_frequencies(new):
     """Up to 0.9 of the old Nyquist frequency (shorter interval) or 0.8 of the new one (longer)."""
     frequency = min(0.9 * 0.5 / DT, 0.8 * 0.5 / new)
     done = process(sine(frequency), resample=new)
@@ -224,15 +224,13 @@ def test_a_sine_that_both_can_hold_is_kept(new):
 
 @pytest.mark.parametrize("new", [0.02, 0.025, 0.0137, 0.1])
 @pytest.mark.parametrize("part", [1.0, 1.1, 1.3])
-def test_what_the_new_interval_cannot_hold_is_gone_and_does_not_come_back_as_another_frequency(
-    new, part
-):
+def test_resampling_removes_frequencies_above_nyquist_without_aliasing(new, part):
     done = process(sine(part * 0.5 / new), resample=new)
     np.testing.assert_allclose(middle(done.acceleration), 0.0, atol=2e-5)
 
 
 @pytest.mark.parametrize("new", [0.004, 31.026 / 7339.0, 0.02, 0.03])
-def test_a_constant_stays_one_and_the_last_sample_is_not_passed(new):
+def test_resampling_keeps_constant_and_duration(new):
     done = process(record(np.ones(1501)), resample=new)
     np.testing.assert_allclose(middle(done.acceleration), 1.0, atol=1e-13)
     assert 15.0 - new < done.duration <= 15.0 + 1e-9
@@ -268,7 +266,7 @@ def test_a_constant_stays_one_and_the_last_sample_is_not_passed(new):
         ({"pad": 8e307}, "pad must add at most 50000000 samples, got 2000000000000000000"),
     ],
 )
-def test_steps_that_do_not_fit_the_record(wanted, message):
+def test_incompatible_processing_is_refused(wanted, message):
     with pytest.raises(RecordError, match=message):
         process(noise(), **wanted)
 
@@ -296,7 +294,7 @@ def test_steps_that_do_not_fit_the_record(wanted, message):
         {"resample": math.nan},
     ],
 )
-def test_values_that_make_no_sense(wanted):
+def test_invalid_processing_values_are_refused(wanted):
     (name, *_), message = wanted, "(filter_order|trim|baseline|pad|highpass|lowpass|resample)"
     with pytest.raises(UsageError, match=message) as error:
         process(noise(), **wanted)
@@ -315,12 +313,12 @@ def test_values_that_make_no_sense(wanted):
         *((parse_pad, text, None) for text in ("1:", "")),
     ],
 )
-def test_texts_of_the_command_line(parse, text, value):
+def test_processing_texts_are_parsed(parse, text, value):
     with pytest.raises(UsageError, match="must be") if value is None else nullcontext():
         assert parse(text) == value
 
 
-def test_a_quadratic_baseline_is_orthogonal_to_every_parabola():
+def test_quadratic_baseline_is_orthogonal_to_parabolas():
     """The rest of a least-squares fit is orthogonal to 1, t and t^2; a parabola leaves nothing."""
     t = np.arange(noise().acceleration.size, dtype=float)
     after = process(noise(), baseline="quadratic").acceleration

@@ -28,8 +28,8 @@ def three(tmp_path):
     return write(tmp_path / "three.mseed", *traces)
 
 
-class TestWhatARecordTells:
-    def test_mseed_float_whatever_the_file_is_called(self, tmp_path, monkeypatch):
+class TestRecordAttributes:
+    def test_miniseed_is_read_with_any_file_name(self, tmp_path, monkeypatch):
         path = write(tmp_path / "record[1]*?.gz", trace(wave()))
         record = read_record(path)
         np.testing.assert_array_equal(record.acceleration, wave())
@@ -55,7 +55,7 @@ class TestWhatARecordTells:
             (0.1 * wave() + 0.1, "25% of the peak"),
         ],
     )
-    def test_doubts(self, tmp_path, data, note):
+    def test_suspect_samples_are_noted(self, tmp_path, data, note):
         record = read_record(write(tmp_path / "a", trace(data)), units="10 m/s^2")
         assert any(note in text for text in (*record.warnings, *record.notes))
 
@@ -65,7 +65,7 @@ class TestFormats:
     @pytest.mark.parametrize(
         "options", [{"byteorder": "<"}, {"byteorder": ">"}, {"reclen": 256}, {"reclen": 4096}]
     )
-    def test_mseed(self, tmp_path, encoding, options):
+    def test_miniseed_encodings_are_read(self, tmp_path, encoding, options):
         data = {"FLOAT32": wave().astype(np.float32), "FLOAT64": wave()}.get(encoding, counts())
         path = write(tmp_path / "a", trace(data), encoding=encoding, **options)
         np.testing.assert_array_equal(read_record(path, units="1 m/s^2").acceleration, data)
@@ -79,13 +79,13 @@ class TestFormats:
             ("TSPAIR", wave(), None, 0.01),
         ],
     )
-    def test_other_formats(self, tmp_path, name, samples, units, scale):
+    def test_other_obspy_formats_are_read(self, tmp_path, name, samples, units, scale):
         path = write(tmp_path / "a", trace(samples, ascii={"unit": "CM/S**2"}), format=name)
         np.testing.assert_allclose(
             read_record(path, units=units).acceleration, samples * scale, rtol=1e-8, atol=1e-9
         )
 
-    def test_text_without_unit_in_the_header(self, tmp_path):
+    def test_slist_without_unit_requires_units(self, tmp_path):
         path = tmp_path / "a.txt"
         path.write_text(
             "TIMESERIES XX_ABC_00_HNE_D, 3 samples, 100 sps, 2020-01-02T03:04:05, SLIST, "
@@ -93,7 +93,7 @@ class TestFormats:
         )
         assert read_record(path, units="gal").pga == 0.02
 
-    def test_plugins_are_of_obspy_or_of_this_project_and_no_pickle(self):
+    def test_plugins_exclude_pickle(self):
         by_name = {plugin.name: plugin for plugin in plugins()}
         assert "PICKLE" not in by_name
         assert set(OBSPY_FORMATS) <= set(by_name)
@@ -102,7 +102,7 @@ class TestFormats:
             for plugin in by_name.values()
         )
 
-    def test_the_distributions_are_asked_once_and_only_the_plugin_of_the_format_is_loaded(self):
+    def test_only_plugin_of_format_is_loaded(self):
         code = """
 import importlib.metadata, sys
 asked = []
@@ -120,7 +120,7 @@ print([name for name in sys.modules if name.startswith("tdint.ground_motion.form
         )
         assert result.stdout.splitlines() == ["1 1 ['mseed']", "[]"], result.stderr
 
-    def test_text_channels_are_left_out(self, tmp_path):
+    def test_text_channels_are_omitted(self, tmp_path):
         log = trace(np.frombuffer(b"door opened" * 3, dtype="S1"), channel="LOG")
         parts = [write(tmp_path / "a", log), write(tmp_path / "b", trace(wave()))]
         (tmp_path / "c").write_bytes(b"".join(part.read_bytes() for part in parts))
@@ -136,7 +136,7 @@ class TestKnet:
     def path(self):
         return need_obspy_data("nied/tests/data/test.knet")
 
-    def test_peak_is_that_of_the_header(self, path):
+    def test_peak_agrees_with_header(self, path):
         record = read_record(path)
         assert record.pga * 100 == pytest.approx(4.383, abs=0.0005)
         assert abs(record.acceleration.mean()) < 1e-12
@@ -165,13 +165,13 @@ class TestKnet:
             ),
         ],
     )
-    def test_another_peak_or_length_than_the_header_s(self, path, tmp_path, old, new, message):
+    def test_wrong_peak_or_length_in_header_is_refused(self, path, tmp_path, old, new, message):
         changed = tmp_path / "a.knet"
         changed.write_bytes(path.read_bytes().replace(old, new))
         refused(changed, message)
 
     @pytest.mark.parametrize("length", [14000, 700, 400, 100, 12])
-    def test_cut_off(self, path, length):
+    def test_truncated_file_is_refused(self, path, length):
         refused(path.read_bytes()[:length], "corrupt")
 
 
@@ -184,12 +184,12 @@ def test_kinemetrics_calibration_is_applied_once():
     )
 
 
-def test_gse2_whose_samples_look_like_their_end():
+def test_gse2_samples_similar_to_end_mark_are_read():
     path = need_obspy_data("gse2/tests/data/twiceCHK2.gse2")
     assert read_record(path, units="1 gal").acceleration.size == 750
 
 
-def test_full_seed_volume():
+def test_full_seed_volume_is_read():
     path = need_obspy_data("mseed/tests/data/fullseed.mseed")
     assert [record.component for record in read_records(path, units="1 gal")] == [
         "BHN",
@@ -199,7 +199,7 @@ def test_full_seed_volume():
 
 
 class TestComponents:
-    def test_all_in_file_order(self, three):
+    def test_components_are_in_file_order(self, three):
         assert [(r.component, round(r.pga, 12)) for r in read_records(three)] == [
             ("HNE", 1),
             ("HNN", 2),
@@ -210,28 +210,28 @@ class TestComponents:
     @pytest.mark.parametrize(
         "name", ["HNN", "hnn", " HNN ", "XX.ABC.00.HNN", "xx.abc.00.hnn", "N", "n"]
     )
-    def test_one(self, three, name):
+    def test_component_is_selected_by_name(self, three, name):
         assert read_record(three, component=name).component == "HNN"
         assert [r.component for r in read_records(three, component=name)] == ["HNN"]
 
     @pytest.mark.parametrize("name", ["HNX", "X", "", "HN", "H"])
-    def test_unknown(self, three, name):
+    def test_unknown_component_is_refused(self, three, name):
         refused(
             three, f"component '{name}' not found; the components are HNE, HNN, HNZ", component=name
         )
 
-    def test_several_that_match(self, tmp_path):
+    def test_ambiguous_component_is_refused(self, tmp_path):
         path = write(tmp_path / "a", trace(wave(), channel="HNE"), trace(wave(), channel="HLE"))
         refused(path, "several components match 'E', choose one: HNE, HLE", component="E")
         path = write(tmp_path / "b", trace(wave()), trace(wave(peak=1.0), location="10"))
         refused(path, r"choose one: XX\.ABC\.00\.HNE, XX\.ABC\.10\.HNE", component="HNE")
         assert read_record(path, component="XX.ABC.10.HNE").pga == 1.0
 
-    def test_others_may_be_unusable(self, tmp_path):
+    def test_unselected_components_may_be_invalid(self, tmp_path):
         path = write(tmp_path / "a", trace(wave()), trace([1.0, np.nan, 2.0], channel="HNN"))
         assert read_record(path, component="HNE").pga == 3.0
 
-    def test_different_sampling(self, tmp_path):
+    def test_different_sampling_intervals_are_refused(self, tmp_path):
         path = write(tmp_path / "a", trace(wave()), trace(wave(), channel="HNN", dt=0.02))
         with pytest.raises(
             RecordError, match=r"HNN is sampled at 0\.02 s and XX\.ABC\.00\.HNE at 0\.01 s"
@@ -262,10 +262,10 @@ class TestPieces:
             ),
         ],
     )
-    def test_gap_overlap_and_changing_interval(self, tmp_path, second, message):
+    def test_gap_overlap_and_changing_interval_are_refused(self, tmp_path, second, message):
         refused(write(tmp_path / "a", trace(wave(600)), trace(wave(400), **second)), message)
 
-    def test_changing_type(self, tmp_path):
+    def test_changing_encoding_is_refused(self, tmp_path):
         first = write(tmp_path / "a", trace(counts(600)))
         second = write(tmp_path / "b", trace(wave(400), start=START + 6.0))
         refused(first.read_bytes() + second.read_bytes(), r"different encodings, \[5, 11\]")
@@ -292,18 +292,18 @@ class TestOwnPlugins:
         path.write_text("OWN cm/s^2")
         return path
 
-    def test_units_of_the_file_and_of_the_user(self, path):
+    def test_units_of_file_must_agree_with_specified_units(self, path):
         for units in (None, "gal"):
             record = read_record(path, units=units)
             assert (record.pga, record.notes) == (pytest.approx(0.03), ())
         refused(path, "but g is specified", units="g")
 
-    def test_its_own_error(self, path):
+    def test_error_of_plugin_is_reported(self, path):
         path.write_text("OWN")
         refused(path, r"a\.own: names no unit$")
 
 
-def test_a_record_is_read_where_there_is_no_folder_for_temporary_files(monkeypatch):
+def test_record_is_read_without_temporary_directory(monkeypatch):
     def none():
         raise FileNotFoundError("No usable temporary directory found")
 

@@ -16,22 +16,22 @@ from tdint.ground_motion.reading.read import make_record, read_record, read_reco
 
 
 class TestNoFile:
-    def test_missing_or_a_directory(self, tmp_path):
+    def test_missing_file_and_directory_are_refused(self, tmp_path):
         refused(tmp_path / "none.mseed", "file not found")
         refused(tmp_path, "is a directory")
 
-    def test_empty(self, tmp_path, monkeypatch):
+    def test_empty_file_is_refused(self, tmp_path, monkeypatch):
         (tmp_path / "a").touch()
         refused(tmp_path / "a", "is empty")
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"")))
         refused("-", "is empty")
 
     @pytest.mark.parametrize("stdin", [None, io.StringIO("text")])
-    def test_no_standard_input(self, monkeypatch, stdin):
+    def test_closed_standard_input_is_refused(self, monkeypatch, stdin):
         monkeypatch.setattr(sys, "stdin", stdin)
         refused("-", "standard input is closed")
 
-    def test_no_permission(self, tmp_path, monkeypatch):
+    def test_file_without_permission_is_refused(self, tmp_path, monkeypatch):
         """Whoever runs the tests: the superuser may read everything."""
 
         def refuse(*_):
@@ -49,7 +49,7 @@ class TestNoFile:
             ("file:///etc/hostname", "addresses are not fetched"),
         ],
     )
-    def test_impossible_names_and_addresses(self, name, message, monkeypatch):
+    def test_impossible_names_and_addresses_are_refused(self, name, message, monkeypatch):
         monkeypatch.setattr("socket.socket.connect", lambda *_: pytest.fail("went to the network"))
         refused(name, message)
 
@@ -58,12 +58,12 @@ class TestNoFile:
         with pytest.raises(RecordError, match="wildcards are not expanded"):
             read_record(tmp_path / "*.mseed")
 
-    def test_too_large(self, tmp_path, monkeypatch):
+    def test_too_large_file_is_refused(self, tmp_path, monkeypatch):
         monkeypatch.setattr("tdint.ground_motion.reading.contents.MAX_FILE_BYTES", 4096)
         refused(write(tmp_path / "a", trace(wave())), "larger than")
 
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
-    def test_a_named_pipe_is_not_waited_for(self, tmp_path):
+    def test_named_pipe_is_refused(self, tmp_path):
         os.mkfifo(tmp_path / "pipe")
         refused(tmp_path / "pipe", "is a named pipe")
         reading, writing = os.pipe()
@@ -87,17 +87,17 @@ class TestNoRecord:
             b"D" * 600,
         ],
     )
-    def test_unknown_format(self, data):
+    def test_unknown_format_is_refused(self, data):
         refused(
             data,
             "unknown format(; supported formats: MSEED, KNET|: a table of numbers starts in line "
             "1)",
         )
 
-    def test_compressed(self):
+    def test_compressed_file_is_refused(self):
         refused(gzip.compress(b"words"), r"compressed \(gzip\); uncompress it first")
 
-    def test_pickled_stream(self, tmp_path):
+    def test_pickled_stream_is_refused(self, tmp_path):
         refused(write(tmp_path / "a.mseed", trace(wave()), format="PICKLE"), "may execute code")
 
     @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
@@ -113,14 +113,14 @@ class TestNoRecord:
         refused(pickle.dumps((start, Crafted()), protocol), "unknown format")
         assert not trap.exists()
 
-    def test_no_numbers(self, tmp_path):
+    def test_file_without_numeric_samples_is_refused(self, tmp_path):
         log = trace(np.frombuffer(b"door opened" * 3, dtype="S1"), channel="LOG")
         refused(write(tmp_path / "a", log), "no samples of ground motion")
 
 
 class TestSamples:
     @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-    def test_not_finite(self, tmp_path, bad):
+    def test_non_finite_samples_are_refused(self, tmp_path, bad):
         data = wave()
         data[[250, 300]] = bad
         message = (
@@ -129,24 +129,24 @@ class TestSamples:
         )
         refused(write(tmp_path / "a", trace(data)), message)
 
-    def test_too_large_in_these_units_or_one_alone(self, tmp_path):
+    def test_overflowing_or_single_sample_is_refused(self, tmp_path):
         refused(write(tmp_path / "a", trace([0.0, 1e308])), "not finite", units="1e9 g")
         refused(write(tmp_path / "a", trace([1.0])), "only one sample; a record needs at least two")
 
-    def test_masked(self):
+    def test_masked_samples_are_refused(self):
         masked = trace(wave())
         masked.data = np.ma.masked_greater(masked.data, 2.5)
         with pytest.raises(RecordError, match=r"samples? marked as missing"):
             make_record(masked)
 
     @pytest.mark.parametrize("delta", [0.0, np.inf, np.nan])
-    def test_sampling_interval(self, delta):
+    def test_invalid_sampling_interval_is_refused(self, delta):
         odd = trace(wave())
         dict.__setitem__(odd.stats.__dict__, "delta", delta)
         with pytest.raises(RecordError, match="sampling interval must be positive"):
             make_record(odd)
 
-    def test_time_beyond_the_calendar(self, tmp_path):
+    def test_start_time_beyond_calendar_is_refused(self, tmp_path):
         data = bytearray(
             write(tmp_path / "a", trace(wave()), format="SAC", byteorder="<").read_bytes()
         )
@@ -156,7 +156,7 @@ class TestSamples:
 
 class TestCutOff:
     @pytest.mark.parametrize("length", [256, 4096])
-    def test_mseed_anywhere_but_between_records(self, tmp_path, length):
+    def test_miniseed_truncated_within_record_is_refused(self, tmp_path, length):
         whole = write(
             tmp_path / "a", trace(wave(800)), encoding="FLOAT64", reclen=length
         ).read_bytes()
@@ -167,22 +167,22 @@ class TestCutOff:
         assert read_record(tmp_path / "cut").acceleration.size < 800
 
     @pytest.mark.parametrize("name", ["SAC", "GSE2", "SLIST", "TSPAIR"])
-    def test_other_formats(self, tmp_path, name):
+    def test_other_truncated_formats_are_refused(self, tmp_path, name):
         data = counts(300).astype(np.int32 if name == "GSE2" else np.float32)
         whole = write(tmp_path / "a", trace(data), format=name).read_bytes()
         for part in (0.3, 0.6, 0.9, 0.97):
             (tmp_path / "cut").write_bytes(whole[: int(part * len(whole))])
             refused(tmp_path / "cut", "corrupt|unknown format", units="1 gal")
 
-    def test_a_station_whose_code_has_a_dot(self, tmp_path):
+    def test_station_code_with_dot_is_read(self, tmp_path):
         path = write(tmp_path / "a", trace(wave(), station="A.B"), format="SH_ASC")
         assert read_record(path, units="m/s^2").acceleration.size == 1000
 
 
-class TestWhatCrashesTheReaders:
+class TestFilesCrashingReaders:
     """Files that end ObsPy's readers in C with a crash, or never."""
 
-    def test_gse2(self, tmp_path):
+    def test_gse2_with_excessive_samples_is_refused(self, tmp_path):
         data = write(tmp_path / "a", trace(counts()), format="GSE2").read_bytes()
         refused(
             data.replace(b"    1000 ", b"90001000 "),
@@ -202,7 +202,7 @@ class TestWhatCrashesTheReaders:
 @pytest.mark.parametrize(
     ("slip", "noted"), [(0.0, False), (0.0005, False), (0.001, True), (-0.002, True), (0.005, True)]
 )
-def test_a_break_of_a_part_of_a_sample_is_told(tmp_path, slip, noted):
+def test_time_gap_below_sampling_interval_is_noted(tmp_path, slip, noted):
     """At 100 Hz; libmseed joins records up to half a sampling interval apart. Of two breaks the
     larger one is told."""
     samples = np.sin(0.1 * np.arange(2000)).reshape(4, 500)

@@ -49,7 +49,7 @@ IN_THOUSANDTHS = ("stgopuentealto1002271parte2.v1", "NEWPORT.RAW", "ce23583r_HES
 @pytest.mark.parametrize(
     ("name", "dt", "samples", "peaks"), RECORDS, ids=[record[0] for record in RECORDS]
 )
-def test_samples_interval_and_peak(name, dt, samples, peaks):
+def test_samples_interval_and_peak_of_real_records(name, dt, samples, peaks):
     path = real_file(name)
     inventory = real_file("CI.CLC.xml") if name.startswith("CI.CLC") else None
     units = "g" if name.endswith(".sac") else None

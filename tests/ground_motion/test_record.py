@@ -14,7 +14,7 @@ def record(samples):
     )
 
 
-def test_samples_are_a_read_only_copy():
+def test_samples_are_read_only_copy():
     samples = np.array([0, 9, 1, 9, -3, 9])
     made = record(samples[::2])
     samples[:] = 7
@@ -24,7 +24,7 @@ def test_samples_are_a_read_only_copy():
         made.acceleration[0] = 1.0
 
 
-def test_scaled_keeps_everything_else():
+def test_scaling_keeps_other_attributes():
     made = record([0.0, 1.0, -3.0])
     half = made.scaled(-0.5)
     assert half.acceleration.tolist() == [0.0, -0.5, 1.5]
@@ -46,24 +46,24 @@ def test_scaled_keeps_everything_else():
         (None, "must be real numbers"),
     ],
 )
-def test_what_is_no_row_of_numbers_is_refused(samples, message):
+def test_invalid_samples_are_refused(samples, message):
     with pytest.raises(RecordError, match=message):
         record(samples)
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.01, np.nan, np.inf, None, "0.01", 0.01j, True])
-def test_a_sampling_interval_is_a_positive_number(dt):
+def test_sampling_interval_must_be_positive(dt):
     with pytest.raises(RecordError, match="sampling interval must be a positive number"):
         Record(acceleration=[0.0, 1.0], dt=dt, start="", id="", component="", source="")
 
 
-def test_a_scale_beyond_what_floats_hold():
+def test_overflowing_scale_is_refused():
     with pytest.raises(RecordError, match="got inf"):
         record(np.array([0.0, 1e300])).scaled(1e100)
 
 
 @pytest.mark.parametrize("source", [3, None, ["a.yaml"]])
-def test_a_model_is_a_file_or_a_stream(source):
+def test_model_must_be_file_or_stream(source):
     with pytest.raises(
         ModelError, match="a model must be the name of a file or a text stream, not"
     ):

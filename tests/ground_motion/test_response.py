@@ -99,7 +99,7 @@ def read(folder, data, **options):
     return read_record(path, inventory=str(station_xml(folder / "a.xml", "HNE", **options)))
 
 
-def test_flat_response(tmp_path):
+def test_flat_response_divides_by_gain(tmp_path):
     data = counts() + 1234
     record = read(tmp_path, data)
     np.testing.assert_allclose(
@@ -112,7 +112,7 @@ def test_flat_response(tmp_path):
     )
 
 
-def test_what_a_digital_filter_stops_is_faded_out(tmp_path):
+def test_frequencies_stopped_by_digital_filter_are_faded_out(tmp_path):
     """Three taps, 1/4, 1/2 and 1/4, leave cos^2(pi f dt) of the amplitude."""
     taps = [0.25, 0.5, 0.25]
     record = read(tmp_path, 1e8 * np.convolve(PULSE, taps, mode="same"), taps=taps)
@@ -124,7 +124,7 @@ def test_what_a_digital_filter_stops_is_faded_out(tmp_path):
     assert not any(note.startswith("ObsPy") for note in record.notes)
 
 
-def test_frequencies_that_were_stopped_stay_away(tmp_path):
+def test_stopped_frequencies_are_not_amplified(tmp_path):
     """Noise in the counts, which no ground motion behind the filter can have made, is not blown
     up."""
     noise = np.random.default_rng(0).integers(-1000, 1000, 4000)
@@ -132,7 +132,7 @@ def test_frequencies_that_were_stopped_stay_away(tmp_path):
     assert 1000 / GAIN < record.pga < 3000 / GAIN
 
 
-def test_a_motion_that_rests_at_its_ends_is_exact(tmp_path):
+def test_motion_at_rest_at_both_ends_is_exact(tmp_path):
     data = np.round(PULSE * 1e8)
     expected = (data - data.mean()) / GAIN
     np.testing.assert_allclose(
@@ -140,7 +140,7 @@ def test_a_motion_that_rests_at_its_ends_is_exact(tmp_path):
     )
 
 
-def test_poles_are_undone(tmp_path):
+def test_response_of_pole_is_removed(tmp_path):
     """A sensor of one pole at 20 Hz: a low-pass filter whose output is known in closed form."""
     corner = 2 * np.pi * 20.0
     omega, time = 2 * np.pi * 2.0, np.arange(4000) * 0.01
@@ -155,7 +155,7 @@ def test_poles_are_undone(tmp_path):
     assert record.pga > 1.003 * np.abs(data).max() / GAIN
 
 
-def test_every_component(tmp_path):
+def test_response_is_removed_from_every_component(tmp_path):
     inventory = station_xml(tmp_path / "a.xml", "HNE", "HNN")
     path = write(tmp_path / "a.mseed", trace(counts()), trace(2 * counts(), channel="HNN"))
     east, north = read_records(path, inventory=inventory)
@@ -176,14 +176,14 @@ def test_every_component(tmp_path):
     ],
     ids=["channel", "epoch", "stages"],
 )
-def test_what_is_missing(tmp_path, channel, start, options, message):
+def test_missing_response_is_reported(tmp_path, channel, start, options, message):
     path = write(tmp_path / "a.mseed", trace(counts(), start=start))
     with pytest.raises(RecordError, match=message):
         read_record(path, inventory=station_xml(tmp_path / "a.xml", channel, **options))
 
 
 @pytest.mark.parametrize("data", [None, b"", b"no xml", b"<a/>", b"<FDSNStationXML", b"\x80\x04."])
-def test_no_station_xml(tmp_path, data):
+def test_invalid_station_xml_is_refused(tmp_path, data):
     if data is not None:
         (tmp_path / "a.xml").write_bytes(data)
     message = "file not found" if data is None else "the file is empty|cannot be read as StationXML"
@@ -191,7 +191,7 @@ def test_no_station_xml(tmp_path, data):
         read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=tmp_path / "a.xml")
 
 
-def test_entities_are_refused(tmp_path):
+def test_xml_entities_are_refused(tmp_path):
     path = tmp_path / "a.xml"
     text = '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]><FDSNStationXML>&b;</FDSNStationXML>'
     for encoding in ("utf-8", "utf-16", "utf-16-be", "utf-8-sig", "latin-1"):
@@ -206,7 +206,7 @@ def test_entities_are_refused(tmp_path):
         read_instruments(path)
 
 
-def test_file_with_units_of_its_own(tmp_path):
+def test_inventory_is_ignored_if_file_states_units(tmp_path):
     path = write(tmp_path / "a.txt", trace(wave(), ascii={"unit": "CM/S**2"}), format="SLIST")
     record = read_record(path, inventory=station_xml(tmp_path / "a.xml", "HNE"))
     assert (record.units_from, len(record.inputs)) == ("file", 1)

@@ -36,7 +36,7 @@ def suite(tmp_path: Path) -> dict[str, Path]:
 @pytest.mark.parametrize(
     "units", [UNITS, "SAC=g,*.mseed=m/s^2", "*.mseed=m/s^2, sac = g", "in/*.sac=g,in/b.mseed=m/s^2"]
 )
-def test_formats_and_ends_of_paths(suite, units) -> None:
+def test_units_by_format_and_path(suite, units) -> None:
     of_each = {name: read_record(suite[name], units=units) for name in ("sac", "mseed", "stated")}
     assert {name: record.units_from for name, record in of_each.items()} == {
         "sac": "given",
@@ -48,7 +48,7 @@ def test_formats_and_ends_of_paths(suite, units) -> None:
     assert of_each["stated"].pga == pytest.approx(0.03)
 
 
-def test_the_first_entry_that_fits_counts(suite) -> None:
+def test_first_matching_entry_is_used(suite) -> None:
     assert read_record(suite["sac"], units={"*.sac": "gal", "SAC": "g"}).pga == pytest.approx(0.03)
     refused(
         suite["sac"],
@@ -57,7 +57,7 @@ def test_the_first_entry_that_fits_counts(suite) -> None:
     )
 
 
-def test_an_inventory_is_for_counts_whose_units_nobody_says(suite, tmp_path) -> None:
+def test_inventory_applies_to_counts_without_units(suite, tmp_path) -> None:
     station = station_xml(tmp_path / "a.xml", "HNE")
     by_response = read_record(suite["counts"], inventory=station)
     for units in (
@@ -73,7 +73,7 @@ def test_an_inventory_is_for_counts_whose_units_nobody_says(suite, tmp_path) -> 
     refused(suite["counts"], "the samples are counts", units=UNITS)
 
 
-def test_a_table(suite, tmp_path) -> None:
+def test_units_from_table(suite, tmp_path) -> None:
     table = tmp_path / "units.csv"
     table.write_text("record,units\nin/a.sac,g\n../in/b.mseed,cm/s^2\nd.txt,\n")
     assert read_record(suite["sac"], units=str(table)).pga == pytest.approx(3.0 * STANDARD_GRAVITY)
@@ -90,7 +90,7 @@ def test_a_table(suite, tmp_path) -> None:
         read_record(suite["sac"], units=str(table))
 
 
-def test_a_name_with_signs_of_patterns_stands_for_itself(tmp_path) -> None:
+def test_wildcards_in_table_are_literal(tmp_path) -> None:
     path = write(tmp_path / "a[1].sac", trace(wave().astype(np.float32)), format="SAC")
     (tmp_path / "units.csv").write_text("record,units\na[1].sac,g\n")
     assert read_record(path, units=str(tmp_path / "units.csv")).pga == pytest.approx(
@@ -114,12 +114,12 @@ def test_a_name_with_signs_of_patterns_stands_for_itself(tmp_path) -> None:
         ("SAC=g,sac=g", "'sac' is specified twice"),
     ],
 )
-def test_what_is_refused(suite, units, message) -> None:
+def test_invalid_units_are_refused(suite, units, message) -> None:
     with pytest.raises(UsageError, match=message):
         read_record(suite["sac"], units=units)
 
 
-def test_entries_fit_files_of_the_call(suite, tmp_path) -> None:
+def test_entries_without_matching_file_are_refused(suite, tmp_path) -> None:
     """Nothing is assumed of a file for which an entry was meant; what shows only in the file, in an
     archive, counts."""
     with pytest.raises(UsageError, match=r"units by file .*: at2"):
@@ -135,5 +135,5 @@ def test_entries_fit_files_of_the_call(suite, tmp_path) -> None:
     records_of(["-", str(tmp_path / "none")], RecordChoice(units="AT2=g"))  # reading tells
 
 
-def test_a_contradiction_is_one_by_file_too(suite) -> None:
+def test_contradiction_with_file_is_refused(suite) -> None:
     refused(suite["stated"], "the file states its units", units={"*.txt": "g"})

@@ -44,7 +44,7 @@ def fails(match, file, content, units=None, **layout):
 
 
 class TestStep:
-    def test_of_a_bare_column(self, file):
+    def test_step_of_column_without_header(self, file):
         (record,) = read(file, one_column(header=None), "gal", step=0.005)
         assert (record.dt, record.pga) == (0.005, 0.015)
         assert (
@@ -52,7 +52,7 @@ class TestStep:
             == "using the specified sampling interval of 0.005 s; the file states none"
         )
 
-    def test_of_columns_without_a_time(self, file):
+    def test_step_of_columns_without_time(self, file):
         records = read(file, table([], *COLUMNS, separator="  "), "gal", step=0.02)
         assert [(record.component, record.dt) for record in records] == [
             ("1", 0.02),
@@ -72,7 +72,7 @@ class TestStep:
             "columns without names" in note for record in (*timed, *named) for note in record.notes
         )
 
-    def test_beside_a_count_of_the_samples(self, file):
+    def test_step_with_column_of_sample_numbers(self, file):
         counted = table([], np.arange(1, 61), *COLUMNS[:2], separator=" ")
         assert [record.component for record in read(file, counted, "gal", step=0.02)] == ["2", "3"]
         fails(
@@ -87,7 +87,7 @@ class TestStep:
         "content",
         [one_column(), two_columns(header=None), table(["t,N (g)"], times(0.01), COLUMNS[0])],
     )
-    def test_never_against_the_file(self, file, content):
+    def test_contradicting_step_is_refused(self, file, content):
         units = None if "g" in content else "g"
         assert read(file, content, units, step=0.01)[0].dt == 0.01
         fails(
@@ -99,7 +99,7 @@ class TestStep:
         )
 
     @pytest.mark.parametrize("name", sorted(SAMPLES))
-    def test_is_compared_in_every_format(self, file, name):
+    def test_step_is_compared_in_every_format(self, file, name):
         content = SAMPLES[name][0]()
         units = "gal" if content[:1].isdigit() else None
         dt = read(file, content, units)[0].dt
@@ -112,21 +112,21 @@ class TestColumn:
     content = table([names], times(), *COLUMNS, np.full(60, 20.0))
 
     @pytest.mark.parametrize("wanted", ["3", "Sensor B (g)", "sensor b", "SENSOR B (G)"])
-    def test_by_number_and_name(self, file, wanted):
+    def test_column_by_number_or_name(self, file, wanted):
         (record,) = read(file, self.content, column=wanted)
         assert (record.component, record.units, record.units_from) == ("Sensor-B", "g", "file")
         assert record.pga == pytest.approx(2.0 * STANDARD_GRAVITY)
 
-    def test_a_unit_is_that_of_its_own_column(self, file):
+    def test_unit_applies_to_its_own_column(self, file):
         content = table(["time,N (g),E"], times(), *COLUMNS[:2])
         fails("E: the file does not state the units", file, content)
         assert [record.units_from for record in read(file, content, "g")] == ["file", "given"]
 
-    def test_several(self, file):
+    def test_several_columns_are_selected(self, file):
         found = read(file, self.content, "g", column=("2", "sensor b", "3"))
         assert [record.component for record in found] == ["Sensor-A", "Sensor-B"]
 
-    def test_a_velocity_is_differentiated(self, file):
+    def test_velocity_column_is_differentiated(self, file):
         (record,) = read(file, self.content, column="vel")
         speed = np.gradient(COLUMNS[2], 0.02) * 0.01
         assert record.quantity == "velocity"
@@ -151,10 +151,10 @@ class TestColumn:
             ),
         ],
     )
-    def test_refused(self, file, wanted, units, message):
+    def test_invalid_columns_are_refused(self, file, wanted, units, message):
         fails(message, file, self.content, units, column=wanted)
 
-    def test_the_kind_of_a_name_and_of_the_users_units(self, file):
+    def test_quantity_of_name_must_agree_with_units(self, file):
         for name, units in (("Vel", "g"), ("Acc", "cm/s"), ("Disp", "cm/s")):
             fails(
                 "the file states that its values are of the quantity",
@@ -175,10 +175,10 @@ class TestColumn:
             ),
         ],
     )
-    def test_equal_names_and_none(self, file, names, layout, message):
+    def test_ambiguous_and_missing_names_are_refused(self, file, names, layout, message):
         fails(message, file, table(names, times(), *COLUMNS[:2]), "g", **layout)
 
-    def test_names_in_a_comment(self, file):
+    def test_column_names_in_comment(self, file):
         (record,) = read(
             file,
             table(["# recorded at night", "# t p7 p8"], times(), *COLUMNS[:2]),
@@ -189,7 +189,7 @@ class TestColumn:
 
 
 class TestSkippedLines:
-    def test_what_they_hold_is_not_looked_at(self, file):
+    def test_skipped_lines_are_not_interpreted(self, file):
         for above in (WORDS, ["dt = 7 s", "1 2 3 4"], ["\xe9", "# units = g"]):
             (record,) = read(
                 file, text(above, one_column(header=None)), "gal", skip_lines=2, step=0.01
@@ -198,7 +198,7 @@ class TestSkippedLines:
             assert "2 lines ignored at the beginning, as requested" in record.notes
 
     @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
-    def test_above_names_with_a_byte_order_mark(self, file, mark):
+    def test_names_after_skipped_lines_with_byte_order_mark(self, file, mark):
         content = text(
             WORDS, ["Zeit (s);Kanal 1;Kanal 2"], table([], times(), *COLUMNS[:2], separator=";")
         )
@@ -207,7 +207,7 @@ class TestSkippedLines:
         )
         assert (record.component, record.dt, record.pga) == ("Kanal-2", 0.02, pytest.approx(0.02))
 
-    def test_too_few_or_too_many(self, file):
+    def test_wrong_number_of_skipped_lines_is_refused(self, file):
         content = text(WORDS, two_columns(header=None, separator=" "))
         fails(
             r"line 2: 'am 3. Mai' is neither a declaration .* with `skip_lines=2`",
@@ -226,7 +226,7 @@ class TestSkippedLines:
         fails(r"starts in line 3: specify it by `step` and `column` and skip", file, content, "g")
 
 
-def test_a_unit_of_acceleration_tells_a_motion(file):
+def test_column_with_unit_of_acceleration_is_ground_motion(file):
     base, drift = (
         text(["time_s,base_m_s2"], table([], times(), COLUMNS[0])),
         table([], times(), *COLUMNS[:2]),
@@ -241,7 +241,7 @@ def test_a_unit_of_acceleration_tells_a_motion(file):
 
 
 @pytest.mark.parametrize("layout", [{}, {"column": "2"}])
-def test_what_a_table_lacks_is_named(file, layout):
+def test_missing_part_of_table_is_reported(file, layout):
     quoted = "\n".join(f'"{t:.2f}","{a:.4f}"' for t, a in zip(times(), COLUMNS[0], strict=True))
     fails(
         "its numbers are in quotation marks; remove the quotation marks",
@@ -257,7 +257,7 @@ def test_what_a_table_lacks_is_named(file, layout):
         )
 
 
-def test_other_formats_have_no_columns(file):
+def test_layout_is_refused_for_other_formats(file):
     for name in sorted(set(SAMPLES) - {"TEXT"}):
         for given in ({"column": "2"}, {"skip_lines": 1}):
             fails(
@@ -268,7 +268,7 @@ def test_other_formats_have_no_columns(file):
             )
 
 
-def test_in_a_folder_and_of_one_component(file):
+def test_layout_of_files_in_directory(file):
     file.write_text(text(WORDS, one_column(header=None)))
     assert not is_record(file)
     assert is_record(file, TextLayout(skip_lines=2))
@@ -284,7 +284,7 @@ def test_in_a_folder_and_of_one_component(file):
         *(("skip_lines", value) for value in (-1, 1.0, True)),
     ],
 )
-def test_layouts_that_make_no_sense(name, value):
+def test_invalid_layouts_are_refused(name, value):
     with pytest.raises(UsageError):
         TextLayout(**{name: value})
 
@@ -295,7 +295,7 @@ class TestModelFile:
     def layout(self, entries):
         return load_model(io.StringIO(self.MODEL % entries)).excitation.record.choice.layout
 
-    def test_keys(self):
+    def test_layout_keys_of_model_file(self):
         assert self.layout("step: 0.01, column: Sensor B, skip_lines: 3") == TextLayout(
             0.01, ("Sensor B",), 3
         )
@@ -314,7 +314,7 @@ class TestModelFile:
             "skip_lines: 1.5",
         ],
     )
-    def test_faults(self, wrong):
+    def test_invalid_layout_keys_are_refused(self, wrong):
         with pytest.raises(
             ModelError, match=rf":2:\d+: excitation.record.{wrong.partition(':')[0]}: "
         ):

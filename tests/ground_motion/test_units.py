@@ -39,7 +39,7 @@ class TestTexts:
             ("ft/sec2", 0.3048),
         ],
     )
-    def test_spellings(self, text, scale):
+    def test_spellings_of_acceleration_units(self, text, scale):
         units = parse_units(text)
         assert (units.scale, units.quantity) == (pytest.approx(scale, rel=1e-15), "acceleration")
         assert units.has_factor == any(c in text for c in ".3")
@@ -52,7 +52,7 @@ class TestTexts:
             ("mm", 1e-3, "displacement"),
         ],
     )
-    def test_other_quantities(self, text, scale, quantity):
+    def test_units_of_velocity_and_displacement(self, text, scale, quantity):
         units = parse_units(text)
         assert (units.scale, units.quantity) == (pytest.approx(scale, rel=1e-15), quantity)
 
@@ -71,21 +71,21 @@ class TestTexts:
             ("x" * 100_000, r"^.{0,300}$"),
         ],
     )
-    def test_unknown(self, text, message):
+    def test_unknown_units_are_refused(self, text, message):
         with pytest.raises(UsageError, match=message):
             parse_units(text)
 
 
 class TestAssumption:
     @pytest.mark.parametrize("code", ["HNE", "BN1", "ENZ", "HN2"])
-    def test_an_accelerometer_in_miniseed(self, tmp_path, code, caplog):
+    def test_units_of_accelerometer_in_miniseed_are_assumed(self, tmp_path, code, caplog):
         record = read_record(write(tmp_path / "a", trace(wave(), channel=code)))
         assert (record.units, record.units_from, record.pga) == ("m/s^2", "assumed", 3.0)
         assert "is assumed" in record.warnings[0]
         assert "is assumed" in caplog.text
 
     @pytest.mark.parametrize("code", ["EHZ", "BHE", "HHN", "HGZ", "", "N", "X"])
-    def test_another_channel(self, tmp_path, code):
+    def test_units_of_other_channels_are_not_assumed(self, tmp_path, code):
         path = write(tmp_path / "a", trace(wave(), channel=code))
         refused(path, "is assumed only for accelerometer channels")
         assert read_record(path, units="m/s^2").units_from == "given"
@@ -99,17 +99,17 @@ class TestAssumption:
             (np.round(wave(peak=20.0)), "all samples are whole numbers"),
         ],
     )
-    def test_numbers_that_speak_against_it(self, tmp_path, samples, doubt):
+    def test_implausible_samples_prevent_assumption(self, tmp_path, samples, doubt):
         path = write(tmp_path / "a", trace(samples))
         refused(path, doubt)
         assert read_record(path, units="m/s^2").pga == np.max(np.abs(samples))
 
-    def test_small_offsets_and_zeros_do_not(self, tmp_path):
+    def test_small_offsets_and_zeros_do_not_prevent_assumption(self, tmp_path):
         for samples in (wave(peak=29.0), wave(peak=0.2) + 0.05, np.zeros(10)):
             assert read_record(write(tmp_path / "a", trace(samples))).units_from == "assumed"
 
     @pytest.mark.parametrize("format", ["SAC", "SLIST", "TSPAIR", "SH_ASC"])
-    def test_other_formats_are_refused_like_counts(self, tmp_path, format):
+    def test_units_of_other_formats_are_not_assumed(self, tmp_path, format):
         samples = wave().astype(np.float32) if format == "SAC" else wave()
         path = write(tmp_path / "a", trace(samples), format=format)
         refused(path, "does not state the units of its samples; specify")
@@ -119,13 +119,13 @@ class TestAssumption:
 
 
 class TestCounts:
-    def test_need_the_value_of_one(self, tmp_path):
+    def test_counts_require_value_of_count(self, tmp_path):
         path = write(tmp_path / "a", trace(counts()))
         refused(path, r"counts of a recorder.*value of one count.*StationXML")
         refused(path, 'write "1 gal" if one count is 1 gal', units="gal")
         assert read_record(path, units="1 gal").pga == 1000.0
 
-    def test_calibration_factor_without_unit(self, tmp_path):
+    def test_calibration_factor_without_unit_is_not_applied(self, tmp_path):
         path = write(tmp_path / "a", trace(counts(), calib=0.25), format="GSE2")
         refused(path, r"calibration factor 0\.25 has no unit")
         record = read_record(path, units="1e-5 m/s^2")
@@ -143,7 +143,7 @@ class TestHeaders:
             ("CM/S", "cm/s^2", "is specified"),
         ],
     )
-    def test_contradictions(self, tmp_path, stated, given, message):
+    def test_contradicting_units_are_refused(self, tmp_path, stated, given, message):
         refused(
             write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST"),
             message,
@@ -153,7 +153,7 @@ class TestHeaders:
     @pytest.mark.parametrize(
         ("stated", "given", "pga"), [("COUNTS", "1 m/s^2", 3.0), ("CM/S**2", "gal", 0.03)]
     )
-    def test_agreements(self, tmp_path, stated, given, pga):
+    def test_agreeing_units_are_accepted(self, tmp_path, stated, given, pga):
         path = write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST")
         assert read_record(path, units=given).pga == pytest.approx(pga)
 
@@ -167,7 +167,7 @@ class TestHeaders:
             ({}, {85: 2}, "not an evenly sampled"),
         ],
     )
-    def test_sac_of_something_else(self, tmp_path, header, words, message):
+    def test_sac_of_other_quantity_is_refused(self, tmp_path, header, words, message):
         path = write(tmp_path / "a", trace(wave(), sac=header), format="SAC", byteorder="<")
         data = bytearray(path.read_bytes())
         for word, value in words.items():
@@ -175,12 +175,12 @@ class TestHeaders:
         path.write_bytes(data)
         refused(path, message)
 
-    def test_both_units_and_inventory(self, tmp_path):
+    def test_units_and_inventory_exclude_each_other(self, tmp_path):
         with pytest.raises(UsageError, match="remove the units or the inventory"):
             read_record(write(tmp_path / "a", trace(wave())), units="g", inventory="station.xml")
 
 
-def test_units_that_cannot_be_right(tmp_path):
+def test_units_with_impossible_peak_are_refused(tmp_path):
     path = write(tmp_path / "a", trace(wave()))
     refused(
         path,
@@ -196,7 +196,7 @@ class TestDifferentiation:
     dt, omega = 0.01, 2.0 * np.pi * 3.0
 
     @pytest.mark.parametrize("quantity", ["velocity", "displacement"])
-    def test_a_sine(self, quantity):
+    def test_derivatives_of_sine(self, quantity):
         t = np.arange(400) * self.dt
         x = self.omega * self.dt
         samples = np.sin(self.omega * t)
@@ -210,7 +210,7 @@ class TestDifferentiation:
         )
         assert (found[0], found[-1]) == (found[1], found[-2])
 
-    def test_of_a_file(self, tmp_path):
+    def test_velocity_of_file_is_differentiated(self, tmp_path):
         record = read_record(
             write(tmp_path / "a", trace(wave(peak=0.5), ascii={"unit": "CM/S"}), format="SLIST")
         )
@@ -218,6 +218,6 @@ class TestDifferentiation:
         assert record.notes[0].startswith("the velocity of the file is differentiated")
         assert record.pga == pytest.approx(0.005 * 2.0 * np.pi * 1.3, rel=5e-3)
 
-    def test_too_few_samples(self, tmp_path):
+    def test_differentiation_requires_three_samples(self, tmp_path):
         with pytest.raises(RecordError, match="at least 3 samples"):
             read_record(write(tmp_path / "a", trace([0.0, 1.0])), units="cm/s")

@@ -49,7 +49,7 @@ def dense_step(values, M, C, K, h, u0, v0, a0, p_inner, p1):
 
 
 @pytest.mark.parametrize("gamma", [0.1, 0.5, 2.0 - math.sqrt(2.0), 0.9])
-def test_rho_inf_0_is_the_method_of_2005_for_every_gamma(gamma):
+def test_rho_inf_0_equals_method_of_2005(gamma):
     q0, q1, q2 = published(0.0, gamma)
     assert q0 == pytest.approx(1.0 / (2.0 * (2.0 - gamma)), rel=1e-14)
     assert q1 == pytest.approx(q0, rel=1e-14)
@@ -60,7 +60,7 @@ def test_rho_inf_0_is_the_method_of_2005_for_every_gamma(gamma):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
+def test_building_with_p_delta_dashpot_and_force_agrees_with_formulas(method):
     """The load of the first sub-step is that at its end: ground acceleration in between, force at
     its own time."""
     case, record = building(RAYLEIGH), noise(samples=201)
@@ -79,7 +79,7 @@ def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
 
 
 @pytest.mark.parametrize("rho_inf", [0.0, 0.3, 0.8, 1.0 - 1e-9, 1.0])
-def test_default_gamma_gives_one_matrix_for_both_sub_steps(rho_inf):
+def test_default_gamma_gives_equal_matrices_in_both_substeps(rho_inf):
     gamma, _, _, q2 = parse(f"bathe:rho_inf={rho_inf!r}").coefficients(None, None, 1.0)
     assert q2 == gamma / 2.0
     assert q2 == pytest.approx(published(rho_inf, gamma)[2], rel=1e-14)
@@ -97,7 +97,7 @@ def test_parameters_out_of_range_are_refused(text):
         parse(f"bathe:{text}")
 
 
-def test_second_sub_step_without_solution_leaves_everything_as_it_was():
+def test_failed_second_substep_leaves_state_unchanged():
     """The load is small at the inner point and too large for the stories at the end."""
     gamma = 2.0 - math.sqrt(2.0)
     small = 1.0
@@ -110,7 +110,7 @@ def test_second_sub_step_without_solution_leaves_everything_as_it_was():
 
 
 @pytest.mark.parametrize("gamma", [2.0 - math.sqrt(2.0), 0.5])
-def test_drift_laws_pass_through_the_inner_point(gamma):
+def test_story_laws_follow_path_through_inner_point(gamma):
     """The lowest story yields before the inner point and unloads elastically from there."""
     stiffness, strength, hardening = 100.0, 5.0, 0.1
     steps = SingleSteps(f"bathe:gamma={gamma!r}", Law("bilinear", (strength, hardening)))

@@ -32,7 +32,7 @@ def reference():
     return exact, response.stories.peak_drift
 
 
-def test_order_4_and_the_errors_at_the_records_step(reference):
+def test_impulse4_is_of_order_4_with_bilinear_stories(reference):
     exact, peak = reference
     errors = []
     for parts in (1, 2, 4):
@@ -48,7 +48,7 @@ def test_order_4_and_the_errors_at_the_records_step(reference):
     assert orders(errors).min() >= 3.7
 
 
-def test_average_acceleration_has_its_known_error(reference):
+def test_average_acceleration_has_known_error(reference):
     """The L2 error is 4.7e-3 and the error of the peak drift 1.6 %, as measured with OpenSeesPy
     3.7.1 and with a simple loop."""
     exact, peak = reference
@@ -60,7 +60,7 @@ def test_average_acceleration_has_its_known_error(reference):
 
 
 @pytest.mark.parametrize("rho_inf", [0.5, 0.0])
-def test_the_dissipative_members_keep_order_3(rho_inf, reference):
+def test_dissipative_impulse4_is_of_order_3(rho_inf, reference):
     exact, _ = reference
     errors = [
         np.linalg.norm(displacement(f"impulse4:rho_inf={rho_inf}", parts)[0] - exact)
@@ -73,7 +73,7 @@ def test_the_dissipative_members_keep_order_3(rho_inf, reference):
     ("method", "dt", "off", "unbalanced", "events"),
     [("impulse4", 0.01, 1e-6, 1e-6, 2), ("moment4", 0.005, 1e-5, 1e-13, 0)],
 )
-def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(
+def test_free_vibration_of_elastic_perfectly_plastic_oscillator(
     method, dt, off, unbalanced, events
 ):
     """At rest, the remaining energy is the stored energy, and the dissipated energy equals Fy times
@@ -92,7 +92,7 @@ def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(
     assert abs(response.energy.error) < unbalanced
 
 
-def test_equal_stories_that_yield_at_the_same_instant():
+def test_simultaneous_yielding_of_two_stories():
     """Two equal oscillators in one chain, connected by a story that is practically rigid, yield at
     the same time within rounding."""
     record = noise(peak=6.0)
@@ -102,7 +102,7 @@ def test_equal_stories_that_yield_at_the_same_instant():
     assert stiff.stories.peak_drift[0] == pytest.approx(single.stories.peak_drift[0], rel=1e-3)
 
 
-def test_a_run_goes_on_where_events_pile_up():
+def test_accumulating_branch_changes_do_not_end_run():
     """Time steps far larger than the periods contain many branch changes, and the run finally uses
     Newton's iteration."""
     record = noise(samples=401, peak=20.0)
@@ -115,7 +115,7 @@ def test_a_run_goes_on_where_events_pile_up():
 @pytest.mark.parametrize(
     "method", ["newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"]
 )
-def test_a_yielded_building_comes_to_rest(method):
+def test_yielded_building_comes_to_rest(method):
     """Long after the ground motion, residual drifts remain and the iteration does not stall: about
     one solve per step, and no halved step. This includes gauss4, whose residual is then only
     rounding relative to the residual drift."""
@@ -128,13 +128,13 @@ def test_a_yielded_building_comes_to_rest(method):
     assert response.substeps == 0
 
 
-def test_no_events_in_a_linear_building():
+def test_linear_building_has_no_branch_changes():
     response = run(oscillator(10.0, displacement=(1.0,)), method="impulse4", dt=0.01, duration=1.0)
     assert response.branch_changes == 0
     assert response.iterations == response.steps
 
 
-def test_a_harmonic_force_on_a_yielding_story_is_order_4():
+def test_order_4_is_observed_with_harmonic_force_on_yielding_story():
     building = model(
         [story(1.0, 100.0, Law("bilinear", (5.0, 0.1)), dashpot=0.4)],
         forces=[Force(1, 0.0, 6.0, 7.0)],
@@ -149,7 +149,7 @@ def test_a_harmonic_force_on_a_yielding_story_is_order_4():
     assert orders(errors)[-1] > 3.6
 
 
-def test_peak_oriented_stories_are_order_4_and_agree_with_newton():
+def test_peak_oriented_stories_are_of_order_4():
     """Two solutions for the same law agree: located branch changes, and the state determination of
     average acceleration over complete steps."""
     record = noise(peak=5.0)
@@ -189,7 +189,7 @@ def test_kinks_are_located_among_curved_laws(name):
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 1.7])
-def test_bouc_wen_stories_of_low_exponent_are_order_4(exponent):
+def test_bouc_wen_stories_of_low_exponent_are_of_order_4(exponent):
     """The force is not smooth if its hysteretic part changes sign; time steps are divided there."""
     building = model(
         [story(2e5, 4e7, Law("bouc-wen", (4e5, 0.05, exponent, 0.7)), dashpot=3e5)] * 2
@@ -199,7 +199,7 @@ def test_bouc_wen_stories_of_low_exponent_are_order_4(exponent):
     assert errors[0] < 1e-5
 
 
-def test_large_steps_go_over_weak_turns_which_small_ones_locate():
+def test_weak_reversals_are_located_only_with_small_steps():
     """A Bouc-Wen story has a reversal when its drift rate changes sign. Their number agrees with
     another method with a small step. The weakest reversals follow the end of the ground motion."""
     record = noise(peak=6.0)
@@ -215,7 +215,7 @@ def test_large_steps_go_over_weak_turns_which_small_ones_locate():
     assert coarse.stories.peak_drift == pytest.approx(other.stories.peak_drift, rel=0.1)
 
 
-def test_a_stop_touched_for_a_moment_is_left_again():
+def test_short_contact_within_step_is_located():
     """The amplitude of a mass exceeds the gap by a thousandth: the mass touches the stop and leaves
     it within one step, which is divided at the contact. The motion is a sine, and another sine
     at the stop, with continuous velocities."""
@@ -245,13 +245,13 @@ def test_a_stop_touched_for_a_moment_is_left_again():
 
 
 @pytest.mark.parametrize("seed", [0, 6, 61])
-def test_the_error_falls_with_the_step(seed):
+def test_error_decreases_with_time_step(seed):
     found = study(seed)
     assert found.worst <= 2.0
 
 
 @pytest.mark.slow
-def test_the_error_falls_with_the_step_in_random_buildings():
+def test_error_decreases_with_time_step_in_random_buildings():
     """The buildings have all laws that are piecewise linear. If errors cancel by chance with one
     step, the error with the next smaller step can be slightly more than twice as large. Repeated
     pounding is excluded, because no method can predict its course."""
@@ -261,7 +261,7 @@ def test_the_error_falls_with_the_step_in_random_buildings():
     assert len(told) <= 2 and max(told, default=0.0) <= 3.0
 
 
-def test_a_mass_between_stops_rebounds_with_its_energy():
+def test_rebound_between_stops_conserves_energy():
     """Undamped, u0 = 0, v0 = 1, omega = 10, stops 15 times as stiff at 0.06: at the peak, the
     kinetic energy is zero."""
     k, stop, gap = 100.0, 1500.0, 0.06

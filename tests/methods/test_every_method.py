@@ -25,7 +25,7 @@ METHODS = [
 
 @pytest.mark.parametrize("damping", ["rayleigh", "modal"])
 @pytest.mark.parametrize("method", METHODS)
-def test_building_is_the_sum_of_its_modes(method, damping):
+def test_linear_building_equals_modal_superposition(method, damping):
     case, record = building(ModalDamping((0.07,))), noise(samples=201)
     if damping == "rayleigh":
         case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
@@ -54,7 +54,7 @@ def average_acceleration():
         *((method, (2, 32), 1e-5) for method in ("rk5", "gauss4")),
     ],
 )
-def test_a_yielding_building_converges_to_what_average_acceleration_gives(
+def test_yielding_building_converges_to_average_acceleration(
     average_acceleration, method, parts, bound
 ):
     """With an eighth of the step less than an eighth of the error; the model-based methods take one
@@ -75,7 +75,7 @@ def test_a_yielding_building_converges_to_what_average_acceleration_gives(
     ("method", "done"),
     [*((name, i) for name in ("houbolt", "park") for i in range(3)), ("gauss4", 1), ("moment4", 1)],
 )
-def test_a_step_without_solution_leaves_everything_as_it_was(method, done):
+def test_failed_step_leaves_state_unchanged(method, done):
     steps, untried = SingleSteps(method), SingleSteps(method)
     for s in range(done):
         assert steps.take(s, s + 1.0) > 0

@@ -12,7 +12,7 @@ from tdint.methods.impulse4 import _shorten_increments
 
 
 @pytest.mark.parametrize("fraction", [0.01, 0.3, 0.5, 0.97, 1.0])
-def test_the_first_estimate_of_a_shortened_step_is_the_cubic_of_the_longer_one(fraction):
+def test_first_estimate_of_shortened_step_is_cubic_of_longer_step(fraction):
     h, n = 0.02, 3
     rng = np.random.default_rng(1)
     state, scratch = np.zeros((3, n)), np.zeros((ROW.REMAINING + 2, n))
@@ -29,7 +29,7 @@ def test_the_first_estimate_of_a_shortened_step_is_the_cubic_of_the_longer_one(f
         assert scratch[momentum.DV, i] == pytest.approx(v(s) - v(0.0), rel=1e-9, abs=1e-12)
 
 
-def test_residuals_fall_with_the_error_of_the_steps():
+def test_residual_tolerance_does_not_limit_order_4():
     """Smooth stories: the order remains 4 down to errors far below the largest residual that is
     permitted, and coarse steps take one or two corrections."""
     stories = [story(1e5, 4e7, Law("tanh", (2.5e5,))) for _ in range(3)]

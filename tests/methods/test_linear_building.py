@@ -39,24 +39,24 @@ def drift_errors(building, method, halvings):
 
 
 @pytest.mark.parametrize("damping", DAMPINGS.values(), ids=DAMPINGS)
-def test_exact_is_the_matrix_exponential(damping):
+def test_exact_equals_matrix_exponential(damping):
     assert drift_errors(ten_linear(damping), "exact", 3).max() < 1e-9
 
 
-def test_exact_with_dashpots_that_couple_the_modes():
+def test_exact_with_dashpots_coupling_modes():
     building = model([story(2e5, 3.5e8, dashpot=5e6 if i == 3 else 0.0) for i in range(10)])
     assert drift_errors(building, "exact", 2).max() < 1e-9
 
 
 @pytest.mark.parametrize("damping", DAMPINGS.values(), ids=DAMPINGS)
 @pytest.mark.parametrize("method", ["impulse", "impulse4", "moment4"])
-def test_the_impulse_methods_are_of_order_4(method, damping):
+def test_impulse_methods_are_of_order_4(method, damping):
     errors = drift_errors(ten_linear(damping), method, 3)
     assert orders(errors).min() >= 3.9
     assert errors[0] < 1e-3
 
 
-def test_the_ground_rests_after_the_record():
+def test_ground_is_at_rest_after_record():
     record = noise()
     building = ten_linear()
     response = run(building, record, method="exact", duration=12.0, history=True)
@@ -70,7 +70,7 @@ def test_the_ground_rests_after_the_record():
     )
 
 
-def test_energy_is_balanced_to_the_order_of_the_method():
+def test_energy_balance_error_is_of_order_of_method():
     record = noise()
     errors = [
         abs(run(ten_linear(), record, method="impulse4", dt=record.dt / 2**j).energy.error)

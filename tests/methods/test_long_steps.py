@@ -25,7 +25,7 @@ def building_for(method, yield_force=3e5):
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_of_the_samples_in_a_step_nothing_else_counts(method):
+def test_long_step_depends_only_on_impulse_and_moment_of_samples(method):
     """Samples (0, 1, -2, 1, 0) on four intervals have neither impulse nor first moment: the motion
     stays the same."""
     record = noise(samples=401)
@@ -47,7 +47,7 @@ def test_of_the_samples_in_a_step_nothing_else_counts(method):
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_the_order_is_kept(method):
+def test_order_is_kept_with_several_samples_per_step(method):
     """Steps of 4 and 2 samples in a linear building: what the jumps between the lines leave in a
     method's memory would cost it an order."""
     dt = DT / 2
@@ -67,7 +67,7 @@ def test_the_order_is_kept(method):
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_one_sample_a_step_is_what_it_was(method):
+def test_ground_acceleration_of_short_steps_equals_record(method):
     """A step of one interval, or a part of it, takes the record's own line."""
     record = noise(samples=101)
     rows = [
@@ -79,7 +79,7 @@ def test_one_sample_a_step_is_what_it_was(method):
         assert np.array_equal(ends[::every], record.acceleration)
 
 
-def test_fourth_order_of_impulse4_on_a_yielding_building():
+def test_impulse4_is_of_order_4_with_long_steps_of_yielding_building():
     record = noise(samples=801, peak=6.0)
     _, exact = at_samples(ten_bilinear(), record, "impulse4", 16)
     errors = []
@@ -93,7 +93,7 @@ def test_fourth_order_of_impulse4_on_a_yielding_building():
 
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average", "moment4", "park", "rk5"])
-def test_the_energy_balance_of_long_steps(method):
+def test_energy_balance_of_long_steps(method):
     """Input is the work of the lines, whose ends do not meet: what a step of one sample keeps, long
     steps keep too."""
     response = run(ten_linear(), noise(), method=method, dt=2 * DT, allow_unstable=True)
@@ -106,7 +106,7 @@ def test_the_energy_balance_of_long_steps(method):
 @pytest.mark.parametrize(
     ("method", "samples"), [("impulse4", 3), ("exact", 2), ("hht:alpha=-0.3", 1)]
 )
-def test_a_history_has_its_own_times_and_absolute_accelerations(method, samples):
+def test_history_has_times_and_absolute_accelerations_of_steps(method, samples):
     """Absolute accelerations are the forces on the floors over their masses, whatever line stands
     for the record."""
     response = run(ten_linear(None), noise(), method=method, dt=samples * DT, history=True)
@@ -122,7 +122,7 @@ def test_a_history_has_its_own_times_and_absolute_accelerations(method, samples)
 
 
 @pytest.mark.parametrize("method", ["impulse4", "gauss4", "moment4"])
-def test_peaks_of_a_free_vibration(method):
+def test_peaks_of_free_vibration_between_steps(method):
     """Twenty steps a period, none at a peak: all peaks of a sine. The interpolant errs by (omega
     h)^4 / 1900 of an acceleration, and by some three times the (omega h)^4 / 720 by which the
     method's motion is slow."""
@@ -143,7 +143,7 @@ def test_peaks_of_a_free_vibration(method):
         assert found[0] == pytest.approx(amplitude * size, rel=bound)
 
 
-def test_a_step_too_long_to_tell_says_so():
+def test_unresolved_modes_cause_note():
     """omega dt = 30: the peak of velocity is known to be missed, not made up."""
     omega = 300.0
     response = run(
@@ -156,13 +156,13 @@ def test_a_step_too_long_to_tell_says_so():
     )
 
 
-def test_resolved_steps_leave_nothing_in_doubt():
+def test_resolved_steps_cause_no_note():
     response = run(ten_bilinear(), noise(), method="impulse4")
     assert not any("too long" in note for note in response.notes)
 
 
 @pytest.mark.parametrize("dt", [1e-7, 1e-8, 1e-9])
-def test_steps_so_short_that_displacements_do_not_change_have_no_peaks_inside(dt):
+def test_very_short_steps_have_no_peaks_between_steps(dt):
     """As pieces between two events may be: (omega dt)^2 is below what the displacements round."""
     response = run(
         oscillator(10.0, 0.05, displacement=(1.0,)), method="impulse4", dt=dt, duration=200.0 * dt
@@ -171,7 +171,7 @@ def test_steps_so_short_that_displacements_do_not_change_have_no_peaks_inside(dt
     assert response.notes == ()
 
 
-def test_peaks_between_the_steps_are_of_the_order_of_moment4():
+def test_peaks_between_steps_are_of_order_of_moment4():
     """Free vibration of a hardening building in all its modes, with its largest shears where it is
     stiffest. On the parabolas of the method peaks of drift and displacement would be of order 2 to
     3."""

@@ -188,7 +188,7 @@ def refusal_or_errors(name):
 
 @pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize("name", CASES)
-def test_a_misdeclared_law_is_refused_or_integrated_as_its_force(name):
+def test_misdeclared_law_is_refused_or_integrated_correctly(name):
     expected = CASES[name][3]
     message, errors = refusal_or_errors(name)
     if expected is True:
@@ -201,7 +201,7 @@ def test_a_misdeclared_law_is_refused_or_integrated_as_its_force(name):
         assert f"law {name}" in message and expected in message and "\n" not in message
 
 
-def test_each_set_of_numbers_is_verified():
+def test_each_set_of_parameters_is_verified():
     """A law whose missing branch shows with some numbers only: the second of two buildings, as
     random buildings of a study are."""
     register_law(replace(law_of("enter-missing"), yield_drift=lambda stiffness, values: math.nan))
@@ -215,7 +215,7 @@ def test_each_set_of_numbers_is_verified():
         verify_laws(np.array([strong, weak]))
 
 
-def test_an_error_in_the_code_of_a_law_is_one_line():
+def test_error_in_code_of_law_is_one_line():
     """With its file and line, before the law is compiled."""
     broken = replace(
         law_of("too-few-points"),

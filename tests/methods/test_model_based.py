@@ -89,7 +89,7 @@ def scalars(*values):
 
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
 @pytest.mark.parametrize("method", METHODS)
-def test_building_follows_the_published_formulas(method, nonlinear):
+def test_building_agrees_with_published_formulas(method, nonlinear):
     """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from
     a deflected start.
 
@@ -115,7 +115,7 @@ def test_building_follows_the_published_formulas(method, nonlinear):
 
 
 @pytest.mark.parametrize("rho_inf", [1.0, 0.8, 0.5, 0.0])
-def test_kr_alpha_is_generalized_alpha_for_a_displacement_beta_h2_q_away(rho_inf):
+def test_kr_alpha_equals_transformed_generalized_alpha(rho_inf):
     h, omega, xi = 0.02, np.array([0.5, 15.0, 100.0, 500.0]), np.full(4, 0.05)
     integrator = parse(f"kr-alpha:rho_inf={rho_inf}")
     beta = integrator.coefficients(None, None, h)[2]
@@ -154,14 +154,14 @@ def grows(method, omega_h, tangent, steps=4000):
         ("kr-alpha:rho_inf=0", math.sqrt(24.0)),
     ],
 )
-def test_limit_where_the_tangent_is_half_as_large_again_as_the_initial_stiffness(method, limit):
+def test_stability_limit_for_tangent_of_one_and_a_half_initial_stiffness(method, limit):
     assert not grows(method, 0.99 * limit, 1.5)
     assert grows(method, 1.01 * limit, 1.5)
 
 
 @pytest.mark.parametrize("rho_inf", [0.8, 0.5])
 @pytest.mark.parametrize("omega_h", [0.3, 1.0, 3.0])
-def test_stiffening_has_no_stable_step_in_between(rho_inf, omega_h):
+def test_stiffening_has_no_stable_step_for_intermediate_rho_inf(rho_inf, omega_h):
     assert grows(f"kr-alpha:rho_inf={rho_inf}", omega_h, 1.5, steps=400_000)
 
 

@@ -55,7 +55,7 @@ def close(got, expected, tolerance=1e-12):
 
 @pytest.mark.parametrize("rho_inf", RHO)
 @pytest.mark.parametrize("xi", [0.0, 0.05])
-def test_the_amplification_matrix_is_impulse4s(rho_inf, xi):
+def test_amplification_matrix_equals_impulse4(rho_inf, xi):
     omega = np.geomspace(1e-3, 1e6, 60)
     mine, other = (
         amplification(parse(method), omega, np.full(60, xi), 1.0) for method in both(rho_inf)
@@ -77,7 +77,7 @@ def test_the_amplification_matrix_is_impulse4s(rho_inf, xi):
 @pytest.mark.parametrize(
     "damping", [RAYLEIGH, ModalDamping((0.02, 0.05, 0.03, 0.08))], ids=["rayleigh", "modal"]
 )
-def test_histories_of_linear_buildings_are_impulse4s(rho_inf, case, damping):
+def test_histories_of_linear_buildings_equal_impulse4(rho_inf, case, damping):
     """Dashpots and P-delta beside Rayleigh damping; a floor force where the load is linear or
     rho_inf below 1."""
     given = building(damping)
@@ -92,7 +92,7 @@ def test_histories_of_linear_buildings_are_impulse4s(rho_inf, case, damping):
         assert close(getattr(mine, quantity), getattr(other, quantity))
 
 
-def test_a_linear_building_takes_one_solve_a_step():
+def test_linear_building_requires_one_solve_per_step():
     response = run(ten_linear(), noise(), method="moment4")
     assert response.iterations == response.steps
 
@@ -104,7 +104,7 @@ def test_a_linear_building_takes_one_solve_a_step():
 @pytest.mark.parametrize(
     "name", ["hardening", "softening", "stiff-pair", "limit-sqrt-12", "large-step"]
 )
-def test_no_step_raises_the_energy(name, rho_inf):
+def test_no_step_increases_energy(name, rho_inf):
     problem = problems()[name]
     for dt, steps in problem.steps:
         response = run(
@@ -124,7 +124,7 @@ def test_no_step_raises_the_energy(name, rho_inf):
         ("softening", 4, 1e-2),
     ],
 )
-def test_energy_is_kept_at_any_step(name, times, kept):
+def test_energy_is_conserved_with_any_time_step(name, times, kept):
     problem = problems()[name]
     for dt, steps in problem.steps:
         response = run(
@@ -135,7 +135,7 @@ def test_energy_is_kept_at_any_step(name, times, kept):
 
 @pytest.mark.parametrize("rho_inf", [1.0, 0.5, 0.0])
 @pytest.mark.parametrize("name", problems())
-def test_verdicts_are_impulse4s_but_for_nonlinear_laws(name, rho_inf):
+def test_verdicts_equal_impulse4_except_for_nonlinear_laws(name, rho_inf):
     mine, other = (attempt(parse(method), problems()[name]) for method in both(rho_inf))
     if name not in ("hardening", "softening"):
         assert [trial.verdict for trial in mine] == [trial.verdict for trial in other]
@@ -154,7 +154,7 @@ def energies(given, method, h, duration):
 @pytest.mark.parametrize(
     ("cases", "seed"), [(20, 11), pytest.param(200, 0, marks=pytest.mark.slow)]
 )
-def test_random_conservative_buildings(cases, seed):
+def test_energy_of_random_conservative_buildings_is_constant(cases, seed):
     """None but for rounding is gained or lost, and few steps are halved."""
     generator = np.random.default_rng(seed)
     halved = 0
@@ -172,7 +172,7 @@ def test_random_conservative_buildings(cases, seed):
 @pytest.mark.parametrize(
     ("cases", "seed"), [(20, 12), pytest.param(200, 1, marks=pytest.mark.slow)]
 )
-def test_random_yielding_buildings(cases, seed):
+def test_energy_of_random_yielding_buildings_does_not_increase(cases, seed):
     generator = np.random.default_rng(seed)
     for number in range(cases):
         given, period = random_building(generator, HYSTERETIC)
@@ -214,7 +214,7 @@ BALANCED = {
 
 
 @pytest.mark.parametrize("case", BALANCED)
-def test_the_balance_closes_at_every_step(case):
+def test_energy_balance_is_satisfied_at_every_step(case):
     record = noise(401)
     for parts in (4, 1, 1 / 2, 1 / 8):
         response = run(BALANCED[case], record, method="moment4", dt=record.dt / parts, history=True)
@@ -224,7 +224,7 @@ def test_the_balance_closes_at_every_step(case):
 
 
 @pytest.mark.parametrize("case", ["linear", "yielding", "fluid dampers", "driven"])
-def test_what_the_dissipative_members_lose_is_lost_in_every_step(case):
+def test_dissipative_members_lose_energy_in_every_step(case):
     record = noise(401)
     for rho_inf in (0.8, 0.0):
         response = run(BALANCED[case], record, method=both(rho_inf)[0], history=True)
@@ -232,7 +232,7 @@ def test_what_the_dissipative_members_lose_is_lost_in_every_step(case):
         assert 0.0 < response.energy.error < 0.1
 
 
-def test_the_loss_is_that_of_the_equations():
+def test_energy_loss_agrees_with_equations():
     """h^2 r / 12 (A1 M A1 + U1 K U1) in each step of an oscillator, A1 and U1 from the motion
     itself."""
     rho_inf, omega, h = 0.5, 3.0, 0.2
@@ -257,7 +257,7 @@ def test_the_loss_is_that_of_the_equations():
 # ---- The load
 
 
-def test_the_moment_of_a_floor_force():
+def test_moment_of_floor_force():
     nodes, weights = np.polynomial.legendre.leggauss(40)
     s = 0.5 * nodes
     for omega, h in ((0.0, 0.1), (3.0, 0.02), (20.0, 0.009), (20.0, 0.011), (40.0, 0.3)):
@@ -272,7 +272,7 @@ def test_the_moment_of_a_floor_force():
 @pytest.mark.parametrize(
     ("begin", "end"), [(0.0, 1.0), (3.25, 3.5), (2.0, 6.0), (1.5, 4.75), (6.0, 10.0), (9.0, 12.0)]
 )
-def test_the_line_has_the_impulse_and_the_moment_of_the_samples(begin, end):
+def test_fitted_line_has_impulse_and_moment_of_samples(begin, end):
     """Also beyond the last sample, where the ground is at rest."""
     ground = np.random.default_rng(5).normal(size=9)
     knots = np.union1d(np.arange(14.0), [begin, end])
@@ -307,7 +307,7 @@ def l2(u, exact):
 
 
 @pytest.mark.parametrize(("parts", "allowed"), [(1, 2e-5), (2, 2e-6), (4, 3e-7)])
-def test_ten_yielding_stories(parts, allowed):
+def test_errors_for_ten_yielding_stories(parts, allowed):
     response = run(OFFICE, method="moment4", dt=DT / parts, history=True)
     exact, peaks = reference()
     assert l2(response.history.displacement[::parts], exact) <= allowed
@@ -318,7 +318,7 @@ def test_ten_yielding_stories(parts, allowed):
 
 
 @pytest.mark.parametrize(("samples", "allowed"), [(2, 2e-4), (4, 4e-3), (8, 2e-2)])
-def test_ten_yielding_stories_over_several_samples(samples, allowed):
+def test_errors_for_ten_yielding_stories_with_long_steps(samples, allowed):
     response = run(OFFICE, method="moment4", dt=DT * samples, history=True)
     assert l2(response.history.displacement, reference(samples)[0]) <= allowed
     assert np.max(np.abs(response.history.energy.error)) < 1e-12
@@ -330,7 +330,7 @@ def test_ten_yielding_stories_over_several_samples(samples, allowed):
 @pytest.mark.parametrize(
     ("method", "damping", "halved"), [("moment4", None, 2), ("gauss4", FIVE_PERCENT, 0)]
 )
-def test_large_steps_of_a_yielding_building_converge(method, damping, halved):
+def test_large_steps_of_yielding_building_converge(method, damping, halved):
     """A tenth to a quarter of the fundamental period of a yielding building, where Newton's plain
     iteration cycles."""
     given = ten_bilinear(damping)
@@ -384,7 +384,7 @@ def turns_from_rest(monkeypatch, damping):
 @pytest.mark.parametrize(
     "damping", [None, RAYLEIGH, ModalDamping((0.05, 0.05))], ids=["none", "rayleigh", "modal"]
 )
-def test_from_rest_under_a_ramp_no_story_turns(monkeypatch, damping):
+def test_no_reversal_is_found_from_rest_under_ramp(monkeypatch, damping):
     """All drifts grow, those of upper stories with higher powers of time: their parabolas start
     backwards. They would turn if only the parabola were asked."""
     assert turns_from_rest(monkeypatch, damping) == []
@@ -393,7 +393,7 @@ def test_from_rest_under_a_ramp_no_story_turns(monkeypatch, damping):
 
 
 @pytest.mark.slow
-def test_energy_of_stories_that_count_their_turns():
+def test_energy_balance_of_degrading_buildings():
     """A hundred random buildings of stories that lose strength and stiffness, whether or not their
     parabolas turn. Of those that fall, the energies grow far beyond the input: they round by their
     own size."""

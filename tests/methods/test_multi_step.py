@@ -51,7 +51,7 @@ def by_formulas(method, case, record, steps):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
+def test_building_with_p_delta_dashpot_and_force_agrees_with_formulas(method):
     case, record = building(RAYLEIGH), noise(samples=201)
     history = run(case, record, method=method, history=True).history
     u, v = by_formulas(method, case, record, 200)
@@ -59,7 +59,7 @@ def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
     np.testing.assert_allclose(history.velocity, v, rtol=0.0, atol=1e-10 * np.max(np.abs(v)))
 
 
-def test_small_steps_do_not_lose_the_acceleration_in_differences():
+def test_small_steps_of_houbolt_have_no_cancellation():
     """On older displacements Houbolt's period of 1e5 steps has an error of 4e-10."""
     case = oscillator(2.0 * np.pi, displacement=(1.0,))
     end = run(case, method="houbolt", dt=1e-5, duration=1.0, history=True).history.displacement[
@@ -69,7 +69,7 @@ def test_small_steps_do_not_lose_the_acceleration_in_differences():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_memory_is_what_the_next_step_depends_on(method):
+def test_memory_rows_are_declared(method):
     integrator = parse(method)
     kinematic_rows = (rows.DISPLACEMENT, rows.VELOCITY, rows.ACCELERATION)
     assert [row in integrator.family.memory for row in kinematic_rows] == [

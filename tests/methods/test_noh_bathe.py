@@ -35,7 +35,7 @@ def dense_step(M, C, f, h, u0, v0, a0, p_inner, p1):
 
 
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
-def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(nonlinear):
+def test_building_with_p_delta_dashpot_and_force_agrees_with_formulas(nonlinear):
     """The load of the first substep is the load at its end: the ground acceleration is linear in
     between, and the floor force has its own time."""
     case, record = building(RAYLEIGH, nonlinear=nonlinear), noise(samples=201)
@@ -56,7 +56,7 @@ def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(nonlinear)
         )
 
 
-def test_drift_laws_pass_through_the_end_of_the_first_substep():
+def test_story_laws_follow_path_through_end_of_first_substep():
     """The lowest story yields in the first step. In the second step it yields backward in the first
     substep and forward in the second one, so a path past its end would have other forces."""
     stiffness, strength, hardening = 100.0, 5.0, 0.1
@@ -95,7 +95,7 @@ def test_coefficients_are_consistent(p):
     assert v_by_ac * p + v_by_a1 == pytest.approx(1.0 / 2.0, rel=1e-14)
 
 
-def test_the_stability_limit_is_where_the_radius_exceeds_one():
+def test_stability_limit_is_limit_of_spectral_radius_one():
     assert stability_limit(P) == pytest.approx(3.745, abs=5e-4)
     limits = [critical_step(parse("noh-bathe"), damping) for damping in (0.0, 0.02, 0.05, 0.2)]
     assert limits == pytest.approx([stability_limit(P), 3.546, 3.268, 2.221], rel=2e-4)

@@ -75,7 +75,7 @@ def errors(building, record, method, parts, truth):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_reported_peak_is_no_worse_than_the_motion_or_the_steps(buildings, method):
+def test_peak_error_is_at_most_error_of_motion_or_steps(buildings, method):
     good = []
     for building, record, truth in buildings:
         for parts in PARTS:
@@ -91,7 +91,7 @@ def test_a_reported_peak_is_no_worse_than_the_motion_or_the_steps(buildings, met
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_peaks_of_linear_buildings_fall_with_the_order(buildings, method):
+def test_peak_errors_of_linear_buildings_are_of_order_of_method(buildings, method):
     """From dt/2 to dt/8, in the mean of the stories of two buildings; accelerations with order 2 at
     least. The peak velocities of noh-bathe reach their order from dt/4 on."""
     errors = np.zeros((len(QUANTITIES), 2))
@@ -111,7 +111,7 @@ def test_peaks_of_linear_buildings_fall_with_the_order(buildings, method):
     assert np.all((observed >= np.array(expected) - 0.5) | (errors[:, 1] <= 1e-7))
 
 
-def test_the_truth_is_that_of_dop853():
+def test_reference_peaks_agree_with_dop853():
     """Two stories of tanh springs, without a line of this project's kernels: all five peaks."""
     masses, springs, strength = np.array([1e5, 8e4]), np.array([4e7, 3e7]), 3e5
     dampers = 0.04 * np.sqrt(masses * springs)
@@ -151,7 +151,7 @@ def test_the_truth_is_that_of_dop853():
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 @pytest.mark.parametrize("parts", [1, 3])
-def test_the_top_story_moves_the_top_floor(method, parts):
+def test_total_shear_of_top_story_is_inertia_force_of_roof(method, parts):
     """Its total shear is the floor's mass times its absolute acceleration, at all times: so are the
     peaks."""
     for building, record in ((ten_bilinear(), noise()), (FRAME, noise(seed=3).scaled(1.5))):
@@ -161,7 +161,7 @@ def test_the_top_story_moves_the_top_floor(method, parts):
         )
 
 
-def test_accelerations_at_corners():
+def test_acceleration_peaks_at_yielding_are_found():
     """Where a story yields, an acceleration has a corner within a step, of which the ends of the
     step do not tell: moment4 finds it on the paths of its stories."""
     truth = run(
@@ -180,7 +180,7 @@ def test_accelerations_at_corners():
     assert off[2] < 0.3 * off[1]
 
 
-def test_peaks_do_not_jump_with_the_strength():
+def test_peaks_are_continuous_in_strength():
     """Strengths that differ by so little as 5e-4: what peaks change by is a few times that."""
     for method in ("moment4", "gauss4"):
         peaks = []
@@ -197,7 +197,7 @@ def test_peaks_do_not_jump_with_the_strength():
 
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
-def test_the_largest_force_of_a_story_that_is_pushed_beyond_its_cap(method):
+def test_maximum_force_beyond_capping_is_capping_force(method):
     """It is the capping force, reached within a step; impulse4 locates when to 1e-9 of the step."""
     law = {
         "type": "imk",

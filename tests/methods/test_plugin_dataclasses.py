@@ -14,7 +14,7 @@ NAMES = ("Family", "Method", "DriftLaw", "Measure", "Problem", "Series", "Record
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_ordinary_dataclass_inherits_from_a_public_class(name):
+def test_dataclass_may_inherit_from_public_class(name):
     base = getattr(plugin, name)
 
     @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def test_an_ordinary_dataclass_inherits_from_a_public_class(name):
     ]
 
 
-def test_an_extended_method_is_used_as_the_method():
+def test_extended_method_is_used_as_method():
     @dataclass(frozen=True)
     class Extended(plugin.Method):
         """A method with a remark."""
@@ -53,7 +53,7 @@ def test_an_extended_method_is_used_as_the_method():
         extended.remark = "changed"
 
 
-def test_an_extended_law_and_record_keep_their_values():
+def test_extended_law_and_record_keep_values():
     @dataclass(frozen=True)
     class Law(plugin.DriftLaw):
         """A law with a source."""

@@ -64,7 +64,7 @@ def outside(tmp_path, text, name="outside_plugin"):
 
 
 @pytest.mark.usefixtures("compiled_truth")
-def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
+def test_method_of_readme_agrees_with_its_declarations(verlet, monkeypatch):
     """`check` confirms its declarations, and reports changed declarations as wrong."""
     tdint.load_plugin(str(verlet))
     integrator = methods.parse("verlet")
@@ -116,7 +116,7 @@ MISTAKES = {
 
 @pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake):
+def test_usual_mistakes_of_method_are_found(tmp_path, verlet, mistake):
     """Mistakes are detected before compilation: in plain Python with checked bounds, and then with
     yielding stories."""
     before, after, told = MISTAKES[mistake]
@@ -144,14 +144,14 @@ def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake):
 
 
 @pytest.mark.slow
-def test_ours_make_none_of_them():
+def test_check_accepts_own_methods():
     """Methods of each type pass the check: methods with several stages, several steps, without
     iterations, of order 2 and higher."""
     for name in ("bathe", "park", "chang", "rk5", "gauss4"):
         assert step_check.faults_with_yielding(methods.parse(name)) == {}
 
 
-def test_a_branch_that_is_set_in_part_is_told(tmp_path):
+def test_incompletely_set_branch_is_reported(tmp_path):
     """A variant of the law `gap` does not set the lower end of a branch. Compiled code would
     continue with this error without a message."""
     text = Path(gap.__file__).read_text().replace('"gap",\n', '"half-gap",\n')
@@ -190,7 +190,7 @@ def of_the_law(tmp_path, hyperbolic):
     return tdint.load_model(str(file))
 
 
-def test_the_law_of_the_readme(of_the_law):
+def test_law_of_readme_agrees_with_formula(of_the_law):
     """Along cycles, its force equals its formula."""
     path = tdint.cyclic_test(of_the_law, 1, ["2%"], points=50).path
     x = 3e7 * path.drift / 3e5
@@ -198,7 +198,7 @@ def test_the_law_of_the_readme(of_the_law):
     assert check_law(of_the_law, 1) == []
 
 
-def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
+def test_false_tangent_and_energy_of_law_are_reported(tmp_path, hyperbolic):
     text = hyperbolic.read_text()
     for sound, false in (
         (r"root \* root \* root\)", "root)"),
@@ -219,7 +219,7 @@ def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
     assert "the tangent is not the slope of the force" in tangent
 
 
-def test_what_a_model_without_it_needs_stays_as_it_is(hyperbolic):
+def test_plugin_law_does_not_change_sources_of_other_models(hyperbolic):
     name = "tdint.methods.impulse4"
     before = closure(name), closure(name, ("linear",))
     tdint.load_plugin(str(hyperbolic))
@@ -228,7 +228,7 @@ def test_what_a_model_without_it_needs_stays_as_it_is(hyperbolic):
     assert with_it.keys() - before[1].keys() == {"tdint_plugin_hyperbolic"}
 
 
-def test_what_a_plugin_imports_counts(tmp_path, verlet, monkeypatch):
+def test_imports_of_plugin_belong_to_its_sources(tmp_path, verlet, monkeypatch):
     (tmp_path / "outside_helpers.py").write_text("ROWS = 4\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     file = outside(
@@ -256,7 +256,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("text", FAULTS)
-def test_a_faulty_file_is_one_line(tmp_path, text):
+def test_invalid_plugin_file_is_reported_in_one_line(tmp_path, text):
     with pytest.raises(UsageError) as caught:
         tdint.load_plugin(str(outside(tmp_path, text)))
     assert FAULTS[text] in str(caught.value)
@@ -279,7 +279,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_a_faulty_declaration_is_one_line_and_leaves_nothing(request, change):
+def test_invalid_declaration_is_reported_and_not_registered(request, change):
     name, before, after = change
     file = request.getfixturevalue(name)
     assert before in file.read_text()
@@ -291,7 +291,7 @@ def test_a_faulty_declaration_is_one_line_and_leaves_nothing(request, change):
     assert "verlet" not in methods.catalogue()
 
 
-def test_what_cannot_be_compiled_names_the_file_and_the_line(tmp_path, verlet):
+def test_compilation_error_contains_file_and_line(tmp_path, verlet):
     before = "n = linear_terms.shape[1] - 1"
     line = verlet.read_text().partition(before)[0].count("\n") + 1
     file = outside(tmp_path, verlet.read_text().replace(before, before[:-1] + "'a'"))
@@ -300,7 +300,7 @@ def test_what_cannot_be_compiled_names_the_file_and_the_line(tmp_path, verlet):
         tdint.stability("verlet", [0.1])
 
 
-def test_no_two_files_of_one_name(tmp_path, verlet):
+def test_plugins_with_equal_names_are_refused(tmp_path, verlet):
     tdint.load_plugin(str(verlet))
     tdint.load_plugin(str(verlet))
     (tmp_path / "other").mkdir()
@@ -310,7 +310,7 @@ def test_no_two_files_of_one_name(tmp_path, verlet):
         tdint.load_plugin(str(other))
 
 
-def test_a_law_of_no_file_is_refused():
+def test_law_without_file_is_refused():
     law = definition.LAWS["tanh"]
     alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
     with pytest.raises(UsageError, match=r"alone.*import"):
@@ -331,7 +331,7 @@ PACKAGE = {
 }
 
 
-def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic, monkeypatch, caplog):
+def test_installed_plugins_need_no_option(tmp_path, verlet, hyperbolic, monkeypatch, caplog):
     """A faulty entry point causes a warning, and other entry points are still loaded."""
     for name, text in PACKAGE.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -389,7 +389,7 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
     return run
 
 
-def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
+def test_commands_use_methods_and_laws_of_files(workshop, verlet, tmp_path):
     """`run`, `stability` and `order` in one process each use only the plug-ins of their own
     --plugin."""
     plugins = ("--plugin", "verlet.py", "--plugin", "hyperbolic.py")
@@ -415,7 +415,7 @@ def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
 
 
 @pytest.mark.usefixtures("plain")
-def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path, monkeypatch):
+def test_store_refuses_changed_plugin(workshop, verlet, hyperbolic, tmp_path, monkeypatch):
     """`campaign`, `merge` and `ida` refuse a store of runs if its law, or a module that the law
     imports, was changed; the message names the file. Other plug-ins may be changed. All plug-ins
     are unloaded before each call, as in a new process."""
@@ -466,7 +466,7 @@ def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path
     )
 
 
-def test_a_kept_reference_is_of_its_law(of_the_law, hyperbolic, tmp_path):
+def test_cached_reference_depends_on_law(of_the_law, hyperbolic, tmp_path):
     """The cached reference solution is not used for another law with the same parameters, in the
     same or another file. A file that was edited after its execution in this process is not used
     under the old name."""
@@ -486,7 +486,7 @@ def test_a_kept_reference_is_of_its_law(of_the_law, hyperbolic, tmp_path):
         tdint.load_plugin(str(hyperbolic))
 
 
-def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
+def test_plugin_files_are_sent_to_workers(workshop, verlet, hyperbolic, tmp_path):
     """A process without the two plug-ins, such as a Dask worker, gives the same runs."""
     for file in (verlet, hyperbolic):
         tdint.load_plugin(str(file))
@@ -518,7 +518,7 @@ print(repr(float(tdint.run_case(case, dt=0.005).stories.peak_drift[0])), repr(fl
 """  # noqa: E501
 
 
-def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyperbolic, tmp_path):
+def test_case_and_result_are_read_by_new_process(workshop, verlet, hyperbolic, tmp_path):
     """The new process loads the plug-ins of the method and the law from their files if the files
     are unchanged."""
     for file in (verlet, hyperbolic):
@@ -555,7 +555,7 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
         ("sound", ("", ""), ""),
     ],
 )
-def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
+def test_plugin_is_executed_in_python_before_first_compiled_run(
     tmp_path, monkeypatch, name, change, fault
 ):
     """The check runs once for each state of the sources, in Python and on the command line. A

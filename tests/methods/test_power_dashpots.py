@@ -31,7 +31,7 @@ def damped(mass, stiffness, coefficient, exponent, linear_below=0.0, law=None):
 
 
 @pytest.mark.parametrize("name", TAKING)
-def test_exponent_1_is_a_viscous_dashpot(name):
+def test_exponent_1_equals_viscous_dashpot(name):
     record = noise(samples=201)
     linear = model([story(2e5, 4e7, dashpot=4e5), story(2e5, 4e7, dashpot=3e5)])
     power = model([damped(2e5, 4e7, 4e5, 1.0), damped(2e5, 4e7, 3e5, 1.0)])
@@ -61,7 +61,7 @@ def forced(exponent):
 
 @pytest.mark.parametrize("name", TAKING)
 @pytest.mark.parametrize("exponent", [0.5, 1.7])
-def test_the_order_of_a_method_stays(name, exponent):
+def test_order_is_kept_with_power_law_dashpot(name, exponent):
     building = model([damped(10.0, 200.0, 20.0, exponent, 0.2)], forces=[Force(1, 40.0, 0.0, 5.0)])
     errors = []
     for dt in (0.05, 0.025, 0.0125, 0.00625) if name == "rk5" else (0.02, 0.01, 0.005, 0.0025):
@@ -74,7 +74,7 @@ def test_the_order_of_a_method_stays(name, exponent):
 
 
 @pytest.mark.parametrize("name", ["impulse4", "moment4", "newmark-average", "gauss4"])
-def test_energy_balances_in_a_yielding_building_with_fluid_dampers(name):
+def test_energy_balance_of_yielding_building_with_fluid_dampers(name):
     """Exponent 0.35, as of fluid viscous dampers; the dampers take up most of the input."""
     record = noise(peak=4.0)
     law = Law("bilinear", (8e5, 0.05))
@@ -85,7 +85,7 @@ def test_energy_balances_in_a_yielding_building_with_fluid_dampers(name):
     assert response.energy.dampers > 0.5 * response.energy.input
 
 
-def test_located_yielding_agrees_with_average_acceleration_beside_dampers():
+def test_located_yielding_with_dampers_agrees_with_average_acceleration():
     record = noise(peak=8.0)
     law = Law("bilinear", (4e5, 0.05))
     building = model([damped(2e5, 4e7, 1e5, 0.5, 0.02, law) for _ in range(3)])
@@ -97,7 +97,7 @@ def test_located_yielding_agrees_with_average_acceleration_beside_dampers():
 
 
 @pytest.mark.parametrize("name", REFUSING)
-def test_methods_made_for_linear_damping_refuse(name):
+def test_methods_for_linear_damping_refuse_power_law_dashpots(name):
     with pytest.raises(AnalysisError, match="does not support power-law dashpots"):
         run(
             model([damped(1.0, 100.0, 1.0, 0.5, 0.01)], velocity=(1.0,)),

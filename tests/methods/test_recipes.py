@@ -36,7 +36,7 @@ STORIES = {
 }
 
 
-def test_the_names_are_there_and_plugins_import_nothing_else():
+def test_plugins_import_only_public_names():
     assert {
         "EffectiveCoefficients",
         "rows",
@@ -69,7 +69,7 @@ def model_of(law, stories=1):
 
 @pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize("name", METHODS)
-def test_a_method_comes_to_the_true_motion_of_stories_that_yield(name):
+def test_recipe_method_is_accurate_with_yielding_stories(name):
     """With its order, energy in balance, from fresh scratch and halved steps; in plain Python, with
     bounds checked. Of bilinear ones: the others are in what it declares."""
     loaded(name)
@@ -78,7 +78,7 @@ def test_a_method_comes_to_the_true_motion_of_stories_that_yield(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", METHODS)
-def test_a_method_is_what_it_declares(name):
+def test_recipe_method_agrees_with_its_declarations(name):
     loaded(name)
     for specification in METHODS[name]:
         assert check_method(methods.parse(specification)).faults == ()
@@ -86,14 +86,14 @@ def test_a_method_is_what_it_declares(name):
 
 @pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize("name", STORIES)
-def test_a_law_accounts_for_its_energy(name):
+def test_recipe_law_passes_check(name):
     loaded(name)
     assert check_law(model_of(STORIES[name]), 1) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STORIES)
-def test_a_run_of_a_law_makes_no_energy_and_hangs_on_no_method(name):
+def test_run_of_recipe_law_conserves_energy_for_every_method(name):
     loaded(name)
     record = tdint.make_record(5.0 * np.sin(np.arange(500) * 0.07), dt=0.01, units="m/s^2")
     model = model_of(STORIES[name], 2)
@@ -107,7 +107,7 @@ def test_a_run_of_a_law_makes_no_energy_and_hangs_on_no_method(name):
 
 
 @pytest.mark.usefixtures("plain")
-def test_the_flag_returns_to_zero_and_the_curve_to_its_asymptotes():
+def test_recipe_laws_agree_with_published_formulas():
     """Slopes, widths and asymptotes of the papers' formulas."""
     for name in STORIES:
         loaded(name)
@@ -134,7 +134,7 @@ def test_the_flag_returns_to_zero_and_the_curve_to_its_asymptotes():
     )
 
 
-def test_the_program_in_charts_is_exact():
+def test_recipe_program_for_charts_is_exact():
     """For an oscillator: SciPy's exponential against the formula of Nigam and Jennings."""
     loaded("state_space")
     ((_, _, function),) = peers()
@@ -152,7 +152,7 @@ def test_the_program_in_charts_is_exact():
     assert times[-1] == pytest.approx(199 * 0.02)
 
 
-def test_a_measure_of_the_readme_is_taken_by_name(tmp_path):
+def test_measure_of_readme_is_found_by_name(tmp_path):
     file = tmp_path / "bracketed.py"
     file.write_text(readmes.block("plugin-measure"))
     tdint.load_plugin(file)
@@ -165,7 +165,7 @@ def test_a_measure_of_the_readme_is_taken_by_name(tmp_path):
     assert run_measure("d5_75").column == run_measure("d5-75").column == "d5_75"
 
 
-def test_check_names_the_public_name_of_what_is_imported(tmp_path):
+def test_check_suggests_public_name_of_import(tmp_path):
     """And where such an import fails, the line says what to write."""
     file = tmp_path / "old.py"
     file.write_text(

@@ -8,7 +8,7 @@ from tdint.methods.catalogue import catalogue, references, references_of
 
 
 @pytest.mark.parametrize("name", catalogue())
-def test_who_is_named_as_a_source_is_there_in_full(name):
+def test_sources_of_method_have_references(name):
     """Each year of the source, and each name before one, stands in a reference."""
     method = catalogue()[name]
     found = references_of(method)
@@ -19,7 +19,7 @@ def test_who_is_named_as_a_source_is_there_in_full(name):
         assert any(author in one.author for one in found)
 
 
-def test_entries_are_of_methods_and_no_key_stands_for_two():
+def test_references_belong_to_methods_and_have_unique_keys():
     assert references().keys() == catalogue().keys()
     found = {one for of_method in references().values() for one in of_method}
     assert len({one.bibtex.partition(",")[0] for one in found}) == len(found)

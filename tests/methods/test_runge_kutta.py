@@ -48,7 +48,7 @@ def stability_function(method, Z):
 
 @pytest.mark.parametrize("xi", [0.0, 0.05, 0.7])
 @pytest.mark.parametrize("method", [*METHODS, "impulse", "impulse4", "moment4"])
-def test_amplification_matrix_is_the_stability_function(method, xi):
+def test_amplification_matrix_equals_stability_function(method, xi):
     """Also at and near sqrt(12), where the printed formulas of the impulse method divide by
     zero."""
     around = math.sqrt(12.0) * (
@@ -93,7 +93,7 @@ def gauss_step(rate, jacobian, h, t, x):
 
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
 @pytest.mark.parametrize("method", METHODS)
-def test_building_follows_the_formulas(method, nonlinear):
+def test_building_agrees_with_formulas(method, nonlinear):
     """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from
     a deflected start: ground acceleration linear in between, the force at the time of each
     stage."""
@@ -139,14 +139,14 @@ def test_building_follows_the_formulas(method, nonlinear):
         ),  # Kutta, order 4
     ],
 )
-def test_limit_on_the_imaginary_axis(table, limit):
+def test_stability_limit_on_imaginary_axis(table, limit):
     assert imaginary_stability_limit(table) == pytest.approx(limit, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ("method", "inner"), [("rk5", ()), ("gauss4", (rows.FIRST_TRIAL, rows.SECOND_TRIAL))]
 )
-def test_path_of_a_hysteretic_story(method, inner):
+def test_path_of_hysteretic_story_through_stages(method, inner):
     """gauss4 loads a story from the start of the step through both stages to its end, rk5 straight
     to the end."""
     stiffness, strength, hardening = 100.0, 5.0, 0.1

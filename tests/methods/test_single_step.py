@@ -47,14 +47,14 @@ def test_theta_of_optimal_collocation(eigenvalues, beta, theta):
     assert collocation_theta(beta) == pytest.approx(theta, abs=5e-7)
 
 
-def test_collocation_takes_that_theta(eigenvalues):
+def test_collocation_uses_optimal_theta(eigenvalues):
     method = parse("collocation")
     assert format(method.values[1], ".12g") == "1.02171163635"
     assert method.stability_limit == np.inf
 
 
 @pytest.mark.parametrize("beta", [0.17, 0.2, 0.22, 0.24, 0.2499])
-def test_the_roots_meet_at_that_theta(beta):
+def test_roots_coincide_at_optimal_theta(beta):
     """Just below it they are two real ones, just above it a pair."""
     theta = collocation_theta(beta)
     for factor, meet in ((1.0 - 1e-6, False), (1.0 + 1e-6, True)):

@@ -154,7 +154,7 @@ SOLVED = [
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 @pytest.mark.parametrize("name", SOLVED)
-def test_fourth_order_with_yielding_stories(name, method):
+def test_order_4_is_observed_with_nonlinear_stories(name, method):
     """With a quarter of the time step, the error decreases to less than 1/30 of it."""
     coarse, fine = error(name, method, 1), error(name, method, 4)
     assert coarse < (0.03 if name in ("gap", "polynomial") else 2e-3)
@@ -165,7 +165,7 @@ def test_fourth_order_with_yielding_stories(name, method):
     "method", ["newmark-average", "bathe", "noh-bathe", "impulse", "gauss4", "hht", "park"]
 )
 @pytest.mark.parametrize("name", ["forces", "bilinear", "bouc-wen", "tanh"])
-def test_second_order(name, method):
+def test_order_2_is_observed_with_nonlinear_stories(name, method):
     """With a quarter of the time step, the error decreases to less than a fifth."""
     coarse, fine = error(name, method, 1), error(name, method, 4)
     assert coarse < 0.15

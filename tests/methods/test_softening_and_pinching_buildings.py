@@ -84,7 +84,7 @@ LAWS = {
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("seed", range(3))
-def test_order_4_energy_and_average_acceleration(name, seed):
+def test_order_energy_and_agreement_with_average_acceleration(name, seed):
     """The finest run of average acceleration goes another way through the laws: over whole steps,
     without events."""
     case, record = building(name, seed), noise(samples=501, seed=seed, peak=6.0)
@@ -105,7 +105,7 @@ def failing(**more):
 
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average"])
-def test_a_story_that_fails_is_said(method):
+def test_failed_story_is_reported(method):
     """To yield 0.05 m in 0.0169 s, on against 5 N and more: it fails at 0.3 m with v^2 = 9 - 0.25 -
     2 (1.25 + ...)."""
     response = run(failing(), method=method, dt=0.01, duration=0.5, history=True)
@@ -132,7 +132,7 @@ def test_a_story_that_fails_is_said(method):
     assert abs(response.energy.error) < (1e-6 if method == "impulse4" else 0.02)
 
 
-def test_what_comes_first_is_said():
+def test_collapse_before_story_failure_is_reported():
     """A drift ratio of 0.02 is passed before the story fails at 0.03."""
     response = run(
         replace(failing(), collapse_drift=0.02), method="impulse4", dt=0.01, duration=0.5
@@ -142,7 +142,7 @@ def test_what_comes_first_is_said():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_time_of_a_collapse(seed):
+def test_collapse_time_agrees_with_fine_steps(seed):
     """A falling branch under P-delta: at the record's step and at a 64th of it, within one interval
     of the record."""
     record = noise(samples=1201, seed=seed, peak=14.0)

@@ -10,7 +10,7 @@ from tdint.model.building import assemble
 
 
 @pytest.mark.parametrize("method", ["impulse", "impulse4", "moment4"])
-def test_a_run_at_sqrt_12_is_finite_and_keeps_its_energy(method):
+def test_run_at_sqrt_12_conserves_energy(method):
     dt = 0.01
     response = run(
         oscillator(np.sqrt(12.0) / dt, displacement=(1.0,)),
@@ -28,7 +28,7 @@ def test_a_run_at_sqrt_12_is_finite_and_keeps_its_energy(method):
 
 
 @pytest.mark.parametrize("method", ["impulse", "impulse4", "moment4"])
-def test_a_building_with_a_mode_there(method):
+def test_building_with_mode_at_sqrt_12(method):
     record = noise()
     damping = RayleighRatio((0.05, 0.05), (1, 2))
     omega = assemble(model([story(2e5, 3.5e8)] * 4)).modes().omega[-1]

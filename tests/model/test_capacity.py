@@ -43,7 +43,7 @@ def restated(curve, n, soft):
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 12])
 @pytest.mark.parametrize("soft", [False, True])
-def test_the_rules_stated_again(n, soft):
+def test_derived_buildings_agree_with_restated_rules(n, soft):
     made = derive_capacity(CapacityFacts(DEMO, n, soft_story=soft))
     drifts, forces = restated(DEMO, n, soft)
     assert made.drifts == pytest.approx(drifts, rel=1e-12)
@@ -51,7 +51,7 @@ def test_the_rules_stated_again(n, soft):
     assert made.period == pytest.approx(DEMO.period, rel=1e-13)
 
 
-def test_a_published_example():
+def test_published_example_is_reproduced():
     made = derive_capacity(CapacityFacts(DEMO, 3, as_published=True))
     assert made.mass == pytest.approx([363.636, 363.636, 272.727], abs=1e-3)
     assert made.mode == pytest.approx([0.424623, 0.755846, 1.0], abs=1e-6)
@@ -71,13 +71,13 @@ def test_a_published_example():
         (12, 0.924, 0.601),
     ],
 )
-def test_the_published_factor_shortens_the_period(n, ordinary, soft):
+def test_published_factor_shortens_period(n, ordinary, soft):
     for is_soft, ratio in ((False, ordinary), (True, soft)):
         made = derive_capacity(CapacityFacts(DEMO, n, soft_story=is_soft, as_published=True))
         assert made.period / DEMO.period == pytest.approx(ratio, abs=6e-4)  # told to three digits
 
 
-def test_curves_of_two_and_three_points():
+def test_capacity_curves_of_two_and_three_points():
     made = derive_capacity(CapacityFacts(TWO, 1))
     assert made.drifts[0] == pytest.approx([0.02, 0.04, 0.06, 0.08])
     assert made.forces[0] / 9810.0 == pytest.approx([0.15, 0.15 + 0.05 / 3, 0.15 + 0.1 / 3, 0.2])
@@ -86,7 +86,7 @@ def test_curves_of_two_and_three_points():
     assert (TWO.damage_begins, THREE.damage_begins) == (0.02, 0.03)
 
 
-def test_mass_and_damping():
+def test_given_mass_and_damping_are_used():
     made = derive_capacity(CapacityFacts(DEMO, 4, mass=5e5, height=14.0, damping_ratio=0.03))
     assert made.mass.sum() == pytest.approx(5e5)
     assert made.height.tolist() == [3.5] * 4
@@ -107,12 +107,12 @@ def test_mass_and_damping():
         ([(0.01, 0.1), (math.inf, 0.2)], "must be positive"),
     ],
 )
-def test_points_that_make_no_curve(points, text):
+def test_invalid_curve_points_are_refused(points, text):
     with pytest.raises(UsageError, match=text):
         CapacityCurve.of(points)
 
 
-def test_a_curve_may_begin_in_the_origin(tmp_path):
+def test_curve_may_start_at_origin(tmp_path):
     (tmp_path / "curve.csv").write_text("sd_m,sa_g\n0,0\n0.02,0.15\n0.08,0.2\n")
     assert read_curve(str(tmp_path / "curve.csv")) == TWO
 
@@ -132,7 +132,7 @@ def _points():
     return DEMO.displacement, DEMO.acceleration
 
 
-def test_a_model_with_a_capacity_curve(curve):
+def test_model_with_capacity_curve(curve):
     (curve / "model.yaml").write_text(MODEL % "degradation: true, soft_story: true")
     model = load_model(curve / "model.yaml")
     facts = CapacityFacts(DEMO, 3, 9.0, 3e5, soft_story=True, degradation=True)
@@ -158,13 +158,13 @@ def test_a_model_with_a_capacity_curve(curve):
         ("damping_ratio: 2", "building.damping_ratio"),
     ],
 )
-def test_faults_of_a_building_with_a_curve(curve, more, text):
+def test_errors_of_building_with_capacity_curve(curve, more, text):
     (curve / "model.yaml").write_text(MODEL % more)
     with pytest.raises(ModelError, match=text):
         load_model(curve / "model.yaml")
 
 
-def test_a_curve_that_cannot_be_read(curve):
+def test_invalid_curve_file_is_refused(curve):
     (curve / "curve.csv").write_text("sd_m,sa_g\n1,1\n")
     (curve / "model.yaml").write_text(MODEL % "soft_story: false")
     with pytest.raises(ModelError, match=r"building\.capacity: .*two to four points, got 1"):
@@ -195,7 +195,7 @@ def inventory(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_an_inventory_of_classes(inventory):
+def test_inventory_of_capacity_classes(inventory):
     rows, faults = read_inventory("buildings.csv", 1.0, classes=read_classes("classes.csv"))
     assert not faults
     first, second = derive_all(rows, "capacity")
@@ -217,14 +217,14 @@ def test_an_inventory_of_classes(inventory):
         (("8e5", "-1"), "mass_kg"),
     ],
 )
-def test_faults_of_rows(inventory, change, text):
+def test_errors_of_rows_with_classes(inventory, change, text):
     (inventory / "buildings.csv").write_text(BUILDINGS.replace(*change))
     rows, faults = read_inventory("buildings.csv", 1.0, classes=read_classes("classes.csv"))
     assert len(rows) == 1
     assert text in str(faults[0])
 
 
-def test_a_class_that_is_none(inventory):
+def test_invalid_class_is_refused(inventory):
     (inventory / "classes.csv").write_text(CLASSES + "lost,0.1,0.1\n")
     with pytest.raises(ModelError, match=r"classes.csv: class lost: .*got 1"):
         read_classes("classes.csv")

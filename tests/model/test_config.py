@@ -66,7 +66,7 @@ def one_story(extra: str = "", story: str = "mass: 1, stiffness: 1"):
     return load(f"stories: [{{{story}}}]\n{extra}")
 
 
-def test_every_feature_in_si(tmp_path: Path) -> None:
+def test_model_with_all_features_is_read_in_si(tmp_path: Path) -> None:
     path = tmp_path / "building.yaml"
     path.write_text(EVERYTHING)
     model = load_model(path)
@@ -99,7 +99,7 @@ def test_every_feature_in_si(tmp_path: Path) -> None:
     assert model.collapse_drift == 0.05
 
 
-def test_defaults() -> None:
+def test_default_values_of_model() -> None:
     model = load("stories: [{mass: 1, stiffness: 2}, {mass: 3, stiffness: 4}]")
     assert model.name == "model"
     assert model.source == "<stream>"
@@ -130,7 +130,7 @@ def test_defaults() -> None:
         ("{length: ft, force: lbf, mass: lb}", 0.45359237, 0.45359237 * G / 0.3048),
     ],
 )
-def test_units(units: str, mass: float, stiffness: float) -> None:
+def test_units_of_mass_and_stiffness(units: str, mass: float, stiffness: float) -> None:
     (story,) = one_story(f"units: {units}").stories
     assert story.mass == pytest.approx(mass, rel=1e-14)
     assert story.stiffness == pytest.approx(stiffness, rel=1e-14)
@@ -149,14 +149,14 @@ def test_units(units: str, mass: float, stiffness: float) -> None:
         ("{modal: {ratio: 0.05, modes: 1}}", ModalDamping((0.05, 0.0))),
     ],
 )
-def test_damping(damping: str, expected: object) -> None:
+def test_damping_models(damping: str, expected: object) -> None:
     assert (
         load(f"stories: [{{repeat: 3, mass: 1, stiffness: 1}}]\ndamping: {damping}").damping
         == expected
     )
 
 
-def test_damping_of_one_story() -> None:
+def test_damping_models_of_one_story() -> None:
     assert one_story("damping: {modal: {ratio: 0.05, modes: 1}}").damping == ModalDamping((0.05,))
     assert one_story(
         "damping: {rayleigh: {mass: 1, stiffness: 0}}"
@@ -166,7 +166,7 @@ def test_damping_of_one_story() -> None:
 @pytest.mark.parametrize(
     ("phase", "shift"), [("cos", 0.0), ("sin", -math.pi / 2), ("0.7", 0.7), ("-2e0", -2.0)]
 )
-def test_phase_of_a_force(phase: str, shift: float) -> None:
+def test_phase_of_harmonic_force(phase: str, shift: float) -> None:
     text = f"excitation: {{forces: [{{floor: 1, amplitude: 3, omega: 2, phase: {phase}}}]}}"
     (force,) = one_story(text).excitation.forces
     for t in (0.0, 0.3, 1.7):
@@ -174,13 +174,13 @@ def test_phase_of_a_force(phase: str, shift: float) -> None:
         assert value == pytest.approx(3 * math.cos(2 * t + shift), abs=1e-14)
 
 
-def test_stiffness_may_repeat_what_the_law_gives() -> None:
+def test_stiffness_may_repeat_stiffness_of_law() -> None:
     law = "law: {type: polynomial, coefficients: [0.3, 1]}"
     assert one_story(story=f"mass: 1, {law}").stories[0].stiffness == 0.3
     assert one_story(story=f"mass: 1, stiffness: 0.30000000001, {law}").stories[0].stiffness == 0.3
 
 
-def test_law_by_name() -> None:
+def test_law_may_be_name_or_mapping() -> None:
     assert one_story(story="mass: 1, stiffness: 2, law: linear").stories[0].law == Law("linear", ())
     assert one_story(story="mass: 1, stiffness: 2, law: {type: linear}").stories[0].law == Law(
         "linear", ()
@@ -196,7 +196,7 @@ def test_law_by_name() -> None:
         ("'-'", "-"),
     ],
 )
-def test_record_file(
+def test_record_path_is_relative_to_model_file(
     record: str, file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -213,13 +213,13 @@ def test_record_file(
     assert model.name == "model"
 
 
-def test_words_stay_text() -> None:
+def test_number_like_and_boolean_like_text_remains_text() -> None:
     model = one_story("name: 012\nexcitation: {record: {file: no, component: 1e5}}")
     assert model.name == "012"
     assert model.excitation.record == RecordSource("no", RecordChoice(component="1e5"))
 
 
-def test_aliases() -> None:
+def test_yaml_aliases() -> None:
     model = load(
         "stories:\n"
         "  - &typical {mass: &m 2, stiffness: 5, law: &law {type: bilinear, yield_force: 1, "
@@ -244,7 +244,7 @@ def test_bytes_and_byte_order_mark(newline: str, tmp_path: Path) -> None:
     assert model.text == data
 
 
-def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_model_is_read_from_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
     data = b"stories: [{mass: 1, stiffness: 1}]\nexcitation: {record: r.mseed}\n"
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data), encoding="ascii"))
     model = load_model("-")
@@ -252,7 +252,7 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
     assert model.excitation.record == RecordSource("r.mseed")
 
 
-def test_standard_input_without_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_model_is_read_from_text_stream_as_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO("stories: [{mass: 1, stiffness: 1}]"))
     assert load_model("-").stories[0].mass == 1.0
 
@@ -263,7 +263,7 @@ def test_many_stories_share_one_entry() -> None:
     assert stories[0] is stories[-1]
 
 
-def test_a_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
+def test_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
     """100 kN at 1 cm/s to the power 0.5 are 1e5 N (100 s/m)^0.5 = 1e6 N (s/m)^0.5."""
     file = tmp_path / "model.yaml"
     file.write_text(
@@ -279,7 +279,7 @@ def test_a_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
     assert two.power_dashpot == PowerDashpot(pytest.approx(3e5), 1.0, 0.0)
 
 
-def test_yield_forces_of_the_bilinear_example() -> None:
+def test_yield_forces_of_bilinear_example() -> None:
     model = load_model(CONFIGS / "ten-story-bilinear.yaml")
     base = 0.15 * 10 * 2e5 * 9.81
     expected = [base * sum(range(i, 11)) / 55 for i in range(1, 11)]
@@ -288,7 +288,7 @@ def test_yield_forces_of_the_bilinear_example() -> None:
     )
 
 
-def test_imports_nothing_heavy() -> None:
+def test_reading_config_imports_no_large_package() -> None:
     heavy = "{'numpy', 'numba', 'scipy', 'obspy', 'click', 'matplotlib'}"
     code = f"import sys, tdint.model.config.model_file; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

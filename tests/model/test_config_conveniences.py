@@ -30,7 +30,7 @@ def faults(source: object) -> list[str]:
     return [str(problem).removeprefix("<stream>:") for problem in caught.value.faults]
 
 
-def test_a_weight_is_a_mass_times_standard_gravity() -> None:
+def test_weight_is_mass_times_standard_gravity() -> None:
     weights = load("units: {length: in, force: kip}\nstories: [{weight: 100, stiffness: 10}]")
     masses = load(
         "units: {length: in, force: kip, mass: kip*s^2/in}\n"
@@ -43,19 +43,21 @@ def test_a_weight_is_a_mass_times_standard_gravity() -> None:
 
 
 @pytest.mark.parametrize("unit", ["kip", "lbf", "kN"])
-def test_a_unit_of_force_for_the_mass_tells_of_weights(unit: str) -> None:
+def test_unit_of_force_for_mass_is_refused_with_remedy(unit: str) -> None:
     (fault,) = faults(io.StringIO(f"{THREE}units: {{mass: {unit}}}"))
     assert fault.startswith(f"2:15: units.mass: {unit} is a unit of force; give the `weight`")
     assert "mass = W/g, in kip*s^2/in" in fault
 
 
 @pytest.mark.parametrize("text", ["5%", "0.05", "5 %", "'5%'", "5e-2"])
-def test_damping_in_one_word(text: str) -> None:
+def test_damping_may_be_single_ratio(text: str) -> None:
     assert load(f"{THREE}damping: {text}").damping == RayleighRatio((0.05, 0.05), (1, 3))
 
 
 @pytest.mark.parametrize(("stories", "modes"), [(2, (1, 2)), (7, (1, 3))])
-def test_the_modes_that_have_it(stories: int, modes: tuple[int, int]) -> None:
+def test_damping_ratio_applies_to_first_and_third_mode(
+    stories: int, modes: tuple[int, int]
+) -> None:
     model = load(f"stories: [{{repeat: {stories}, mass: 2, stiffness: 5}}]\ndamping: 5%")
     building = assemble(model)
     ratios = building.modes().damping_ratios(building.damping_matrix())
@@ -65,7 +67,7 @@ def test_the_modes_that_have_it(stories: int, modes: tuple[int, int]) -> None:
     assert 0.0 < ratios[modes[1] - 2] < 0.05 or stories == 2  # between the two it is less
 
 
-def test_one_story_has_half_of_it_from_the_mass_and_half_from_the_stiffness() -> None:
+def test_damping_of_one_story_is_half_mass_half_stiffness_proportional() -> None:
     building = assemble(load("stories: [{mass: 2, stiffness: 50}]\ndamping: 5%"))
     omega, critical = 5.0, 2.0 * math.sqrt(2.0 * 50.0)
     assert building.first_mode() == (pytest.approx(omega), pytest.approx(0.05))
@@ -92,7 +94,7 @@ def test_ratios_may_be_percentages() -> None:
     assert model.collapse_drift == 0.08
 
 
-def test_output_units() -> None:
+def test_output_units_are_read() -> None:
     assert load(THREE).output_units == SI
     us = OutputUnits(length="in", force="kip", acceleration="g")
     assert load(f"{THREE}output_units: kip, in, g").output_units == us
@@ -100,7 +102,7 @@ def test_output_units() -> None:
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_a_mapping_says_what_the_file_says(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mapping_equals_model_file(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(path.parent)
     file, mapping = load_model(path.name), load_model(tree(path.read_text()))  # type: ignore[arg-type]
     assert path.read_text().startswith("# ")
@@ -118,7 +120,7 @@ def test_a_mapping_says_what_the_file_says(path: Path, monkeypatch: pytest.Monke
     )
 
 
-def test_numbers_of_numpy() -> None:
+def test_numpy_numbers_and_sequences_are_accepted() -> None:
     """And sequences of other kinds than lists."""
     stories = tuple({"mass": np.float32(2.0), "stiffness": k} for k in np.array([3.0, 4.0]))
     model = load_model(
@@ -132,7 +134,7 @@ def test_numbers_of_numpy() -> None:
     )
 
 
-def test_faults_of_a_mapping_have_no_line() -> None:
+def test_errors_of_mapping_have_no_line() -> None:
     story: dict[str, object] = {"mass": "a", "stiffness": math.nan, "height": "3"}
     assert faults({"stories": [story], "p_delta": "true", "dampng": None}) == [
         "model: dampng: unknown key; did you mean 'damping'?",
@@ -145,7 +147,7 @@ def test_faults_of_a_mapping_have_no_line() -> None:
     ]
 
 
-def test_what_no_file_could_say() -> None:
+def test_cyclic_and_unsupported_values_are_refused() -> None:
     loop: dict[str, object] = {}
     loop["stories"] = loop
     assert faults(loop) == ["model: more than 32 nested levels; this is not a model"]
@@ -167,7 +169,7 @@ def test_what_no_file_could_say() -> None:
         "cm, force: kN",
     ],
 )
-def test_the_unit_of_mass_is_stated_beside_other_units_than_m_and_n(units: str) -> None:
+def test_unit_of_mass_is_required_for_other_units_than_m_and_n(units: str) -> None:
     """A mass of 200 beside kN would be 200 kg, a building of T1 0.01 s; a weight says its unit by
     that of force."""
     stories = "stories: [{mass: 0.25, stiffness: 1000}]"
@@ -194,7 +196,7 @@ TOLD = {
 
 
 @pytest.mark.parametrize("told", TOLD)
-def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) -> None:
+def test_implausible_value_is_reported_with_usual_range(told: str) -> None:
     model = load(TOLD[told])
     (line,) = plausibility_warnings(model, assemble(model))
     assert line.startswith(f"unusual {told}") and "; usual values are " in line
@@ -217,7 +219,7 @@ def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) ->
         assert line.startswith("unusual peak ground acceleration") and "0.0001 g to 5 g" in line
 
 
-def test_the_warnings_of_a_study_are_one_line_for_the_same_of_several_models() -> None:
+def test_equal_warnings_of_several_models_are_merged() -> None:
     """And of many the first ones, with the number of the others."""
     light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]\ndamping: 5%")
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ndamping: 5%")

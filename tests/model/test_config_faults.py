@@ -263,17 +263,17 @@ def faults(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("text", "expected"), cases(FILES))
-def test_faults_of_files(text: str, expected: list[str]) -> None:
+def test_errors_of_files(text: str, expected: list[str]) -> None:
     assert faults(text) == expected
 
 
 @pytest.mark.parametrize(("line", "expected"), cases(LINES))
-def test_faults_of_lines(line: str, expected: list[str]) -> None:
+def test_errors_of_single_keys(line: str, expected: list[str]) -> None:
     assert faults(f"stories: [{{repeat: 3, mass: 1, stiffness: 1}}]\n{line}") == expected
 
 
 @pytest.mark.parametrize(("law", "expected"), cases(LAWS_OF_A_STORY))
-def test_faults_of_laws(law: str, expected: list[str]) -> None:
+def test_errors_of_laws(law: str, expected: list[str]) -> None:
     found = faults(f"units: {{force: kN, mass: kg}}\nstories: [{{mass: 1, law: {law}}}]")
     assert [fault.split(": ", 1)[1] for fault in found] == expected
 
@@ -285,11 +285,11 @@ def test_faults_of_laws(law: str, expected: list[str]) -> None:
         ("[" * 5000, "1:34: more than 32 nested levels; this is not a model file"),
     ],
 )
-def test_other_faults_of_files(text: str, fault: str) -> None:
+def test_invalid_characters_and_nesting_are_refused(text: str, fault: str) -> None:
     assert faults(text) == [fault]
 
 
-def test_coefficients_out_of_all_proportion_in_si() -> None:
+def test_excessive_coefficients_in_si_are_refused() -> None:
     found = faults(
         "units: {length: mm, mass: kg}\n"
         f"stories: [{{mass: 1, law: {{type: polynomial, coefficients: "
@@ -299,7 +299,7 @@ def test_coefficients_out_of_all_proportion_in_si() -> None:
     assert found[0].endswith(f"stories[1].law.coefficients[21]: {beyond}, got '1'")
 
 
-def test_a_fault_has_its_place_apart(tmp_path: Path) -> None:
+def test_errors_have_positions_in_order_of_file(tmp_path: Path) -> None:
     """Error messages of the command start with the position. All errors of a file are reported in
     the order of the file (`storeys` is above the others)."""
     path = tmp_path / "bad.yaml"
@@ -328,20 +328,20 @@ def test_a_fault_has_its_place_apart(tmp_path: Path) -> None:
         ("a:\n\tb: 1", "2:1", "; indent with spaces, not tabs"),
     ],
 )
-def test_not_yaml(text: str, place: str, advice: str) -> None:
+def test_invalid_yaml_is_refused(text: str, place: str, advice: str) -> None:
     """The error has a position and a remedy; the text between them is the message of PyYAML on one
     line."""
     (fault,) = faults(text)
     assert re.fullmatch(rf"{place}: not valid YAML: [^;]*\w[^;]*{advice}", fault), fault
 
 
-def test_long_value_is_quick() -> None:
+def test_long_value_is_abbreviated() -> None:
     (fault,) = faults(f"stories: [{{mass: {'0' * 200_000}x, stiffness: 1}}]")
     assert fault.startswith("1:18: stories[1].mass: ")
     assert f"'{'0' * 37}...'" in fault and len(fault) < 200
 
 
-def test_alias_bomb_is_just_an_unknown_key() -> None:
+def test_alias_bomb_is_unknown_key() -> None:
     lines = ["a0: &a0 [x]"] + [
         f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 40)
     ]
@@ -358,7 +358,7 @@ def refusal(source: str | Path) -> str:
     return str(caught.value)
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_files_are_refused(tmp_path: Path) -> None:
     missing = tmp_path / "none.yaml"
     assert re.fullmatch(
         rf"{re.escape(str(missing))}: .*not found; .*YAML.* - for .*", refusal(missing)
@@ -371,13 +371,13 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root reads everything")
-def test_file_without_permission(tmp_path: Path) -> None:
+def test_file_without_permission_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "locked.yaml"
     path.touch(mode=0)
     assert refusal(path) == f"{path}: cannot be read: Permission denied"
 
 
-def test_file_that_is_not_text(tmp_path: Path) -> None:
+def test_binary_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_bytes("# Büro\nname: B".encode() + b"\xfcro\n")
     assert re.fullmatch(rf"{path}:2:8: .*0xfc.*; .*UTF-8", refusal(path))
@@ -385,19 +385,19 @@ def test_file_that_is_not_text(tmp_path: Path) -> None:
     assert re.fullmatch(rf"{path}:1:1: .*0xff.*; .*UTF-8", refusal(path))
 
 
-def test_file_that_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_large_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(config, "MAX_BYTES", 2 * 1024 * 1024)
     path = tmp_path / "m.yaml"
     path.write_text("#" * (2 * 1024 * 1024 + 1))
     assert re.match(rf"{path}: larger than 2 MiB", refusal(path))
 
 
-def test_closed_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closed_standard_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", None)
     assert re.fullmatch("-: standard input .*closed; .*model file", refusal("-"))
 
 
-def test_streams_that_are_not_utf8(tmp_path: Path) -> None:
+def test_stream_with_invalid_utf8_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_bytes(b"name: \xfc\n")
     with (

@@ -89,13 +89,13 @@ def amplitude_text(number: str) -> str:
 
 
 @pytest.mark.parametrize(("text", "number"), NUMBERS)
-def test_numbers(text: str, number: float) -> None:
+def test_number_formats_are_read(text: str, number: float) -> None:
     (force,) = load_model(io.StringIO(amplitude_text(text))).excitation.forces
     assert force.cosine == number
 
 
 @pytest.mark.parametrize(("text", "shown"), NOT_NUMBERS)
-def test_not_numbers(text: str, shown: str) -> None:
+def test_invalid_numbers_are_refused(text: str, shown: str) -> None:
     with pytest.raises(ModelError) as caught:
         load_model(io.StringIO(amplitude_text(text)))
     assert (
@@ -111,7 +111,7 @@ def test_not_numbers(text: str, shown: str) -> None:
 @example("\ud800")
 @example("a: &x [*x]")
 @example("? ? ? a")
-def test_any_text(text: str) -> None:
+def test_any_text_is_read_or_refused(text: str) -> None:
     sound(text)
 
 
@@ -121,7 +121,7 @@ def test_any_text(text: str) -> None:
         st.sampled_from([*ATOMS, *SIGNS, *KEYS, " ", "\n", "\n  ", ": ", ", ", "- "]), max_size=40
     ).map("".join)
 )
-def test_any_words(text: str) -> None:
+def test_any_sequence_of_tokens_is_read_or_refused(text: str) -> None:
     sound(text)
 
 
@@ -142,7 +142,9 @@ TREES = st.recursive(
 
 @settings(max_examples=40, deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), TREES, max_size=4), st.booleans())
-def test_any_tree_under_known_keys(tree: dict[str, object], sound_stories: bool) -> None:
+def test_any_tree_of_known_keys_is_read_or_refused(
+    tree: dict[str, object], sound_stories: bool
+) -> None:
     if sound_stories:
         tree["stories"] = "[{mass: 1, stiffness: 1, height: 1, repeat: 3}]"
     sound("\n".join(f"{key}: {flow(value)}" for key, value in tree.items()))

@@ -37,13 +37,13 @@ def law(text: str) -> tuple[float, ...]:
     return read(text, "stiffness: 1, ").law.parameters
 
 
-def test_trilinear_pinching() -> None:
+def test_parameters_of_trilinear_pinching() -> None:
     assert law(f"{TRILINEAR}, unloading: 0.3") == pytest.approx(
         (1e4, 2e4, 0.1, 0.5, 0.3), rel=1e-15
     )
 
 
-def test_imk_with_its_defaults() -> None:
+def test_imk_defaults() -> None:
     expected = (*SIDE, *SIDE, *4 * [math.inf], 1.0, 1.0, 1.0)
     assert law(f"{IMK}, ultimate_drift: 400") == pytest.approx(expected, rel=1e-15)
     assert law(f"{IMK}, ultimate_drift: 400, deterioration: none") == law(
@@ -53,7 +53,7 @@ def test_imk_with_its_defaults() -> None:
     assert law(peak_oriented) == law(f"{IMK}, ultimate_drift: 400")
 
 
-def test_imk_with_all_that_it_may_have() -> None:
+def test_imk_with_all_parameters() -> None:
     more = (
         "deterioration: {strength: 900, unloading: 600}, exponent: 1.5, rate: 0.9, pinching: "
         "{drift: 0.5, force: 0.3}"
@@ -123,7 +123,7 @@ def test_imk_with_all_that_it_may_have() -> None:
         ),
     ],
 )
-def test_faults(text: str, message: str) -> None:
+def test_errors_of_trilinear_and_imk_laws(text: str, message: str) -> None:
     with pytest.raises(ModelError) as caught:
         law(text)
     assert f"stories[1].{message}" in str(caught.value)
@@ -143,7 +143,7 @@ def stiffness_of_its_own(text: str) -> tuple[float, ...]:
     return story.law.parameters
 
 
-def test_multilinear_pinching_with_its_defaults() -> None:
+def test_multilinear_pinching_defaults() -> None:
     side = (0.01, 4e3, 0.02, 6e3, 0.04, 5e3, 0.08, 1e3)
     intact = (math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
     expected = (*side, *side, *2 * (0.5, 0.25, 0.05), *intact)
@@ -159,13 +159,13 @@ def test_multilinear_pinching_with_its_defaults() -> None:
         ("[[10, 4], [20, 6], [40, 5]]", (0.01, 4e3, 0.02, 6e3, 0.03, 5.5e3, 0.04, 5e3)),
     ],
 )
-def test_fewer_points_are_filled_in(points: str, four: tuple[float, ...]) -> None:
+def test_backbone_with_fewer_points_is_interpolated(points: str, four: tuple[float, ...]) -> None:
     assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {points}")[:8] == pytest.approx(
         four, rel=1e-14
     )
 
 
-def test_multilinear_pinching_with_all_that_it_may_have() -> None:
+def test_multilinear_pinching_with_all_parameters() -> None:
     read = stiffness_of_its_own(
         f"{MULTILINEAR}, backbone: {POINTS}, ultimate_drift: 80, negative: {{backbone: [[8, 4], "
         "[20, 4]], pinching: {force: 0.3}}, degradation: {capacity: 10, drift: {peak: 0.1, limit: "
@@ -208,13 +208,13 @@ def test_multilinear_pinching_with_all_that_it_may_have() -> None:
         ),
     ],
 )
-def test_faults_of_multilinear_pinching(text: str, message: str) -> None:
+def test_errors_of_multilinear_pinching(text: str, message: str) -> None:
     with pytest.raises(ModelError) as caught:
         stiffness_of_its_own(f"{MULTILINEAR}, {text}")
     assert f"stories[1].{message}" in str(caught.value)
 
 
-def test_multilinear_pinching_needs_its_pinching() -> None:
+def test_multilinear_pinching_requires_pinching() -> None:
     with pytest.raises(
         ModelError,
         match=r"law\.pinching: .*missing; .*drift, force, unl",

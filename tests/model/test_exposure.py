@@ -105,7 +105,7 @@ def of_all_kinds() -> dict[str, list[InventoryRow]]:
     return {name: read(name) for name in texts if name.endswith("xml")}
 
 
-def test_an_exposure_model_is_the_inventory_written_by_hand() -> None:
+def test_exposure_model_equals_inventory() -> None:
     """The same buildings, places, numbers and costs in each form of the model. A tag with the name
     of a column that the rules read gets a prefix."""
     Path("inventory.csv").write_text(BY_HAND)
@@ -137,7 +137,9 @@ def test_an_exposure_model_is_the_inventory_written_by_hand() -> None:
         ("per_area", "aggregated", (100 * 1000.0, 300 * 900.0)),
     ],
 )
-def test_types_of_costs_and_areas(cost: str, area: str, values: tuple[float, float]) -> None:
+def test_asset_values_by_type_of_cost_and_area(
+    cost: str, area: str, values: tuple[float, float]
+) -> None:
     """The value of an asset (number times cost of a building) by the definitions of OpenQuake: of
     all its buildings, per building, or per area, which is of all or per building."""
     old = '<costType name="structural" type="per_asset"'
@@ -147,7 +149,7 @@ def test_types_of_costs_and_areas(cost: str, area: str, values: tuple[float, flo
     assert found == pytest.approx(values, rel=1e-15)
 
 
-def test_rules_by_structural_type_and_a_model_without_costs() -> None:
+def test_mapping_by_structural_type_without_costs() -> None:
     """The mapping table has the columns that the rules need; without a structural cost there is no
     column of costs."""
     Path("mapping.csv").write_text(
@@ -184,7 +186,7 @@ def test_rules_by_structural_type_and_a_model_without_costs() -> None:
         (TABLE.replace(",number,structural", ",storeys,x"), "e.xml:1: no column number"),
     ],
 )
-def test_what_is_refused(text: str, message: str) -> None:
+def test_invalid_exposure_models_are_refused(text: str, message: str) -> None:
     Path("e.xml").write_text(text)
     classes = read_classes(str(CONFIGS / "capacity-classes.csv"))
     with pytest.raises(ModelError) as caught:
@@ -193,7 +195,7 @@ def test_what_is_refused(text: str, message: str) -> None:
     assert message in str(caught.value)
 
 
-def test_an_aggregated_cost_of_no_building_is_refused() -> None:
+def test_aggregated_cost_of_zero_buildings_is_refused() -> None:
     text = in_xml().replace('structural" type="per_asset', 'structural" type="aggregated')
     Path("e.xml").write_text(text.replace('number="5"', 'number="0"'))
     with pytest.raises(ModelError, match="number: must be positive because the structural cost is"):
@@ -214,7 +216,7 @@ def test_an_aggregated_cost_of_no_building_is_refused() -> None:
         ),
     ],
 )
-def test_what_a_mapping_table_must_be(mapping: str, message: str) -> None:
+def test_invalid_mapping_tables_are_refused(mapping: str, message: str) -> None:
     Path("e.xml").write_text(in_xml())
     Path("mapping.csv").write_text(mapping)
     with pytest.raises(ModelError) as caught:

@@ -30,7 +30,7 @@ from tdint.units import LENGTH
 HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea"
 
 
-def test_a_one_story_building_by_hand():
+def test_one_story_building_agrees_with_hand_calculation():
     """PC1, high code: 0.35 s per story, yield at 0.6 g, twice that in the end; 3000 m^2 carry 3000
     t."""
     row = hazus_types()["high", "PC1"]
@@ -48,7 +48,7 @@ def test_a_one_story_building_by_hand():
 
 
 @pytest.mark.parametrize("stories", [1, 2, 5, 12, 50])
-def test_the_building_has_about_the_period_of_its_type(stories):
+def test_building_has_period_of_its_type(stories):
     """lambda(n) is fitted to the first period of a chain of n equal masses and springs."""
     made = derive(BuildingFacts("S1", stories, 1990, 800.0))
     assert made.period == pytest.approx(made.rule_period, rel=2e-3)
@@ -58,7 +58,7 @@ def test_the_building_has_about_the_period_of_its_type(stories):
 
 
 @pytest.mark.parametrize("stories", [2, 3, 5, 12, 50])
-def test_the_strength_is_that_of_the_mass_in_the_first_mode(stories):
+def test_strength_follows_from_mass_of_first_mode(stories):
     """alpha1(n) is fitted to that share of the mass of a chain of n equal masses and springs; to 8
     / pi^2 for many."""
     made = derive(BuildingFacts("S1", stories, 1990, 800.0))
@@ -94,11 +94,11 @@ def test_the_strength_is_that_of_the_mass_in_the_first_mode(stories):
         ("C1", 2000, "Z0", "pre"),
     ],
 )
-def test_design_levels(structure, year, zone, level):
+def test_design_level_by_type_year_and_zone(structure, year, zone, level):
     assert design_level(structure, year, zone) == level
 
 
-def test_every_building_that_may_be_asked_for_has_its_row():
+def test_every_building_type_has_hazus_parameters():
     for structure in STRUCTURES:
         for stories in (1, 2, 3, 4, 7, 8, 50):
             kind = hazus_type(structure, stories)
@@ -112,7 +112,7 @@ def test_every_building_that_may_be_asked_for_has_its_row():
     assert {hazus_type("URM", n) for n in (2, 3)} == {"URML", "URMM"}
 
 
-def test_damping_over_the_first_and_the_third_mode():
+def test_damping_ratio_applies_to_first_and_third_mode():
     assert derive(BuildingFacts("C1", 8, 1990, 100.0)).damping == RayleighRatio(
         (0.07, 0.07), (1, 3)
     )
@@ -135,7 +135,7 @@ def test_damping_over_the_first_and_the_third_mode():
     assert lost.mass == pytest.approx(2.0 * 0.07 * first * third / (first + third), rel=1e-9)
 
 
-def test_a_model_names_a_building_or_writes_it_out():
+def test_model_with_building_equals_written_out_model():
     short = "building: {rules: mdof-lu, type: C1, stories: 4, year: 1985, area: 600, height: 16}\n"
     made = derive(BuildingFacts("C1", 4, 1985, 600.0, height=16.0))
     models = [
@@ -173,7 +173,7 @@ def test_a_model_names_a_building_or_writes_it_out():
         ),
     ],
 )
-def test_faults_of_a_building(text, message):
+def test_errors_of_building(text, message):
     with pytest.raises(ModelError) as caught:
         load_model(io.StringIO(text))
     assert message in str(caught.value)
@@ -185,7 +185,7 @@ def inventory(tmp_path, *rows, header=HEADER, **more):
     return read_inventory(str(file), 1.0, **more)
 
 
-def test_rows(tmp_path):
+def test_rows_of_inventory(tmp_path):
     header = f"{HEADER},Latitude,seismiczone,height,DampingRatio,DesignLevel"
     rows, faults = inventory(
         tmp_path, "a,3,1990,c1,600,37.8,z2a,12,0.03,", "", "b,1,1950,W1,90,,,,,HC", header=header
@@ -212,7 +212,7 @@ CELLS = {
 
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cells=st.lists(st.tuples(*CELLS.values()), min_size=1, max_size=9))
-def test_rows_together_are_as_each_alone(tmp_path: Path, cells: list[tuple[str, ...]]) -> None:
+def test_rows_are_read_independently(tmp_path: Path, cells: list[tuple[str, ...]]) -> None:
     """Which rows are buildings and what is wrong with the others does not depend on how many there
     are; of an id that is there twice the first sound row counts."""
     header, lines = ",".join(CELLS), [",".join(row) for row in cells]
@@ -231,7 +231,7 @@ def test_rows_together_are_as_each_alone(tmp_path: Path, cells: list[tuple[str, 
     )
 
 
-def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
+def test_all_invalid_rows_are_reported(tmp_path):
     rows, faults = inventory(
         tmp_path,
         "a,3,1990,C1,600",
@@ -255,12 +255,12 @@ def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
     ]
 
 
-def test_a_file_that_is_no_inventory(tmp_path):
+def test_file_without_required_column_is_refused(tmp_path):
     with pytest.raises(ModelError, match="no column NumberOfStories; rename"):
         inventory(tmp_path, header="id,NumberOfStorys,YearBuilt,StructureType,PlanArea")
 
 
-def test_an_area_in_square_feet_is_the_same_building(tmp_path):
+def test_area_in_square_feet_gives_same_building(tmp_path):
     made = []
     for units, length in (("m", 1.0), ("ft", 0.3048)):
         file = tmp_path / f"{units}.csv"
@@ -273,7 +273,7 @@ def test_an_area_in_square_feet_is_the_same_building(tmp_path):
         tdint.inventory(str(file), units="yd")
 
 
-def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
+def test_scatter_is_sampled_by_building_id(tmp_path):
     rows, _ = inventory(tmp_path, *(f"b{i},3,1990,C1,600" for i in range(400)))
     plain = derive_all(rows[:1], "mdof-lu")[0].building
     many = [one.building for one in derive_all(rows, "mdof-lu", stiffness=0.2, damping=0.1, seed=5)]
@@ -319,7 +319,7 @@ def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
         ),
     ],
 )
-def test_numbers_of_rows_at_their_bounds(tmp_path, column, sound, wrong, said):
+def test_bounds_of_numbers_in_rows(tmp_path, column, sound, wrong, said):
     cells = dict(zip(HEADER.split(","), ("a", "3", "1990", "W1", "90"), strict=True))
 
     def read(value):

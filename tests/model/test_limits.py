@@ -39,14 +39,14 @@ def limits_of(text: str) -> tuple[Limit, ...]:
         ("{floor_acceleration: {4: 0.5 g}}", (NAN, NAN, NAN, 0.5 * STANDARD_GRAVITY)),
     ],
 )
-def test_limits_apply_to_the_stories_that_the_file_names(text, values):
+def test_limits_apply_to_stories_of_file(text, values):
     """Numbers have priority over types of laws, and these over `others`; isolators have no drift
     ratio, and only isolators have an isolator displacement. The units are those of the file."""
     (limit,) = limits_of(text)
     np.testing.assert_allclose(limit.values, values, rtol=1e-15)
 
 
-def test_levels_keep_their_names_and_order():
+def test_levels_keep_names_and_order():
     limits = limits_of(
         "{drift_ratio: 3%, levels: {service: {drift_ratio: 1%}, safety: {drift_ratio: 2%}}}"
     )
@@ -82,7 +82,7 @@ def test_errors_have_line_column_and_remedy(text, column, message):
     assert f"8:{column}: " in line and message in line
 
 
-def test_a_model_without_isolators_or_heights_refuses_their_limits():
+def test_limits_require_isolators_or_heights():
     for key, reason in (
         ("isolator_displacement: 1", "requires a story with `isolator: true`"),
         ("drift_ratio: 1%", "requires a story with `height`"),
@@ -93,7 +93,7 @@ def test_a_model_without_isolators_or_heights_refuses_their_limits():
             )
 
 
-def test_the_mean_of_each_story_is_compared_and_the_maximum_ratio_governs():
+def test_story_means_are_compared_and_maximum_ratio_governs():
     """Two motions, three stories: the means are 0.015, 0.02 and 0.005; the ratios 1.5, 1 and 2. The
     mean of the maxima (0.025) and the story with the maximum mean are different."""
     ratios = np.array([[0.025, 0.015, 0.004], [0.005, 0.025, 0.006]])
@@ -105,13 +105,13 @@ def test_the_mean_of_each_story_is_compared_and_the_maximum_ratio_governs():
     assert (check.largest, check.largest_story, check.motion) == (0.025, 1, "first")
 
 
-def test_a_demand_equal_to_its_limit_is_met_and_stories_without_limit_are_ignored():
+def test_demand_equal_to_limit_is_met():
     peaks = {"peak_drift_ratio": np.array([[0.5, 0.02]])}
     (check,) = check_limits([Limit("", "drift_ratio", (NAN, 0.02))], peaks, np.ones(2), ["a"])
     assert check.within and check.story == 2 and check.largest == 0.02
 
 
-def test_residual_drifts_are_absolute_and_over_the_height():
+def test_residual_drift_ratio_is_absolute_drift_over_height():
     peaks = {"residual_drift": np.array([[-0.07, 0.02]])}
     limit = Limit("", "residual_drift_ratio", (0.01, 0.01))
     (check,) = check_limits([limit], peaks, np.array([3.5, 4.0]), ["a"])
@@ -119,7 +119,7 @@ def test_residual_drifts_are_absolute_and_over_the_height():
     assert not check.within
 
 
-def test_an_unknown_demand_does_not_meet_a_limit():
+def test_unknown_demand_does_not_meet_limit():
     """No comparison with nan is true, and a nan does not hide behind another story."""
     peaks = {"peak_drift_ratio": np.array([[NAN, 0.001]])}
     (check,) = check_limits([Limit("", "drift_ratio", (0.01, 0.01))], peaks, np.ones(2), ["a"])
@@ -127,7 +127,7 @@ def test_an_unknown_demand_does_not_meet_a_limit():
     assert next(iter(by_level([check]).values())) == [check]
 
 
-def test_a_requested_limit_replaces_the_limits_of_the_model():
+def test_requested_limit_replaces_limits_of_model():
     own = (Limit("", "drift_ratio", (NAN, 0.5)), Limit("service", "drift_ratio", (NAN, 0.1)))
     ratios = np.array([NAN, 0.01])
     (given,) = chosen_limits(own, 0.02, ratios, "x")
@@ -140,7 +140,7 @@ def test_a_requested_limit_replaces_the_limits_of_the_model():
         chosen_limits(own, 0.02, np.array([NAN, NAN]), "x")
 
 
-def test_the_check_of_a_response_is_that_of_its_peaks():
+def test_limit_check_of_response_uses_peaks():
     model = tdint.load_model(
         io.StringIO(MODEL % "{isolator_displacement: 100, levels: {service: {drift_ratio: 0.1%}}}")
     )
@@ -156,7 +156,7 @@ def test_the_check_of_a_response_is_that_of_its_peaks():
 
 
 @pytest.mark.parametrize("limit", [NAN, math.inf, 0.0, -0.02, [0.01, 0.02], True, np.ones(2), 1j])
-def test_a_limit_that_is_no_positive_number_is_refused(limit):
+def test_non_positive_limit_is_refused(limit):
     """A comparison with nan would be neither met nor exceeded."""
     with pytest.raises(tdint.TdintError, match="must be a positive drift ratio"):
         chosen_limits((), limit, np.array([[0.01, 0.02]]), "x")
@@ -180,7 +180,7 @@ def sine(size, frequency):
     return tdint.make_record(values, dt=0.01, units="m/s^2")
 
 
-def test_the_check_of_many_runs_is_that_of_their_story_means():
+def test_limit_check_of_many_runs_uses_story_means():
     """The mean over the records in each story, then the maximum over the stories, by numpy."""
     model, records = frame("{modal: 5%}"), [sine(1.0, 9.0), sine(2.0, 30.0), sine(0.5, 14.0)]
     runs = tdint.run_many(model, records, scales=[1.0, 2.0])
@@ -200,7 +200,7 @@ def test_the_check_of_many_runs_is_that_of_their_story_means():
     assert (many.demand, many.story, many.within) == (alone.demand, alone.story, alone.within)
 
 
-def test_records_with_own_factors_are_one_suite():
+def test_records_with_individual_factors_are_one_suite():
     model, records = frame("{modal: 5%}"), [sine(1.0, 9.0), sine(2.0, 30.0)]
     runs = tdint.run_many(model, records, scales=[0.5, 3.0], zip_records=True)
     ((level, (check,)),) = runs.limit_checks(0.01).items()
@@ -208,7 +208,7 @@ def test_records_with_own_factors_are_one_suite():
     assert check.demand == runs.stories.peak_drift_ratio.mean(axis=0).max()
 
 
-def test_a_failed_or_collapsed_run_meets_no_limit():
+def test_failed_or_collapsed_run_meets_no_limit():
     text = FRAME % "{modal: 5%}" + "collapse_drift: 0.1%\n"
     model = tdint.load_model(io.StringIO(text))
     runs = tdint.run_many(model, [sine(0.001, 9.0), sine(3.0, 20.0)])
@@ -223,7 +223,7 @@ def test_varied_parameters_are_separate_suites():
     assert [level for _, level in checks] == ["scale 1, mass_factor 1", "scale 1, mass_factor 1.5"]
 
 
-def test_an_undamped_building_under_a_ground_motion_is_a_warning():
+def test_undamped_building_under_ground_motion_causes_warning():
     record, undamped = sine(0.1, 9.0), frame("none")
     text = "the first mode is undamped"
     assert any(text in warning for warning in tdint.run(undamped, record).warnings)

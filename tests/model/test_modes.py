@@ -17,7 +17,7 @@ from tdint.model.modes import FreeVibration
 
 
 @pytest.mark.parametrize("stories", [101, 3000])
-def test_single_frequencies_of_a_uniform_building(stories):
+def test_single_frequencies_of_uniform_building(stories):
     """omega_j = 2 sqrt(k / m) sin((2 j - 1) pi / (2 (2 n + 1)))."""
     mass, stiffness, link = np.full(stories, 2e5), np.full(stories, 3e8), np.ones(stories)
     link[0] = 0.0
@@ -31,7 +31,7 @@ def test_single_frequencies_of_a_uniform_building(stories):
         assert vibration.frequency(mode) == pytest.approx(exact, rel=1e-12)
 
 
-def test_rayleigh_damping_of_a_tall_building_solves_for_its_modes_alone(monkeypatch):
+def test_rayleigh_damping_solves_only_for_its_modes(monkeypatch):
     def refuse(*_):
         raise AssertionError("all modes are solved for")
 
@@ -44,7 +44,7 @@ def test_rayleigh_damping_of_a_tall_building_solves_for_its_modes_alone(monkeypa
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_the_first_mode_is_the_same_from_all_modes(seed):
+def test_first_mode_agrees_with_solution_for_all_modes(seed):
     """Frequency and damping ratio from the first mode alone and from the solution for all modes,
     with story dampers, floor dampers and modal damping."""
     building = assemble(
@@ -65,7 +65,7 @@ def test_the_first_mode_is_the_same_from_all_modes(seed):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_the_first_bound_of_the_frequencies_is_the_maximum_row_sum(seed):
+def test_first_frequency_bound_is_maximum_row_sum(seed):
     """sqrt(max_i sum_j |M^-1 K|_ij) >= the largest frequency (Gershgorin)."""
     rng = np.random.default_rng(seed)
     masses, springs = rng.uniform(1e5, 4e5, 7), rng.uniform(1e8, 9e8, 7)
@@ -80,7 +80,7 @@ def test_the_first_bound_of_the_frequencies_is_the_maximum_row_sum(seed):
     assert building._first_bound == pytest.approx(bound, rel=1e-12)
 
 
-def test_modal_damping_that_memory_cannot_hold_is_refused(monkeypatch):
+def test_modal_damping_exceeding_memory_is_refused(monkeypatch):
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 2**12, "SC_PHYS_PAGES": 2**22}.__getitem__)
     with pytest.raises(
         ModelError,
@@ -90,7 +90,7 @@ def test_modal_damping_that_memory_cannot_hold_is_refused(monkeypatch):
         assemble(model([story(2e5, 3e8)] * 100_000, damping=ModalDamping((0.05,))))
 
 
-def test_what_is_found_once_holds_no_lock_that_a_forked_child_inherits():
+def test_cached_property_holds_no_shared_lock():
     """While a thread is within the finding others find theirs, as a forked child must."""
 
     class Slow:

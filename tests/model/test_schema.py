@@ -41,7 +41,7 @@ def test_shipped_models_are_valid(path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", [EVERYTHING, BUILDING])
-def test_all_keys_are_valid_and_read(text: str) -> None:
+def test_model_with_all_keys_is_valid_and_read(text: str) -> None:
     assert valid(tree(text), SCHEMA)
     load_model(io.StringIO(text))
 
@@ -55,7 +55,7 @@ def refused(model: object) -> bool:
 
 
 @pytest.mark.parametrize("text", [EVERYTHING, BUILDING], ids=["stories", "building"])
-def test_what_the_schema_refuses_the_reader_refuses(text: str) -> None:
+def test_reader_refuses_models_that_schema_refuses(text: str) -> None:
     model = tree(text)
     cases = spoiled(model, model_keys())
     assert len(cases) > 20
@@ -76,12 +76,12 @@ def test_what_the_schema_refuses_the_reader_refuses(text: str) -> None:
         {"yield_force": 1},
     ],
 )
-def test_laws_that_are_none(law: object) -> None:
+def test_invalid_laws_are_refused(law: object) -> None:
     model = {"stories": [{"mass": 1, "stiffness": 1, "law": law}]}
     assert not valid(model, SCHEMA) and refused(model)
 
 
-def test_one_of_some_keys() -> None:
+def test_models_without_required_keys_are_refused() -> None:
     story = {"mass": 1, "stiffness": 1}
     for model in (
         {},
@@ -93,7 +93,7 @@ def test_one_of_some_keys() -> None:
         assert not valid(model, SCHEMA) and refused(model)  # fmt: skip
 
 
-def test_it_is_json_and_says_what_keys_mean() -> None:
+def test_schema_is_json_with_descriptions() -> None:
     assert json.loads(json.dumps(SCHEMA)) == SCHEMA
     properties = SCHEMA["properties"]
     assert all(told["description"] for told in properties.values())

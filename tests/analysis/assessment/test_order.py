@@ -58,7 +58,7 @@ def problem():
         *(("polynomial", method) for method in (*NONLINEAR, *MEMBERS)),
     ],
 )
-def test_declared_order(problem, law, method):
+def test_observed_order_is_declared_order(problem, law, method):
     integrator = parse(method)
     observed = observed_order(integrator, problem("harmonic", law), OBSERVED_HALVINGS - 1)
     for quantity in ("displacement", "velocity", "acceleration"):
@@ -72,7 +72,7 @@ def test_declared_order(problem, law, method):
         ("record", "polynomial", 2), ("record", "linear", 4), ("free", "linear", 4),
     ],
 )  # fmt: skip
-def test_where_the_published_order_4_holds(problem, load, law, published):
+def test_order_of_impulse_and_impulse4_by_load_and_law(problem, load, law, published):
     """The trapezoidal impulse is exact for sampled records; the tangent form of the drift laws is
     of order 2."""
     for method, order in (("impulse", published), ("impulse4", 4)):
@@ -92,7 +92,7 @@ def test_where_the_published_order_4_holds(problem, load, law, published):
         *((method, np.nan) for method in ("gauss4", "impulse", "houbolt", "exact")),
     ],
 )
-def test_the_own_acceleration_of_the_alpha_methods_is_of_order_1(problem, method, order):
+def test_algorithmic_acceleration_of_alpha_methods_is_of_order_1(problem, method, order):
     """Beside the one of equilibrium, which is of their order; others have none of their own."""
     observed = observed_order(parse(method), problem("free", "linear"))
     assert np.isnan(observed.algorithmic_acceleration).all() == math.isnan(order)
@@ -101,7 +101,7 @@ def test_the_own_acceleration_of_the_alpha_methods_is_of_order_1(problem, method
         assert observed.order("acceleration") == pytest.approx(2.0, abs=0.05)
 
 
-def test_errors_that_are_rounding_have_no_order(problem):
+def test_rounding_errors_have_no_order(problem):
     observed = observed_order(parse("exact"), problem("record", "linear"))
     assert np.isnan(observed.order("displacement"))
     assert observed.displacement[-1] < 1e-12
@@ -110,7 +110,7 @@ def test_errors_that_are_rounding_have_no_order(problem):
     ) == pytest.approx(2.0, abs=0.01)
 
 
-def test_the_slope_is_that_of_the_finest_three():
+def test_order_is_slope_of_finest_three_steps():
     steps = 0.02 / 2.0 ** np.arange(5)
     errors = np.where(steps > 0.004, 1.0, steps**3)
     observed = ObservedOrder(
@@ -121,7 +121,7 @@ def test_the_slope_is_that_of_the_finest_three():
     assert np.isnan(observed.order("algorithmic_acceleration"))
 
 
-def test_steps_and_names(problem):
+def test_observed_order_reports_steps_and_names(problem):
     observed = observed_order(parse("newmark-average"), problem("free", "linear"))
     assert observed.steps == pytest.approx(0.02 / 2.0 ** np.arange(OBSERVED_HALVINGS + 1))
     assert (observed.method, observed.load, observed.law) == ("newmark-average", "free", "linear")
@@ -131,7 +131,7 @@ def test_steps_and_names(problem):
 
 @pytest.mark.parametrize("law", STORY_LAWS)
 @pytest.mark.parametrize("load", LOADS)
-def test_the_exact_motion_satisfies_its_equation(problem, load, law):
+def test_exact_motion_satisfies_equation_of_motion(problem, load, law):
     """Of each sample interval of the motion: an independent integration from its start ends at its
     end."""
     solved = problem(load, law)
@@ -165,12 +165,12 @@ def test_the_exact_motion_satisfies_its_equation(problem, load, law):
         ("harmonic", "linear", 2, "stride"),
     ],
 )
-def test_problems_that_are_none(load, law, stride, message):
+def test_invalid_order_problems_are_refused(load, law, stride, message):
     with pytest.raises(UsageError, match=message):
         order_problem(load, law, stride=stride)
 
 
-def test_a_linear_method_is_refused_for_a_nonlinear_law(problem):
+def test_linear_method_is_refused_for_nonlinear_law(problem):
     with pytest.raises(UsageError, match="exact supports linear buildings only"):
         observed_order(parse("exact"), problem("free", "polynomial"))
 
@@ -208,7 +208,7 @@ def assert_same(one, other, tolerance=1e-10):
         ("duffing", ("newmark", "hht:alpha=0", "wbz:rho_inf=1")),
     ],
 )
-def test_average_acceleration_by_other_names(law, methods):
+def test_methods_equal_to_average_acceleration(law, methods):
     """Under ground motion, in a linear building under a force as well."""
     forced = replace(LINEAR_BUILDING, excitation=Excitation(None, (Force(3, 2e5, -1e5, 9.0),)))
     case = duffing() if law == "duffing" else forced
@@ -217,7 +217,7 @@ def test_average_acceleration_by_other_names(law, methods):
         assert_same(history(case, method, noise(201)), average)
 
 
-def test_impulse4_is_impulse_in_a_linear_building_under_a_sampled_record():
+def test_impulse4_equals_impulse_in_linear_building_under_record():
     assert_same(
         history(LINEAR_BUILDING, "impulse4", noise(401)),
         history(LINEAR_BUILDING, "impulse", noise(401)),
@@ -267,7 +267,7 @@ def test_impulse4_with_rho_inf_0_is_radau_iia(law):
     assert_same((u[:, 0], v[:, 0]), expected.T, 1e-8 if law == "duffing" else 1e-10)
 
 
-def test_order_over_several_samples_in_a_step():
+def test_order_with_several_samples_per_step():
     """Thirty-two samples in the coarsest step, two in the finest; of all methods:
     tests/methods/test_long_steps.py."""
     observed = observed_order(parse("hht"), order_problem("record", "linear", stride=32))

@@ -96,12 +96,12 @@ def powers(pair):
     ]
 
 
-def test_the_table_holds_every_method():
+def test_powers_are_listed_for_every_method():
     assert {method.partition(":")[0] for method in POWERS} == set(catalogue())
 
 
 @pytest.mark.parametrize("method", POWERS)
-def test_powers(method):
+def test_overshoot_powers(method):
     tolerance = (
         0.06 if method == "exact" else 0.02
     )  # the amplitude of a sine is that of a few of its values
@@ -109,26 +109,26 @@ def test_powers(method):
 
 
 @pytest.mark.parametrize("method", DAMPED)
-def test_powers_with_damping(method):
+def test_overshoot_powers_with_damping(method):
     assert powers(both(method, damping=0.05)) == pytest.approx(DAMPED[method], abs=0.02)
 
 
-def test_the_exact_motion_leaves_nothing_of_a_damped_start():
+def test_exact_damped_motion_decays_completely():
     assert powers(both("exact", damping=0.05)) == [-math.inf] * 4
 
 
 @pytest.mark.parametrize("method", [method for method in POWERS if method not in UNSTABLE])
-def test_verdict(method):
+def test_overshoot_verdict(method):
     assert verdict(parse(method), both(method)) == WORDS[POWERS[method]]
 
 
 @pytest.mark.parametrize("method", UNSTABLE)
-def test_verdict_of_an_unstable_method(method):
+def test_verdict_of_unstable_method(method):
     assert verdict(parse(method), both(method)) == "unstable"
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
-def test_motion_is_over_the_exact_amplitude(damping):
+def test_motion_is_normalized_by_exact_amplitude(damping):
     """Against the closed form of the free vibration."""
     dt_over_t, steps = 0.3, 7
     omega_d = math.sqrt(1.0 - damping**2)  # over omega
@@ -144,7 +144,7 @@ def test_motion_is_over_the_exact_amplitude(damping):
         assert (motion.method, motion.dt_over_t, motion.damping) == ("exact", dt_over_t, damping)
 
 
-def test_the_first_step_of_wilson():
+def test_first_step_of_wilson():
     """u1 tends to -(omega h)^2 (1 - 1 / theta) u0 / 2: the formulas of the step with da = -a0 /
     theta."""
     motion = both("wilson", dt_over_t=100.0)[0]
@@ -152,19 +152,19 @@ def test_the_first_step_of_wilson():
     assert motion.displacement[:2] == pytest.approx([1.0, expected], rel=1e-3)
 
 
-def test_average_acceleration_stays_within_the_exact_amplitude():
+def test_average_acceleration_stays_within_exact_amplitude():
     for motion in both("newmark-average", steps=100):
         assert np.max(np.abs([motion.displacement, motion.velocity])) <= 1.0 + 1e-12
 
 
-def test_a_motion_that_runs_away_ends_in_nan():
+def test_diverged_motion_ends_with_nan():
     motion = both("rk5", steps=60)[0]
     assert motion.displacement.shape == (61,)
     assert np.isfinite(motion.displacement[:11]).all()
     assert np.isnan(motion.displacement[-1])
 
 
-def test_powers_of_the_exact_motion_are_the_bound():
+def test_powers_of_exact_motion_are_the_bound():
     assert [power for pair in EXACT_POWERS.values() for power in pair] == list(POWERS["exact"])
 
 
@@ -185,7 +185,7 @@ FASTEST = {
 
 @pytest.mark.parametrize("law", SPRINGS)
 @pytest.mark.parametrize("start", STARTS)
-def test_fine_steps_follow_the_exact_nonlinear_motion(law, start):
+def test_fine_steps_follow_exact_nonlinear_motion(law, start):
     """Against SciPy's DOP853, over a swing and more; the exact motion reaches both its largest
     values."""
     dt_over_t, steps = 0.002, 1000
@@ -202,7 +202,7 @@ def test_fine_steps_follow_the_exact_nonlinear_motion(law, start):
 
 
 @pytest.mark.parametrize("law", SPRINGS)
-def test_the_first_step_of_average_acceleration_in_nonlinear_motion(law):
+def test_first_step_of_average_acceleration_in_nonlinear_motion(law):
     """From the velocity V: 4 (u1 - h V) / h^2 + f(u1) = 0, for a(0) = 0."""
     dt_over_t = 10.0
     h = 2.0 * math.pi / 10.0 * dt_over_t
@@ -230,7 +230,7 @@ def test_moment4_does_not_overshoot_in_nonlinear_motion(law, start, dt_over_t):
     assert max(largest) <= 1.0 + 1e-6
 
 
-def test_what_ran_away_is_infinitely_large():
+def test_diverged_run_has_infinite_overshoot():
     assert overshoot("central-difference", "displacement", law="hardening").largest == (
         math.inf,
         math.inf,
@@ -241,6 +241,6 @@ def test_what_ran_away_is_infinitely_large():
     ("method", "law", "words"),
     [("hht", "bent", "linear, hardening"), ("exact", "softening", "linear")],
 )
-def test_a_law_that_there_is_not(method, law, words):
+def test_unknown_law_is_refused(method, law, words):
     with pytest.raises(UsageError, match=words):
         overshoot(method, law=law)

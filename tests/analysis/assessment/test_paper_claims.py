@@ -15,7 +15,7 @@ DAMPINGS = (0.0, 0.02, 0.05, 0.2)
 
 
 @pytest.mark.parametrize("damping", DAMPINGS)
-def test_a_damping_that_lags_tightens_the_limit_of_the_central_difference(damping):
+def test_lagging_damping_lowers_limit_of_central_difference(damping):
     """With (u(t) - u(t - h)) / h as velocity: 2 (sqrt(1 + xi^2) - xi), from the recurrence
     alone."""
     limit = 2.0 * (math.sqrt(1.0 + damping**2) - damping)
@@ -32,7 +32,7 @@ def test_a_damping_that_lags_tightens_the_limit_of_the_central_difference(dampin
 
 
 @pytest.mark.parametrize("damping", DAMPINGS)
-def test_damping_relaxes_the_limit_of_newmark_with_gamma_above_a_half(damping):
+def test_damping_raises_limit_of_newmark_with_gamma_above_one_half(damping):
     """Where the conclusion would hold: the closed form of Hughes (1987, sect. 9.1), beta 0 and
     gamma 0.6."""
     gamma = 0.6
@@ -44,7 +44,7 @@ def test_damping_relaxes_the_limit_of_newmark_with_gamma_above_a_half(damping):
 
 
 @pytest.mark.parametrize(("damping", "cusp"), [(0.0, 2.29), (0.05, 2.69)])
-def test_the_cusp_of_wilson(damping, cusp):
+def test_cusp_of_spectral_radius_of_wilson(damping, cusp):
     """The paper: dt/T 2.3 to 2.7. The least spectral radius lies where the conjugate roots meet and
     part."""
     dt_over_t = np.linspace(0.5, 5.0, 4501)
@@ -58,7 +58,7 @@ def test_the_cusp_of_wilson(damping, cusp):
     )
 
 
-def test_the_first_frequency_of_example_3():
+def test_first_frequency_of_example_3():
     """The paper: 0.031 rad/s. A chain of n masses, one end fixed: 2 sqrt(k / m) sin(pi / (2 (2 n +
     1)))."""
     exact = 2.0 * math.sqrt(500.0 / 50.0) * math.sin(math.pi / 602.0)

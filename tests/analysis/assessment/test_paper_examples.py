@@ -51,7 +51,7 @@ def error(number, dt, method, variant="", reference="finer"):
 
 
 @pytest.mark.parametrize(("number", "file"), FILES.items())
-def test_the_model_files_are_the_examples(number, file):
+def test_model_files_define_the_examples(number, file):
     example, model = examples()[number], load_model(CONFIGS / f"{file}.yaml")
     assert model.stories == example.model.stories
     assert model.excitation == example.model.excitation
@@ -67,7 +67,7 @@ def test_the_model_files_are_the_examples(number, file):
 @pytest.mark.parametrize(
     ("number", "dt"), [(1, 0.001), (2, 0.001), pytest.param(3, 0.002, marks=pytest.mark.slow)]
 )
-def test_what_the_paper_calls_exact(number, dt):
+def test_error_of_reference_of_paper(number, dt):
     """Linear acceleration with 0.001 s or 0.002 s: the same as a run of it, and off by 5e-5 m at
     most."""
     example = examples()[number]
@@ -91,7 +91,7 @@ def test_errors_against_both_references(number):
     assert error(number, 0.02, "rk5") < 0.2 * error(number, 0.02, "rk5", reference="paper")
 
 
-def test_a_step_that_the_exact_step_does_not_divide():
+def test_exact_steps_per_time_step_are_rounded_up():
     assert exact_steps(examples()[1], 0.02) == 20
     assert exact_steps(examples()[3], 0.02) == 10
     assert exact_steps(examples()[3], 0.0203) == 11
@@ -100,7 +100,7 @@ def test_a_step_that_the_exact_step_does_not_divide():
 # ---- The reference
 
 
-def test_the_reference_of_example_1_is_dop853():
+def test_reference_of_example_1_agrees_with_dop853():
     motion = reference(examples()[1], 0.02)
 
     def acceleration(t, u, v):
@@ -115,7 +115,7 @@ def test_the_reference_of_example_1_is_dop853():
 
 
 @pytest.mark.parametrize("number", FILES)
-def test_another_method_confirms_the_reference(number):
+def test_gauss4_confirms_reference(number):
     """gauss4, of order 4 and implicit: 4096 times closer than its error at the step itself."""
     assert gap(examples()[number], 0.02, "gauss4") < 2e-8
 
@@ -137,7 +137,7 @@ def test_errors_of_example_1(method, errors):
         assert error(1, dt, method) == pytest.approx(expected, rel=digits)
 
 
-def test_rk5_and_its_load():
+def test_errors_of_rk5_by_load_interpolation():
     """4.0e-8 with the load itself, 4.76e-3 with the load linear between the steps, 0.13 with the
     load held."""
     assert error(1, 0.02, "rk5") == pytest.approx(4.0e-8, rel=0.01)
@@ -166,7 +166,7 @@ def digest():
 
 
 @pytest.mark.parametrize(("method", "variant", "errors"), digest())
-def test_the_digest_in_the_readme(method, variant, errors):
+def test_readme_table_agrees_with_runs(method, variant, errors):
     """To the digits given, so that who errs least and most in an example is as it says."""
     for number, texts in enumerate(errors, start=1):
         for text, against in zip(texts, ("paper", "finer"), strict=True):
@@ -175,14 +175,14 @@ def test_the_digest_in_the_readme(method, variant, errors):
             assert measured == pytest.approx(float(text), abs=half_a_digit), (number, against)
 
 
-def test_the_digest_is_whole():
+def test_readme_table_lists_every_run():
     assert len(digest()) == len(runs(1, 0.02))
 
 
 # ---- The variants by other routes
 
 
-def test_a_load_linear_between_the_steps_is_a_record():
+def test_load_linear_between_steps_equals_ground_motion():
     """p(t) on one mass m is the ground motion -p / m, which every run takes as linear between its
     samples."""
     one = runs(1, 0.02)["rk5", "load linear between the steps"]
@@ -194,7 +194,7 @@ def test_a_load_linear_between_the_steps_is_a_record():
     assert one.motion.velocity == pytest.approx(history.velocity, abs=1e-10)
 
 
-def test_a_held_load_is_constant_in_each_step():
+def test_held_load_is_constant_in_each_step():
     """Against DOP853, restarted at each step; RK5's own error is 4e-8."""
     one = runs(1, 0.02)["rk5", "load constant in each step"]
 
@@ -208,7 +208,7 @@ def test_a_held_load_is_constant_in_each_step():
         assert one.motion.displacement[j + 1, 0] == pytest.approx(u, abs=1e-7)
 
 
-def test_the_wrong_start_is_the_recursion_from_two_zeros():
+def test_wrong_start_is_recursion_from_two_zeros():
     """(m + c h/2) u1 = h^2 (p0 - f(u0)) + 2 m u0 - (m - c h/2) u(-h), from u(-h) = u0 = 0."""
     one = runs(1, 0.02)["central-difference", "start with u(-dt) = 0"]
     h, before, u = 0.02, 0.0, 0.0
@@ -224,7 +224,7 @@ def test_the_wrong_start_is_the_recursion_from_two_zeros():
 @pytest.mark.parametrize(
     ("method", "outcome"), [("central-difference", "unstable-step"), ("exact", "refused")]
 )
-def test_runs_without_an_end(method, outcome):
+def test_failed_runs_have_outcome_without_error(method, outcome):
     (one, *_) = run_example(examples()[1], 0.5, [parse(method)])
     assert one.outcome == outcome
     assert math.isnan(one.error("displacement"))

@@ -80,7 +80,7 @@ def shown(text):
     return pytest.approx(float(text), abs=0.51 * 10.0**-decimals if float(text) else 1e-9)
 
 
-def test_the_table_holds_every_method():
+def test_accuracy_is_listed_for_every_method():
     assert {method.partition(":")[0] for method in ACCURACY} == set(catalogue())
 
 
@@ -109,14 +109,14 @@ EXPLICIT = {"central-difference", "chang", "cr", "exact", "kr-alpha", "noh-bathe
 
 
 @pytest.mark.parametrize("method", [*catalogue(), *MEMBERS])
-def test_declared_stability_limit(method):
+def test_critical_step_is_declared_stability_limit(method):
     integrator = parse(method)
     assert critical_step(integrator) == pytest.approx(integrator.stability_limit, rel=1e-4)
     if math.isinf(integrator.stability_limit):
         assert critical_step(integrator, 0.05) == math.inf
 
 
-def test_which_methods_are_explicit():
+def test_explicit_methods_are_declared():
     assert {name for name in catalogue() if not parse(name).implicit} == EXPLICIT
     conditional = {
         "central-difference",
@@ -137,7 +137,7 @@ def test_wilson_below_1_366_is_unstable():
     "method",
     [method for method in (*catalogue(), *MEMBERS) if not math.isnan(parse(method).rho_inf)],
 )
-def test_declared_radius_at_infinity(method):
+def test_spectral_radius_at_infinity_is_declared(method):
     """The matrix tends to its limit like 1 / (omega h)^2, and m roots that meet there like the m-th
     root of that: m is 6 for park, 3 at most for the others. Rounding lifts the radius by (omega
     h)^2 times 1e-16 in chang."""
@@ -149,7 +149,7 @@ def test_declared_radius_at_infinity(method):
 
 
 @pytest.mark.parametrize("method", ["impulse", "impulse4", "gauss4"])
-def test_steps_that_neither_grow_nor_decay(method):
+def test_spectral_radius_of_conservative_methods_is_one(method):
     curve = stability(parse(method), np.geomspace(1e-3, 1e4, 2000) / (2.0 * math.pi))
     assert np.max(np.abs(curve.spectral_radius - 1.0)) <= 1e-12
     assert one_point(method, 0.1).period_error[0] == pytest.approx(2.11e-4, abs=0.005e-4)
@@ -157,7 +157,7 @@ def test_steps_that_neither_grow_nor_decay(method):
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 @pytest.mark.parametrize("method", catalogue())
-def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
+def test_k_steps_equal_kth_power_of_amplification_matrix(method, damping):
     """From memory rows set at random, as after the start of a multi-step method; h is not 1."""
     integrator = parse(method)
     family, h, k = integrator.family, 0.01, 25
@@ -186,7 +186,7 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     )
 
 
-def test_oscillators_are_measured_alike_alone_and_together():
+def test_amplification_does_not_depend_on_other_oscillators():
     """The coefficients of `exact` belong to a building; many oscillators share one."""
     integrator = parse("exact")
     omega, damping = np.geomspace(1e-3, 1e4, 60), np.tile([0.0, 0.05, 0.9], 20)
@@ -199,7 +199,7 @@ def test_oscillators_are_measured_alike_alone_and_together():
     )
 
 
-def test_the_principal_root_is_found_at_any_step_alone():
+def test_principal_root_is_found_for_single_step():
     steps = np.geomspace(0.01, 0.45, 30)
     for method in ("houbolt", "park", "wilson"):
         whole = stability(parse(method), steps, 0.05)
@@ -208,7 +208,7 @@ def test_the_principal_root_is_found_at_any_step_alone():
         )
 
 
-def test_no_period_beyond_half_a_period():
+def test_period_error_is_undefined_beyond_half_a_period():
     curve = stability(parse("exact"), np.array([0.3, 0.49, 0.51, 10.3]), 0.05)
     np.testing.assert_allclose(curve.period_error[:2], 0.0, atol=1e-12)
     np.testing.assert_allclose(curve.numerical_damping[:2], 0.0, atol=1e-12)
@@ -220,7 +220,7 @@ def test_no_period_beyond_half_a_period():
     )
 
 
-def test_damping_of_the_oscillator_is_not_counted():
+def test_numerical_damping_excludes_damping_of_oscillator():
     """Average acceleration has (1 - z/2)^-1 (1 + z/2) for its principal root, z = h s."""
     xi, omega_h = 0.05, 0.2 * math.pi
     z = omega_h * complex(-xi, math.sqrt(1.0 - xi**2))
@@ -230,7 +230,7 @@ def test_damping_of_the_oscillator_is_not_counted():
     assert curve.numerical_damping[0] == pytest.approx(-root.real / abs(root) - xi, rel=1e-9)
 
 
-def test_declared_limits_are_the_measured_ones():
+def test_false_stability_limit_is_reported():
     """None of the catalogue's is false; one made false is told with both numbers, a wrong infinity
     as well."""
     for name in ("central-difference", "newmark-linear", "wilson", "impulse4", "rk5"):

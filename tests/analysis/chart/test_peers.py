@@ -106,7 +106,7 @@ def opensees(request, monkeypatch, capfdbinary):
         ("forced", 1),
     ],
 )
-def test_average_acceleration_of_openseespy_is_ours(name, parts):
+def test_average_acceleration_agrees_with_openseespy(name, parts):
     problem = PROBLEMS[name]()
     dt = problem.interval / parts
     points, notes = openseespy_points(
@@ -121,7 +121,7 @@ def test_average_acceleration_of_openseespy_is_ours(name, parts):
 
 
 @pytest.mark.usefixtures("opensees")
-def test_a_law_is_shown_to_be_one_at_fine_steps(monkeypatch):
+def test_gap_to_openseespy_detects_different_law(monkeypatch):
     """Twice the hardening is another law, which no step mends."""
     problem = PROBLEMS["bilinear"]()
     reference = ours(problem, "impulse4", problem.interval / 16)
@@ -143,7 +143,7 @@ def test_a_law_is_shown_to_be_one_at_fine_steps(monkeypatch):
         Law("bouc-wen", (4e4, 0.05, 2.0, 0.5)),
     ],
 )
-def test_curves_of_openseespy_are_ours(law):
+def test_curved_laws_agree_with_openseespy(law):
     problem = pose(model([story(1e3, 1e6, law), story(1e3, 8e5)]), noise(samples=201, peak=6.0))
     assert (
         peers.opensees_gap(problem, ours(problem, "impulse4", problem.interval / 16), 2e-5)[0]
@@ -151,7 +151,7 @@ def test_curves_of_openseespy_are_ours(law):
     )
 
 
-def test_a_curve_is_a_table_that_is_near_it():
+def test_curved_law_is_approximated_by_table():
     """Between its points, as far as it reaches: chords lag by f'' dx^2 / 8."""
     for name, values, force in (
         ("tanh", (3.0,), lambda d: 3.0 * np.tanh(2.0 * d / 3.0)),
@@ -167,7 +167,7 @@ def test_a_curve_is_a_table_that_is_near_it():
 
 
 @pytest.mark.usefixtures("opensees")
-def test_other_integrators_of_openseespy_are_ours_too():
+def test_hht_and_generalized_alpha_agree_with_openseespy():
     """In a linear building; and the two differ from average acceleration. Accelerations of both
     programs are those of equilibrium at the ends of the steps, not those of the integrators."""
     problem = PROBLEMS["linear"]()
@@ -181,7 +181,7 @@ def test_other_integrators_of_openseespy_are_ours_too():
 
 
 @pytest.mark.parametrize("opensees", ["stand-in"], indirect=True)
-def test_runs_of_openseespy_that_fail_or_take_long(opensees, monkeypatch):
+def test_failed_and_slow_runs_of_openseespy_are_reported(opensees, monkeypatch):
     """The smallest steps, which take longest, are run last, and told to be missing."""
     problem = pose(forced())
     reference = ours(problem, "newmark-average", 0.02)
@@ -202,7 +202,7 @@ def test_runs_of_openseespy_that_fail_or_take_long(opensees, monkeypatch):
 
 
 @pytest.mark.parametrize("opensees", ["stand-in"], indirect=True)
-def test_an_integrator_that_takes_long_leaves_the_others_their_time(opensees, monkeypatch):
+def test_time_limit_applies_to_each_integrator(opensees, monkeypatch):
     """The limit holds for each integrator, and larger steps are run first."""
     clock = [0.0]
     run = opensees_worker._run
@@ -232,7 +232,7 @@ def test_an_integrator_that_takes_long_leaves_the_others_their_time(opensees, mo
     ],
     ids=["law", "modal"],
 )
-def test_a_building_that_openseespy_is_not_given(building, reason):
+def test_unsupported_building_is_omitted_for_openseespy(building, reason):
     problem = pose(building, noise(samples=51))
     points, (note,) = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
     assert points == []
@@ -250,7 +250,7 @@ def test_a_building_that_openseespy_is_not_given(building, reason):
         (None, "its process did not start or did not end"),
     ],
 )
-def test_an_openseespy_that_does_not_answer_is_one_line(monkeypatch, answer, words):
+def test_failed_openseespy_process_is_one_note(monkeypatch, answer, words):
     def run(*_, **__):
         if answer is None:
             raise subprocess.TimeoutExpired("python", 1.0)
@@ -263,7 +263,7 @@ def test_an_openseespy_that_does_not_answer_is_one_line(monkeypatch, answer, wor
 
 
 @pytest.mark.skipif(find_spec("openseespy") is not None, reason="openseespy is installed")
-def test_the_worker_says_that_openseespy_is_missing():
+def test_worker_reports_missing_openseespy():
     done = subprocess.run(
         [sys.executable, "-m", opensees_worker.__name__], input=b"", capture_output=True
     )
@@ -273,7 +273,7 @@ def test_the_worker_says_that_openseespy_is_missing():
 @pytest.mark.parametrize(
     ("name", "part"), [("forced", 0.05), pytest.param("dashpots", 0.5, marks=pytest.mark.slow)]
 )
-def test_the_errors_of_solve_ivp_fall_with_its_tolerance(name, part, monkeypatch):
+def test_errors_of_solve_ivp_decrease_with_tolerance(name, part, monkeypatch):
     """By less where stories yield: the error estimates do not see how far a step went past a kink,
     and which steps meet one hangs on the last bits of a product of matrices (RK45: below .25 on one
     processor, .27 on another)."""
@@ -293,7 +293,7 @@ def test_the_errors_of_solve_ivp_fall_with_its_tolerance(name, part, monkeypatch
         assert fine.iterations > coarse.iterations
 
 
-def test_solve_ivp_is_left_out_where_it_takes_long_or_cannot():
+def test_slow_or_unsupported_solve_ivp_is_omitted():
     problem = PROBLEMS["linear"]()
     points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01), seconds=0.0)
     assert points == []
@@ -310,7 +310,7 @@ def test_solve_ivp_is_left_out_where_it_takes_long_or_cannot():
     )
 
 
-def test_peers_stand_behind_the_methods(monkeypatch):
+def test_points_of_peers_follow_points_of_methods(monkeypatch):
     monkeypatch.setattr(peers, "TOLERANCES", (1e-3,))
     problem = PROBLEMS["forced"]()
     chart = measure(problem, [parse("impulse4")], [0.02], repeats=1, cached=False)
@@ -335,7 +335,7 @@ def leapfrog(tmp_path):
     sys.modules.pop("tdint_plugin_leapfrog", None)
 
 
-def test_a_program_of_a_plugin_is_charted(leapfrog):
+def test_program_of_plugin_is_charted(leapfrog):
     """A line of two points, whose error falls with the step: twice as large a step, twice the
     error, for order 1."""
     problem = pose(ten_linear(), noise(samples=301))
@@ -372,7 +372,7 @@ def test_a_program_of_a_plugin_is_charted(leapfrog):
         ),
     ],
 )
-def test_what_a_program_of_a_plugin_gives_amiss_is_told(function, said, leapfrog, monkeypatch):
+def test_invalid_result_of_plugin_program_is_reported(function, said, leapfrog, monkeypatch):
     problem = pose(ten_linear(), noise(samples=301))
     monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other", function),))
     chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)

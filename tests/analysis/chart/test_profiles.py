@@ -40,7 +40,7 @@ NAN, INF = math.nan, math.inf
 # ---- The logic, on numbers
 
 
-def test_ratios_are_costs_over_the_least_of_their_problem():
+def test_performance_ratio_is_cost_over_minimum_of_problem():
     costs = np.array([[1.0, 2.0, NAN], [4.0, 2.0, 8.0], [NAN, NAN, NAN]])
     np.testing.assert_array_equal(
         performance_ratios(costs, [True] * 3), [[1.0, 2.0, INF], [2.0, 1.0, 4.0], [INF] * 3]
@@ -52,7 +52,7 @@ def test_ratios_are_costs_over_the_least_of_their_problem():
     )
 
 
-def test_a_profile_counts_what_is_solved_at_a_factor():
+def test_profile_counts_problems_solved_within_factor():
     profile = PerformanceProfile("peak_drift", 0.01, "a", (1.0, 1.05, 3.0, INF), 4)
     assert [profile.within(factor) for factor in (0.9, 1.0, 1.1, 2.0, 3.0, 1e9)] == [
         0,
@@ -86,7 +86,7 @@ def measured(*lines, name="one", gap=0.0):
     )
 
 
-def test_a_small_error_at_a_large_step_is_no_merit():
+def test_small_error_at_large_step_by_chance_is_ignored():
     line = points("a", 2, 1.0)
     line[0] = replace(line[0], errors=PeakErrors(0.0, 0.0, 0.0))  # 16 samples, by chance
     assert [point.dt for point in within(line, "a", "peak_drift", 0.05)] == sorted(
@@ -95,7 +95,7 @@ def test_a_small_error_at_a_large_step_is_no_merit():
     assert within(line, "b", "peak_drift", 0.05) == []
 
 
-def test_methods_of_two_orders_fare_as_their_formulas_say():
+def test_ratios_of_methods_of_two_orders_agree_with_formulas():
     """Order 2 at cost 1 a step, order 4 at cost 3: within e the steps are the largest part <=
     sqrt(e), e^(1/4)."""
     chart = field_chart(
@@ -120,7 +120,7 @@ def test_methods_of_two_orders_fare_as_their_formulas_say():
     assert chart.lines == ["two", "four", "none"]
 
 
-def test_a_reference_judges_what_it_is_known_well_enough_for():
+def test_problems_with_inaccurate_reference_are_excluded():
     chart = field_chart(
         [measured(points("a", 4, 1.0), gap=1e-3), measured(points("a", 4, 1.0), gap=1e-9)]
     )
@@ -134,7 +134,7 @@ def test_a_reference_judges_what_it_is_known_well_enough_for():
         field_chart([measured(points("a", 4, 1.0), gap=1.0)]).leaders()
 
 
-def test_leaders():
+def test_leaders_are_coarse_fine_and_safest():
     """Cheap and coarse, dear and sure, and one that is for some problems only."""
     both = [
         points("coarse", 1, 1.0, error=1e-2),
@@ -163,7 +163,7 @@ def test_leaders():
     assert (chart.named("exact"), chart.named("sure")) == ("exact (1 of 4)", "sure")
 
 
-def test_what_chooses_its_steps_stands_beside_the_methods():
+def test_lines_by_tolerance_do_not_change_profiles():
     """A line with the time of all of it: it changes no ratio and is not recommended."""
     ours, choosing = points("a", 2, 1.0), points("a by tolerance", 9, 1e-9)
     alone, beside = (
@@ -174,7 +174,7 @@ def test_what_chooses_its_steps_stands_beside_the_methods():
     assert [p for p in beside.profiles if p.method == "a"] == list(alone.profiles)
 
 
-def test_other_programs_do_not_change_what_is_best():
+def test_other_programs_do_not_change_ratios():
     ours, theirs = points("a", 2, 1.0), points("prog/b", 2, 0.25)
     alone, beside = (
         field_chart([measured(ours)]),
@@ -188,7 +188,7 @@ def test_other_programs_do_not_change_what_is_best():
             assert profile.ratios in ((0.25, INF), (INF, INF)) and profile.taken == 1
 
 
-def test_what_was_not_run_is_not_unsolved():
+def test_skipped_runs_do_not_count_as_unsolved():
     """Steps below a half were not run: 0.1 % is within none of the others, 1 % within one."""
     line = points("prog/b", 2, 1.0, error=0.01)
     for i, point in enumerate(line):
@@ -207,7 +207,7 @@ def test_what_was_not_run_is_not_unsolved():
     assert all(one.not_run == 0 for one in chart.profiles if one.method == "a")
 
 
-def test_a_line_that_is_not_its_method_is_not_among_the_profiles():
+def test_inaccurate_line_of_peer_is_excluded_from_profiles():
     apart = points("openseespy/generalized-alpha", 2, 1.0)
     chart = field_chart([measured(points("a", 2, 1.0), apart)])
     assert chart.lines == ["a"]
@@ -217,7 +217,7 @@ def test_a_line_that_is_not_its_method_is_not_among_the_profiles():
 # ---- Sets of problems
 
 
-def test_the_standard_set():
+def test_standard_problem_set():
     given = read_problems(STANDARD)
     assert len(given) == 36
     assert len({one.name for one in given}) == 12 and len({one.motion for one in given}) == 3
@@ -237,7 +237,7 @@ problems:
 """
 
 
-def test_all_faults_of_a_file_of_problems_at_their_places(tmp_path):
+def test_all_errors_of_problem_file_have_positions(tmp_path):
     file = tmp_path / "faulty.yaml"
     file.write_text(FAULTY)
     with pytest.raises(ModelError) as caught:
@@ -252,7 +252,7 @@ def test_all_faults_of_a_file_of_problems_at_their_places(tmp_path):
         assert part in told, told
 
 
-def test_a_call_takes_models_or_problems():
+def test_models_and_problems_exclude_each_other():
     for given in ({}, {"models": [ten_linear()], "problems": STANDARD}):
         with pytest.raises(UsageError, match="either models"):
             performance_profiles(**given)
@@ -261,7 +261,7 @@ def test_a_call_takes_models_or_problems():
 # ---- Problems
 
 
-def test_errors_are_those_of_runs_beside_fine_steps():
+def test_errors_agree_with_runs_with_fine_steps():
     """The fine ones of average acceleration, which has no part in the reference but to confirm
     it."""
     building, record = ten_bilinear(), noise(samples=161, peak=6.0)
@@ -283,7 +283,7 @@ def test_errors_are_those_of_runs_beside_fine_steps():
         )
 
 
-def test_many_from_python():
+def test_performance_profiles_of_several_records():
     """One building under two motions: columns, a line, ratios from 1."""
     records = [noise(samples=97), noise(samples=97, seed=8)]
     methods = ("newmark-average", "impulse4", "exact")

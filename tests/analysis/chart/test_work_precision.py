@@ -56,7 +56,7 @@ def motion(displacement, stride=1):
     return FloorMotion(stride, u, 2.0 * u, 3.0 * u, peaks)
 
 
-def test_all_steps_end_at_one_time():
+def test_all_time_steps_end_at_same_time():
     """A motion that grows to its end: one that goes on for a step more has larger peaks."""
     growing = model([story(1.0, 400.0)], forces=[Force(1, 20.0, 0.0, 20.0)], dt=0.02, duration=0.7)
     chart = measure(
@@ -70,19 +70,19 @@ def test_all_steps_end_at_one_time():
 
 
 @pytest.mark.parametrize("part", [0.0, 0.25, -0.5])
-def test_a_motion_that_is_too_large_by_a_part_errs_by_it_in_everything(part):
+def test_relative_error_of_scaled_motion_is_its_excess(part):
     true = motion(np.random.default_rng(3).normal(size=(20, 4)))
     wrong = motion((1.0 + part) * true.displacement)
     assert list(vars(errors(wrong, true)).values()) == pytest.approx([abs(part)] * 5, abs=1e-14)
 
 
-def test_a_motion_at_every_third_sample_is_compared_there():
+def test_motion_with_stride_is_compared_at_its_samples():
     true = motion(np.random.default_rng(3).normal(size=(20, 4)))
     thin = replace(motion(true.displacement[::3], stride=3), peak_drift=true.peak_drift)
     assert errors(thin, true) == Errors(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def test_peaks_a_thousand_times_smaller_than_the_largest_do_not_count():
+def test_peaks_below_a_thousandth_of_maximum_are_ignored():
     true = motion([[1.0, 1.0001], [-1.0, -1.0001]])
     wrong = replace(true, peak_drift=true.peak_drift * [1.01, 2.0])
     assert errors(wrong, true).peak_drift == pytest.approx(0.01)
@@ -118,7 +118,7 @@ def harmonic_motion(problem, force):
 
 
 @pytest.mark.parametrize("stiffness", [600.0, 1e7])
-def test_the_gap_tells_how_far_the_reference_is_from_the_truth(stiffness):
+def test_gap_bounds_error_of_reference(stiffness):
     """Also where a stiff part is not resolved, in which methods of one kind would agree on the same
     wrong motion."""
     force = Force(2, 5.0, 0.0, 1.2)
@@ -136,7 +136,7 @@ def test_the_gap_tells_how_far_the_reference_is_from_the_truth(stiffness):
     assert error <= 2.0 * found.gap.drift + 1e-10
 
 
-def test_a_building_that_cannot_be_solved_has_no_reference():
+def test_unsolvable_building_has_no_reference():
     """Softening beyond its strength: the story loses all stiffness and runs away."""
     falling = model(
         [story(1.0, 1.0, Law("polynomial", (1.0, 0.0, -1.0)))],
@@ -163,7 +163,7 @@ def cache(tmp_path, monkeypatch):
     return tmp_path / "references", solved
 
 
-def test_another_problem_has_another_reference(cache, monkeypatch):
+def test_each_problem_has_its_own_cached_reference(cache, monkeypatch):
     """And the oldest make room."""
     folder, solved = cache
     base = pose(forced(0.2))
@@ -190,7 +190,7 @@ def test_another_problem_has_another_reference(cache, monkeypatch):
 
 
 @pytest.mark.parametrize("damage", ["none", "empty", "cut", "text", "flipped"])
-def test_the_reference_is_kept_and_a_damaged_file_is_computed_anew(cache, damage):
+def test_reference_is_cached_and_corrupt_file_is_recomputed(cache, damage):
     folder, solved = cache
     problem = pose(forced(0.2))
     good = find_reference(problem, problem.samples)
@@ -222,7 +222,7 @@ def test_the_reference_is_kept_and_a_damaged_file_is_computed_anew(cache, damage
     assert len(solved) == (2 if damage == "none" else 3)
 
 
-def test_a_cache_that_cannot_be_written_is_none(cache, monkeypatch, tmp_path):
+def test_unwritable_cache_is_ignored(cache, monkeypatch, tmp_path):
     _, solved = cache
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file", None):
@@ -235,7 +235,7 @@ def test_a_cache_that_cannot_be_written_is_none(cache, monkeypatch, tmp_path):
 # ---- the chart
 
 
-def test_the_points_of_a_chart():
+def test_points_of_chart():
     problem = pose(ten_linear(), noise(samples=201))
     chart = measure(
         problem,
@@ -267,7 +267,7 @@ def test_the_points_of_a_chart():
     assert all(point.line != "newmark-average" for point in chart.points)
 
 
-def test_errors_are_those_of_a_run():
+def test_errors_of_chart_agree_with_run():
     building, record = ten_linear(), noise(samples=201)
     chart = measure(
         pose(building, record), integrators("newmark-average"), [0.005], repeats=1, cached=False
@@ -284,7 +284,7 @@ def test_errors_are_those_of_a_run():
 
 
 @pytest.mark.parametrize("name", ["diverged", "not-converged"])
-def test_a_march_that_fails_stays_among_the_points(name, monkeypatch):
+def test_failed_run_remains_in_chart(name, monkeypatch):
     from tdint.analysis.run.prepared import PreparedBuilding
     from tdint.kernels import layout as rows
 
@@ -312,7 +312,7 @@ def point(line, dt, time, error):
     )
 
 
-def test_what_is_recommended():
+def test_recommended_and_alternative_points():
     points = [
         point("lucky", 0.04, 1.0, 0.005),  # cheap and good, but the next smaller step is not
         point("lucky", 0.02, 2.0, 0.5),
@@ -334,7 +334,7 @@ def test_what_is_recommended():
 
 
 @pytest.mark.parametrize(("verdicts", "turns"), [("aaaaaaaa", 2), ("abbbbbbb", 3), ("abababab", 8)])
-def test_times_are_taken_until_the_verdict_stands(verdicts, turns):
+def test_timing_is_repeated_until_verdict_is_stable(verdicts, turns):
     """Twice at least, as was asked for, and four times that at most."""
     problem = pose(ten_linear(), noise(samples=21))
     asked = iter(verdicts)
@@ -345,7 +345,7 @@ def test_times_are_taken_until_the_verdict_stands(verdicts, turns):
     assert len(chart.points[0].times) == turns
 
 
-def test_running_what_is_recommended_meets_the_error():
+def test_recommended_run_meets_target_error():
     """Of a bilinear building, whose reference another method confirms."""
     building, record = stretched(ten_bilinear(), 4), noise(samples=201, peak=6.0)
     problem = pose(building, record)
@@ -363,18 +363,18 @@ def test_running_what_is_recommended_meets_the_error():
         assert np.max(np.abs(response.stories.peak_drift / fine.stories.peak_drift - 1.0)) <= limit
 
 
-def test_default_steps_are_halves_and_what_lies_between_them():
+def test_default_time_steps_are_halvings_and_intermediate_steps():
     problem = pose(oscillator(10.0), noise(samples=21))
     intervals = [8, 6, 4, 3, 2, 1, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16]
     assert np.array(default_steps(problem, 1, 1)) / problem.interval == pytest.approx(intervals)
 
 
-def test_default_steps_are_fewer_where_they_take_long():
+def test_long_runs_have_fewer_default_time_steps():
     problem = replace(pose(ten_linear(), noise()), samples=100_000_000)
     assert default_steps(problem, 9, 5) == pytest.approx([0.08, 0.06, 0.04, 0.03, 0.02, 0.01])
 
 
-def test_problems_that_are_none():
+def test_invalid_problems_are_refused():
     with pytest.raises(UsageError, match=r"the time step of the model, 0\.02 s, multiplied"):
         measure(pose(forced()), integrators("impulse4"), [0.013], cached=False)
     with pytest.raises(UsageError, match="dt must be a positive number"):
@@ -390,7 +390,7 @@ def test_problems_that_are_none():
 
 
 @pytest.mark.parametrize("count", [1, 3, 25])
-def test_a_stretched_building_keeps_its_pattern_and_its_damping(count):
+def test_stretched_building_keeps_pattern_and_damping(count):
     building = ten_bilinear()
     assert stretched(building, 10) is building
     taller = stretched(building, count)
@@ -402,7 +402,7 @@ def test_a_stretched_building_keeps_its_pattern_and_its_damping(count):
         np.testing.assert_allclose(b.linear_terms[row, 0], a.linear_terms[row, 0], rtol=1e-12)
 
 
-def test_forces_and_the_start_move_with_their_floors():
+def test_stretched_building_moves_forces_and_initial_state():
     shaken = model(
         [story(1.0, 100.0)] * 4, forces=[Force(1, 1.0, 0.0, 1.0), Force(4, 2.0, 0.0, 1.0)],
         displacement=(0.1, 0.2, 0.3, 0.4), damping=ModalDamping((0.05, 0.04, 0.03)),
@@ -419,7 +419,7 @@ def test_forces_and_the_start_move_with_their_floors():
 # ---- what marches are timed by
 
 
-def test_the_clock_of_marches_does_not_run_while_the_thread_waits(monkeypatch):
+def test_clock_excludes_waiting_time_of_thread(monkeypatch):
     """Where it is fine; where it goes by ticks as Windows' does, or stands still, the wall's is
     taken."""
     system.clock.cache_clear()
@@ -443,7 +443,9 @@ def timed(dt, times, walls):
 @pytest.mark.parametrize(
     ("walls", "stretch", "disturbed"), [((1.05, 1.05), 1.05, False), ((1.0, 1.3), 1.15, True)]
 )
-def test_wall_time_beside_processor_time(walls, stretch, disturbed, monkeypatch):
+def test_timing_reports_ratio_of_wall_time_to_processor_time(
+    walls, stretch, disturbed, monkeypatch
+):
     monkeypatch.setattr(system, "clock", lambda: "thread_time")
     unstable = Point("one", 1.0, 1, "unstable-step")
     timing = Timing.of([unstable, timed(0.5, (1.0, 1.0), walls), timed(0.2, (1.0,), (stretch,))])
@@ -456,7 +458,7 @@ def test_wall_time_beside_processor_time(walls, stretch, disturbed, monkeypatch)
 # ---- Lines whose steps are chosen for a tolerance
 
 
-def test_lines_by_tolerance_are_runs_with_that_tolerance():
+def test_lines_by_tolerance_equal_runs_with_tolerance():
     """Against the runs themselves and a reference of their own: error of the peak drifts, times,
     nothing else known."""
     building, record = ten_bilinear(), noise(samples=101)
@@ -494,7 +496,7 @@ def test_lines_by_tolerance_are_runs_with_that_tolerance():
     )  # a run with its error is more than a march
 
 
-def test_a_tolerance_that_no_step_meets_leaves_an_outcome():
+def test_unreachable_tolerance_is_reported_as_outcome():
     charted = chart(
         ten_linear(),
         noise(samples=51),

@@ -111,7 +111,7 @@ def made(tmp_path):
 
 
 @pytest.mark.parametrize("band", ["", "band: [0.5, 20]\n"])
-def test_a_result_agrees_with_itself(made, band):
+def test_result_agrees_with_itself(made, band):
     """The agreement is limited only by the rounding in the file, for any offset of a sensor."""
     made.usual(floor_1_m_s2=made.motions["floor_1"] + 0.3)
     for floor in compare(made.model, made.event(FLOORS + band)).floors:
@@ -123,7 +123,7 @@ def test_a_result_agrees_with_itself(made, band):
 
 @pytest.mark.parametrize("law", [LINEAR, Law("bilinear", (5.0, 0.1))])
 @pytest.mark.parametrize("forces", [[], [Force(1, 1.0, 0.0, 5.0)]])
-def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
+def test_exact_is_chosen_for_linear_buildings_without_forces(made, law, forces):
     """`exact` is chosen for a linear building that is excited only by its base. Harmonic forces are
     excluded, because `exact` would only use their values at the time steps."""
     made.usual()
@@ -132,7 +132,7 @@ def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
     assert taken == (law is LINEAR and not forces)
 
 
-def test_noise_lowers_the_correlation_by_what_it_adds(made):
+def test_noise_lowers_correlation_as_predicted(made):
     """For independent noise with e times the rms of the motion, the correlation is 1 / sqrt(1 +
     e^2), and the difference is e / sqrt(1 + e^2)."""
     part = 0.5
@@ -148,7 +148,7 @@ def test_noise_lowers_the_correlation_by_what_it_adds(made):
     )
 
 
-def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
+def test_sensors_of_floor_are_averaged_with_their_direction(made):
     """The difference of two sensors is a torsional motion, which has no effect on their mean.
     Sensors with different quantities are refused."""
     made.usual()
@@ -173,7 +173,7 @@ def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
         made.event(recording(roof=mixed))
 
 
-def test_displacements_are_relative_to_the_base(made):
+def test_displacements_are_compared_relative_to_base(made):
     """Displacements, in mm, of a linear building without offsets are compared relative to the base,
     together with an acceleration."""
     made.usual(floor_1_mm=1e3 * made.displacements["floor_1"])
@@ -184,7 +184,7 @@ def test_displacements_are_relative_to_the_base(made):
     assert floors[0].peak_ratio == pytest.approx(1.0, abs=1e-9)
 
 
-def test_a_displacement_of_the_base_is_differentiated(made):
+def test_base_displacement_is_differentiated(made):
     smooth = np.cumsum(np.cumsum(noise(3))) * 1e-4
     made.usual(base_m=smooth, base_m_s2=differentiated(smooth, DT, "displacement"))
     by_acceleration = compare(made.model, made.event())
@@ -195,7 +195,7 @@ def test_a_displacement_of_the_base_is_differentiated(made):
         )
 
 
-def test_a_shift_of_the_clocks_is_found(made):
+def test_clock_shift_is_determined(made):
     """The shift is determined for a recording with twice the sampling rate and a delay of a
     fraction of a sample."""
     late = 0.137
@@ -214,7 +214,7 @@ def test_a_shift_of_the_clocks_is_found(made):
     assert compare(made.model, made.event(text)).floors[0].correlation < 0.9
 
 
-def test_weak_motions_are_shifted_as_strong_ones(made):
+def test_clock_shift_does_not_depend_on_amplitude(made):
     weak = {name: 1e-4 * values for name, values in made.motions.items()}
     made.usual(
         base_m_s2=1e-4 * made.base,
@@ -226,7 +226,7 @@ def test_weak_motions_are_shifted_as_strong_ones(made):
     )
 
 
-def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_path):
+def test_recordings_without_common_clock_start_together(made, tmp_path):
     """A record states a date, but a table only the time since an unknown start. They are assumed to
     start together, and a note states this."""
     with quiet_import():
@@ -245,7 +245,7 @@ def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_p
     assert not [note for note in plain.event.notes if "common clock" in note]
 
 
-def test_the_smoothed_spectrum_of_an_impulse_is_its_size():
+def test_smoothed_spectrum_of_impulse_is_constant():
     """The Fourier amplitude of a single sample equals this sample at all frequencies, for any
     smoothing window."""
     impulse = np.zeros(SIZE)
@@ -254,14 +254,14 @@ def test_the_smoothed_spectrum_of_an_impulse_is_its_size():
         assert smoothed(impulse, DT, band) == pytest.approx(math.log(4.0), abs=1e-12)
 
 
-def test_a_requirement_is_a_name_and_a_positive_number():
+def test_requirement_is_name_and_positive_number():
     assert parse_requirement("correlation = 0.9") == ("correlation", 0.9)
     for number in ("0", "-1", "inf", "nan", "much"):
         with pytest.raises(UsageError, match="must be a positive number"):
             parse_requirement(f"correlation={number}")
 
 
-def test_the_window_is_what_is_compared(made):
+def test_comparison_is_limited_to_window(made):
     made.usual()
     (first, _) = compare(made.model, made.event(FLOORS + "window: [4, 12.5]\n")).floors
     assert (first.time[0], first.time[-1]) == pytest.approx((4.0, 12.5))
@@ -270,7 +270,7 @@ def test_the_window_is_what_is_compared(made):
         compare(made.model, made.event(FLOORS + "window: [29.9, 40]\n"))
 
 
-def test_spectra_of_both(made):
+def test_spectra_of_recorded_and_computed_motion(made):
     """For an acceleration, the spectrum is the spectrum of the floor acceleration. For a
     displacement, it is the spectrum of its second derivative."""
     made.usual(floor_1_m=made.displacements["floor_1"])
@@ -308,7 +308,7 @@ def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
     assert all(floor.correlation > 0.99 for floor in compare(found.model, event).floors)
 
 
-def test_an_offset_that_the_samples_tell_is_removed(made):
+def test_offset_of_samples_is_removed(made):
     base = made.base + 0.3
     made.usual(base_m_s2=base)
     event = made.event()
@@ -318,7 +318,7 @@ def test_an_offset_that_the_samples_tell_is_removed(made):
     assert not has_offset(np.zeros(50))
 
 
-def test_what_a_recording_does_not_tell_is_said(made):
+def test_poorly_determined_parameter_is_reported(made):
     """A warning is given for the damping of a mode far above the frequency band, with noise."""
     roof = made.motions["floor_3"]
     made.usual(floor_3_m_s2=roof + 0.2 * np.std(roof) * np.random.default_rng(2).normal(size=SIZE))
@@ -327,7 +327,7 @@ def test_what_a_recording_does_not_tell_is_said(made):
     assert any("damping_ratio of mode 3 is poorly determined" in note for note in found.notes)
 
 
-def test_what_cannot_be_fitted_is_refused(made):
+def test_unsupported_fit_parameters_are_refused(made):
     made.usual()
     event = made.event()
     with pytest.raises(UsageError, match="no damping to be fitted"):
@@ -355,7 +355,7 @@ def test_what_cannot_be_fitted_is_refused(made):
         ),
     ],
 )
-def test_files_that_do_not_fit(made, text, message):
+def test_inconsistent_files_are_refused(made, text, message):
     made.usual()
     made.write("other.csv", start=100.0, roof=made.base)
     with pytest.raises(RecordError, match=message):
@@ -364,7 +364,7 @@ def test_files_that_do_not_fit(made, text, message):
     assert cured.floors[0].quantity == "displacement"  # as the first message advises
 
 
-def test_the_step_is_no_longer_than_the_interval(made):
+def test_default_time_step_is_at_most_sampling_interval(made):
     made.usual()
     event = made.event()
     coarse = compare(made.model, event, method="newmark-average", dt=DT).floors[-1]
@@ -373,7 +373,7 @@ def test_the_step_is_no_longer_than_the_interval(made):
 
 
 @pytest.mark.parametrize(("band", "fastest"), [(None, None), ((0.1, 2.0), 4.0 * math.pi)])
-def test_a_step_by_default_is_short_for_all_modes_within_the_band(made, band, fastest):
+def test_default_time_step_resolves_modes_within_band(made, band, fastest):
     """The default time step is the first halving of the sampling interval with omega dt of at most
     a quarter."""
     made.usual()
@@ -384,7 +384,7 @@ def test_a_step_by_default_is_short_for_all_modes_within_the_band(made, band, fa
     assert respond(case, None, band).dt == pytest.approx(DT / parts)
 
 
-def test_a_building_that_collapses_has_nothing_to_compare(made):
+def test_collapsed_building_cannot_be_compared(made):
     made.usual(base_m_s2=1e3 * made.base)
     law = replace(made.model.stories[0].law, name="bilinear", parameters=(1.0, -0.3))
     stories = (replace(made.model.stories[0], law=law, height=3.0), *made.model.stories[1:])
@@ -395,7 +395,7 @@ def test_a_building_that_collapses_has_nothing_to_compare(made):
 # ---- Displacements that stay, absolute ones, several sensors
 
 
-def test_a_displacement_that_remains_leaves_no_jump(made):
+def test_residual_displacement_causes_no_jump(made):
     """For a slow ramp to a residual displacement, subtraction of the median would cause a jump at t
     = 0 and an acceleration of the order of 1 / dt^2."""
     time = DT * np.arange(SIZE)
@@ -410,7 +410,7 @@ def test_a_displacement_that_remains_leaves_no_jump(made):
     assert spectra.recorded[0] < 2.0 * without
 
 
-def test_an_absolute_displacement_is_told(made):
+def test_absolute_displacement_is_reported(made):
     wave = np.cumsum(np.cumsum(made.base)) * DT * DT
     made.usual(
         floor_3_m=made.displacements["floor_3"] + wave, right_m=made.displacements["floor_3"]
@@ -427,7 +427,7 @@ def test_an_absolute_displacement_is_told(made):
 # ---- Fits
 
 
-def test_a_common_factor_is_what_a_roof_sensor_tells(made):
+def test_common_stiffness_factor_is_fitted_to_roof_sensor(made):
     """With an error of 30 % of all stiffnesses and one sensor, the common factor is determined to
     the 12 digits of the table. A base motion with a nonzero median is not shifted."""
     for median in (0.004, -0.006):
@@ -455,7 +455,7 @@ def test_a_common_factor_is_what_a_roof_sensor_tells(made):
         fit(soft, event, ["stiffness", "stiffness-factor"])
 
 
-def test_a_fit_that_ends_on_a_bound_says_so(made):
+def test_fit_on_bound_is_reported(made):
     """For a recording without damping, the best ratio is 0, which is below the lower bound."""
     bare = replace(made.model, damping=None)
     record = Record(made.base, DT, "", "", "", "noise")
@@ -469,7 +469,7 @@ def test_a_fit_that_ends_on_a_bound_says_so(made):
     )
 
 
-def test_a_fit_begins_at_the_best_factors_of_its_scan():
+def test_fit_starts_at_local_minima_of_scan():
     """The fit starts at local minima of the scan, the lowest minimum first; the ends of the scan
     count if they are lower than their only neighbor."""
 
@@ -498,7 +498,7 @@ def test_a_fit_begins_at_the_best_factors_of_its_scan():
     assert starts(bowls, on_stiffness=False) == []
 
 
-def test_the_window_by_counting():
+def test_window_is_exact_to_sample():
     """The window is the recorded part of the requested time range, exact to the sample. At least
     ten samples are required."""
     random = np.random.default_rng(3)
@@ -528,7 +528,7 @@ def test_the_window_by_counting():
 
 
 @pytest.mark.parametrize("shortest", [10, 9])
-def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
+def test_mean_of_sensors_covers_common_time_range(shortest):
     """Sensors record one motion with different factors and start times. Their mean is the motion
     with the mean factor, over the common time range."""
     motion = np.random.default_rng(4).normal(size=200)
@@ -558,7 +558,7 @@ def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
     np.testing.assert_allclose(mean.samples, 3.0 * motion[35:45])
 
 
-def test_a_run_without_a_result_is_as_far_off_as_any():
+def test_failed_run_has_fixed_residuals():
     """The residuals of a failed run have a fixed size in both measures, for any number of floors
     and samples."""
     event = SimpleNamespace(count=77, floors=(1, 2))
@@ -573,7 +573,7 @@ def test_a_run_without_a_result_is_as_far_off_as_any():
     assert spectral.size % 2 == 0
 
 
-def test_coefficients_of_rayleigh_are_fitted_within_a_thousand_times():
+def test_rayleigh_coefficients_are_fitted_within_factor_of_1000():
     for mass, stiffness in ((0.3, 2e-3), (0.3, 0.0), (0.0, 2e-3)):
         free = _damping(RayleighCoefficients(mass, stiffness))
         given = [
@@ -622,7 +622,7 @@ def test_an_unmet_requirement_is_stated_with_both_bounds(made):
 # ---- The picture
 
 
-def test_of_many_floors_those_that_agree_least_are_drawn_and_all_below(made):
+def test_figure_shows_floors_with_least_agreement_and_overview(made):
     """The figure shows the floors with the least agreement, over the time of strong shaking, as a
     close-up of eight cycles on both sides of the roof peak, and as spectra. An overview below
     contains all floors."""

@@ -183,7 +183,7 @@ def check_failure(failure, case, record):
         for i in range(RUNS // BATCH)
     ],
 )
-def test_every_run_ends_as_one_of_the_named_outcomes(batch):
+def test_every_random_run_ends_with_documented_status(batch):
     ends = Counter()
     for seed in range(batch * BATCH, (batch + 1) * BATCH):
         case, record, arguments = random_run(seed)

@@ -47,7 +47,7 @@ def by_hand(run):
     }
 
 
-def test_largest_values_and_where_they_are():
+def test_maximum_demands_and_their_positions():
     found = demands_of_runs(PEAKS)
     assert {one.name for one in DECLARED} == set(by_hand(0))
     for run in (0, 1):
@@ -60,7 +60,7 @@ def test_largest_values_and_where_they_are():
             assert tuple(getattr(single, name)) == pytest.approx(expected), name
 
 
-def test_where_no_story_has_a_height_the_story_of_a_row_is_that_of_the_largest_drift():
+def test_governing_story_without_heights_has_maximum_drift():
     bare = StoryPeaks(
         **VALUES | {"peak_drift_ratio": np.full((2, 3), math.nan)}, height=np.full(3, math.nan)
     )
@@ -69,7 +69,7 @@ def test_where_no_story_has_a_height_the_story_of_a_row_is_that_of_the_largest_d
     ]
 
 
-def test_the_error_is_the_largest_of_those_that_may_have_the_largest_value():
+def test_error_of_demand_covers_all_possible_maxima():
     values = {one.name: np.ones(3) for one in STORY} | {"peak_drift": np.array([1.0, 0.97, 0.5])}
     peaks = StoryPeaks(**values, height=np.array([4.0, 3.0, 2.5]))
     (drift,) = (one for one in DECLARED if one.name == "drift")

@@ -58,7 +58,7 @@ def pairs(response, reference):
     ],
 )
 @pytest.mark.parametrize("dt", [0.02, 0.05, 0.08])
-def test_free_vibration(method, dt):
+def test_estimated_errors_of_free_vibration(method, dt):
     """u = cos(omega t) + sin(omega t), period 1 s: amplitude root of 2; after five periods u = 1
     again."""
     omega = 2.0 * np.pi
@@ -90,7 +90,7 @@ def test_free_vibration(method, dt):
         ("impulse4:rho_inf=0.5", 3.0),
     ],
 )
-def test_the_estimate_is_the_largest_of_three_terms(method, factor):
+def test_estimate_is_maximum_of_three_terms(method, factor):
     """The difference from impulse4 with half the step times a factor, a fifth of the root mean
     square of that over the stories, which is limited by eight differences, and 1e-5 of the peak."""
     response = run(ten_bilinear(), noise(), method=method)
@@ -107,7 +107,7 @@ def test_the_estimate_is_the_largest_of_three_terms(method, factor):
     assert (response.check.time_steps, response.check.method) == ((other.dt,), other.method)
 
 
-def test_possible_peaks_between_time_steps_are_part_of_the_estimate():
+def test_estimate_includes_possible_peaks_between_time_steps():
     """The possible excess counts up to the largest peak that the additional run does not exclude;
     without an additional run with shorter steps it counts completely. To a residual drift it is
     added."""
@@ -159,7 +159,7 @@ def test_damper_forces_of_central_difference_are_not_overestimated():
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
 @pytest.mark.parametrize("path", ["run", "sequence", "tolerance"])
-def test_the_start_of_a_building_in_motion_is_part_of_the_estimate(method, path):
+def test_estimate_includes_start_of_moving_building(method, path):
     """Two stories, of which the upper one vibrates with a period of half a step and strong damping.
 
     The accelerations have their maxima a tenth of a step after the start. The true value is that of
@@ -204,7 +204,7 @@ def test_the_start_of_a_building_in_motion_is_part_of_the_estimate(method, path)
         assert np.all(errors.peak_absolute_acceleration < 1.5 * missed)
 
 
-def test_a_run_with_longer_steps_excludes_no_peak(monkeypatch):
+def test_additional_run_with_longer_steps_excludes_no_peak(monkeypatch):
     """The search for a tolerance compares a run of impulse4 with one that has longer steps."""
     compared = []
 
@@ -231,7 +231,7 @@ def building_with_a_gap():
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
 @pytest.mark.parametrize("samples", [5, 10])
-def test_long_steps_are_compared_with_steps_of_the_record(method, samples):
+def test_long_steps_are_compared_with_steps_of_sampling_interval(method, samples):
     """With half the step both runs may pass over the same contacts: they agree and are both wrong.
     Peaks are compared. A residual drift of such a step is the drift at one time of a vibration."""
     building, record = building_with_a_gap()
@@ -259,7 +259,7 @@ def vibrating_building_with_a_gap():
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
 @pytest.mark.parametrize("part", [3, 5, 10])
-def test_long_steps_without_a_record_are_compared_with_a_fiftieth_of_the_period(method, part):
+def test_long_steps_without_record_are_compared_with_fiftieth_of_period(method, part):
     """With half of a fifth of the period, the true error of `impulse4` is 14 times the estimate."""
     building, period = vibrating_building_with_a_gap()
     response = run(building, method=method, dt=period / part, duration=9.0 * period)
@@ -271,14 +271,14 @@ def test_long_steps_without_a_record_are_compared_with_a_fiftieth_of_the_period(
         assert np.all(true <= 2.0 * getattr(response.check.errors, name)), name
 
 
-def test_short_steps_without_a_record_are_halved():
+def test_short_steps_without_record_are_compared_with_half_step():
     building, period = vibrating_building_with_a_gap()
     for part in (20, 100):
         response = run(building, dt=period / part, duration=3.0 * period)
         assert response.check.time_steps == pytest.approx((0.5 * period / part,))
 
 
-def test_half_of_a_long_step_is_not_enough_for_a_contact():
+def test_half_of_long_step_underestimates_error_of_contact():
     """The case that the sampling interval is used for: twice the old estimate is exceeded."""
     building, record = building_with_a_gap()
     peaks = [
@@ -289,7 +289,7 @@ def test_half_of_a_long_step_is_not_enough_for_a_contact():
     assert np.max(true / told) > 2.0
 
 
-def test_an_agreement_by_accident_is_not_believed():
+def test_accidental_agreement_of_one_story_is_corrected():
     """The first of three stories does not change at all; its neighbours do, by a tenth."""
     size = np.array([5.0, 1.0, 1.0])
     told = common(np.array([0.0, 0.1, 0.1]), size)
@@ -298,7 +298,7 @@ def test_an_agreement_by_accident_is_not_believed():
     assert np.isnan(unknown[0]) and unknown[1:] == pytest.approx(0.1)
 
 
-def test_exact_tells_its_own_errors():
+def test_exact_estimates_its_own_errors():
     """It has none but between its steps; under forces on floors, which it takes as linear, impulse4
     tells."""
     response = run(ten_linear(), noise(), method="exact")
@@ -331,7 +331,7 @@ def dashpots(exponent):
         ),
     ],
 )
-def test_moment4_estimates_its_own_errors_in_curved_buildings(building, method, reference):
+def test_moment4_estimates_its_own_errors_with_curved_laws(building, method, reference):
     """In buildings without branches of the laws, if it has no numerical dissipation."""
     response = run(building, noise(), method=method)
     assert response.check.method.partition(":")[0] == reference
@@ -363,7 +363,7 @@ SEEDS = 20
 STEP, SAMPLES, FINE = 0.01, 501, 16
 
 
-def test_random_buildings():
+def test_estimates_cover_true_errors_in_random_buildings():
     """The true error lies below twice the estimate in 99 % of the peaks at least; the estimates are
     not far too large.
 
@@ -402,7 +402,7 @@ def test_random_buildings():
 # ---- The run that is checked
 
 
-def test_a_check_changes_no_number():
+def test_error_estimate_changes_no_result():
     plain = run(ten_bilinear(), noise(), method="newmark-average", history=True, check=False)
     other = run(ten_bilinear(), noise(), method="newmark-average", history=True, check=True)
     for name in NAMES:
@@ -412,7 +412,7 @@ def test_a_check_changes_no_number():
     assert other.check.time_steps == (0.005,)
 
 
-def test_the_steps_of_the_repetitions():
+def test_time_steps_of_additional_runs():
     """Halves, also of an odd number of samples. All end at the same time."""
     assert finer(Steps(0.01, 7, 2)) == Steps(0.005, 14, 4)
     assert finer(Steps(0.06, 7, 1, 6)) == Steps(0.03, 14, 1, 3)
@@ -426,7 +426,7 @@ def test_the_steps_of_the_repetitions():
         assert np.sum(error <= 2.0 * found) >= 0.9 * error.size
 
 
-def test_a_building_at_rest_has_no_error():
+def test_building_at_rest_has_zero_error():
     still = replace(noise(), acceleration=np.zeros(50))
     response = run(ten_linear(), still, method="newmark-average", check=True)
     assert response.check.drift_error == 0.0
@@ -435,7 +435,7 @@ def test_a_building_at_rest_has_no_error():
     )
 
 
-def test_a_repetition_that_fails_leaves_the_errors_unknown(monkeypatch):
+def test_failed_additional_run_leaves_errors_unknown(monkeypatch):
     monkeypatch.setattr(Case, "integrate", broken(0.008))
     response = run(ten_linear(), noise(), method="newmark-average", check=True)
     assert (response.check.drift_error, response.check.drift_story, response.check.time_steps) == (
@@ -447,7 +447,7 @@ def test_a_repetition_that_fails_leaves_the_errors_unknown(monkeypatch):
     assert response.notes[-1] == "no error estimate: the run with dt 0.005 s failed (diverged)"
 
 
-def test_a_collapse_is_compared_up_to_its_time():
+def test_errors_of_collapsed_run_end_at_collapse():
     falling = model(
         [story(1.0, 6.54, Law("bilinear", (0.327, 0.0)), height=3.0)], p_delta=True, velocity=(0.5,)
     )  # P-delta half as stiff as the story
@@ -457,7 +457,7 @@ def test_a_collapse_is_compared_up_to_its_time():
     assert any(f"the run ends at {response.collapse.time:.6g} s" in note for note in response.notes)
 
 
-def test_a_history_has_the_error_of_each_moment():
+def test_history_has_error_at_each_step():
     """True less computed by the run that tells the peaks' errors, at the same times; asked for by
     check=True alone."""
     record = noise(samples=201)

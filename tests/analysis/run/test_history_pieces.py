@@ -54,7 +54,7 @@ def same(one: Any, other: Any) -> bool:
         {"method": "park"},
     ],
 )
-def test_pieces_are_the_whole_bit_for_bit(
+def test_joined_history_chunks_equal_complete_history(
     monkeypatch: pytest.MonkeyPatch, wanted: dict[str, Any]
 ) -> None:
     response, pieces = whole_and_pieces(monkeypatch, **wanted)
@@ -66,7 +66,7 @@ def test_pieces_are_the_whole_bit_for_bit(
         assert same(History.joined(parts), response.history.every(every)), every
 
 
-def test_files_are_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_written_in_chunks_is_identical(monkeypatch: pytest.MonkeyPatch) -> None:
     response, pieces = whole_and_pieces(monkeypatch)
     assert response.history is not None
     at_once, in_pieces = io.BytesIO(), io.BytesIO()
@@ -75,7 +75,7 @@ def test_files_are_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert at_once.getvalue() == in_pieces.getvalue()
 
 
-def test_memory_does_not_grow_with_the_steps() -> None:
+def test_memory_of_history_chunks_does_not_grow_with_steps() -> None:
     """The whole history of these steps takes 100 MB and more."""
     response = run(model(ONE), MOTION, method="newmark-average", dt=1e-5, duration=10.0)
     assert (response.steps, response.history) == (1_000_000, None)
@@ -91,7 +91,7 @@ def test_memory_does_not_grow_with_the_steps() -> None:
         assert peak < 6e7, every
 
 
-def test_what_the_memory_cannot_hold_is_refused_with_the_number(
+def test_history_exceeding_memory_is_refused_with_size(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("tdint.methods.workspace.available_memory", lambda: 1e6)

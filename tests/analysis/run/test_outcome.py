@@ -18,7 +18,7 @@ from tdint.units import STANDARD_GRAVITY
 TIMES = np.linspace(0.0, 2.0, 201)
 
 
-def test_energies_of_a_damped_vibration_over_time():
+def test_energy_histories_of_damped_vibration():
     """u'' + 2 xi omega u' + omega^2 u = 0 from u = 1: closed form of every part at every step."""
     omega, xi = 2.0 * np.pi, 0.05
     case = oscillator(omega, xi, displacement=(1.0,))
@@ -39,7 +39,7 @@ def test_energies_of_a_damped_vibration_over_time():
     assert np.max(np.abs(energy.error)) < 1e-6
 
 
-def test_energies_over_time_end_as_the_balance_of_the_run():
+def test_energy_histories_end_with_energy_balance_of_run():
     response = run(ten_bilinear(), noise(), method="newmark-average", history=True)
     history, total = response.history.energy, response.energy
     for name in ("input", "kinetic", "viscous", "strain", "hysteretic", "error"):
@@ -58,7 +58,7 @@ def falling(height):
 
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average", "bathe", "chang"])
-def test_a_building_that_falls_has_collapsed_whatever_the_method(method):
+def test_falling_building_is_collapsed_for_every_method(method):
     """The motion runs away, in balance of its energy: the building's own doing. The numbers are
     those until then."""
     response = run(falling(3.0), method=method, dt=0.01, duration=100.0, history=True)
@@ -73,7 +73,7 @@ def test_a_building_that_falls_has_collapsed_whatever_the_method(method):
     assert not short.collapse.ended and short.stories.peak_drift_ratio[0] > ratio[-1]
 
 
-def test_a_method_that_runs_away_has_diverged():
+def test_unstable_method_is_diverged():
     """Central difference past its limit: the drift passes the collapse drift too, but the energy is
     the method's."""
     with pytest.raises(FailedRun) as failure:
@@ -87,7 +87,7 @@ def test_a_method_that_runs_away_has_diverged():
     assert f"the drift of story {failed.story} grew without bound, kinetic energy" in str(failed)
 
 
-def test_a_refused_step_names_the_largest_stable_one():
+def test_refused_time_step_reports_largest_stable_step():
     with pytest.raises(FailedRun) as failure:
         run(oscillator(50.0), method="central-difference", dt=0.05, duration=1.0)
     failed = failure.value
@@ -96,7 +96,7 @@ def test_a_refused_step_names_the_largest_stable_one():
 
 
 @pytest.mark.parametrize("method", ["chang", "cr", "kr-alpha"])
-def test_methods_that_fear_stiffening_say_so(method):
+def test_stiffening_laws_cause_note_for_model_based_methods(method):
     def notes(*coefficients):
         case = model(
             [story(1.0, 100.0), story(1.0, 100.0, Law("polynomial", coefficients))],
@@ -110,7 +110,7 @@ def test_methods_that_fear_stiffening_say_so(method):
     assert notes(100.0) == notes(100.0, 0.0, -1.0) == ()
 
 
-def test_a_method_that_makes_energy_has_diverged():
+def test_run_that_gains_energy_is_diverged():
     """Two ways short of running away: a collapse on the method's own energy, and an end with too
     much of it."""
 
@@ -142,7 +142,7 @@ def test_a_method_that_makes_energy_has_diverged():
 
 
 @pytest.mark.parametrize("method", ["houbolt", "park"])
-def test_a_multi_step_method_takes_the_pieces_of_a_halved_step_as_it_starts(method):
+def test_multi_step_method_starts_substeps_with_average_acceleration(method):
     """The first step halved: two steps of average acceleration with half of it."""
     case = model(
         [story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(-27.0, -6.0, 2.0)
@@ -156,7 +156,7 @@ def test_a_multi_step_method_takes_the_pieces_of_a_halved_step_as_it_starts(meth
 
 @pytest.mark.parametrize("method", ["impulse4", "impulse4:rho_inf=0"])
 @pytest.mark.parametrize("dt", [2.0, 5.0, 50.0])
-def test_a_change_of_branch_that_a_large_step_misses_is_not_followed(method, dt):
+def test_branch_changes_within_very_large_steps_are_ignored(method, dt):
     """Steps of many periods: the interpolant says nothing of where a story unloads. The laws stay
     what they are."""
     law = Law("peak-oriented", (5.0, 0.01, 0.4))
@@ -170,7 +170,7 @@ def test_a_change_of_branch_that_a_large_step_misses_is_not_followed(method, dt)
 @pytest.mark.parametrize(
     "method", ["newmark-average", "impulse4", "houbolt", "park", "gauss4", "wilson", "hht"]
 )
-def test_halving_rescues_and_is_counted(method, monkeypatch):
+def test_halved_steps_converge_and_are_counted(method, monkeypatch):
     """Stories of little strength hit hard, a step of thirty periods: without halving it does not
     converge."""
     case = model(
@@ -190,7 +190,7 @@ def test_halving_rescues_and_is_counted(method, monkeypatch):
     assert failed.time < 800.0 and failed.story in (1, 2, 3) and 1e-11 < failed.residual <= 1.0
 
 
-def test_a_history_has_the_ground_motion_and_an_error_that_is_a_ratio():
+def test_history_has_ground_motion_and_relative_energy_error():
     """Under a ten-thousandth of a motion a linear building has 1e-8 of the energy, and the same
     error."""
     record = noise(samples=201)
@@ -205,7 +205,7 @@ def test_a_history_has_the_ground_motion_and_an_error_that_is_a_ratio():
     )
 
 
-def test_the_story_that_runs_away_is_that_with_the_largest_drift():
+def test_diverging_story_has_largest_drift():
     """The first one that is no number before all others; the last value of a state is the
     ground's."""
     for displacements, number in (
@@ -221,7 +221,7 @@ def test_the_story_that_runs_away_is_that_with_the_largest_drift():
         assert _runaway_story(SimpleNamespace(state=state)) == number
 
 
-def test_the_largest_stable_step_ends_the_first_range_of_them():
+def test_largest_stable_step_is_end_of_first_stable_range():
     """Rounded down: of several ranges the first one, the whole where all are stable, 0 where none
     is."""
     asked = []
@@ -243,7 +243,7 @@ def test_the_largest_stable_step_ends_the_first_range_of_them():
 @pytest.mark.parametrize(
     ("duration", "noted"), [(1.0, False), (0.99 * 2, False), (2.0, True), (2.5, True)]
 )
-def test_that_the_record_ends_before_the_run_is_noted(duration, noted):
+def test_run_beyond_end_of_record_has_note(duration, noted):
     """A record of 199 intervals of 0.01 s ends at 1.99 s."""
     response = run(
         oscillator(6.0, 0.05),

@@ -44,7 +44,7 @@ def counted(monkeypatch):
     return count
 
 
-def test_a_hundred_scales_of_a_building_are_put_together_once(counted):
+def test_scaled_cases_share_matrices_and_modes(counted):
     """Rayleigh damping through modes and a method with a limit both need the modes."""
     case = prepare(ten_linear(), noise(samples=11), method="central-difference")
     peaks = [run_case(case.scaled(factor), dt=0.005).stories.peak_drift for factor in SCALES]
@@ -53,12 +53,12 @@ def test_a_hundred_scales_of_a_building_are_put_together_once(counted):
     np.testing.assert_allclose(peaks, expected, rtol=1e-11, atol=1e-14 * np.max(peaks))
 
 
-def test_the_stability_of_a_method_without_a_limit_is_not_measured(counted):
+def test_unconditionally_stable_method_needs_no_modes(counted):
     run_case(prepare(ten_bilinear(None), noise(samples=11), method="newmark-average"), dt=0.01)
     assert counted == {"assemble": 1, "solve_modes": 0, "find_instability": 0}
 
 
-def test_forces_are_not_scaled_with_the_motion():
+def test_forces_are_not_scaled_with_ground_motion():
     forced = model(ten_linear().stories, forces=[Force(10, 1e5, 0.0, 3.0)])
     case = prepare(forced, noise(samples=11), method="newmark-average")
     small = run_case(case.scaled(1e-14)).stories.peak_drift
@@ -67,12 +67,12 @@ def test_forces_are_not_scaled_with_the_motion():
     )
 
 
-def test_without_a_motion_there_is_nothing_to_scale():
+def test_scaling_requires_ground_motion():
     with pytest.raises(UsageError, match="no ground motion to scale"):
         prepare(ten_linear(), method="impulse4").scaled(2.0)
 
 
-def test_coefficients_are_kept_for_a_few_steps():
+def test_coefficients_are_cached_for_at_most_four_steps():
     building = prepared.PreparedBuilding.of(ten_linear())
     exact = parse("exact")
     first = building.coefficients(exact, 0.01)
@@ -83,7 +83,7 @@ def test_coefficients_are_kept_for_a_few_steps():
     np.testing.assert_array_equal(building.coefficients(exact, 0.01), first)
 
 
-def test_a_method_for_linear_buildings_refuses_others():
+def test_linear_method_refuses_nonlinear_building():
     with pytest.raises(AnalysisError, match="supports only linear buildings"):
         prepared.PreparedBuilding.of(ten_bilinear()).integrate(parse("exact"), Steps(0.01, 5))
 
@@ -118,13 +118,13 @@ def travelled(thing):
     "text",
     [*catalogue(), "newmark:beta=1/6:gamma=0.55", "impulse4:rho_inf=0.3", "wilson:theta=1.4"],
 )
-def test_integrators_travel(text):
+def test_integrators_are_picklable(text):
     integrator = parse(text)
     assert travelled(integrator) == integrator
     assert travelled(integrator).family.step is integrator.family.step
 
 
-def test_cases_and_responses_travel():
+def test_cases_and_responses_are_picklable():
     case = prepare(ten_bilinear(), noise(samples=51), method="impulse4")
     here = run_case(case, history=True, check=True)
     there = run_case(travelled(case), history=True, check=True)
@@ -133,14 +133,14 @@ def test_cases_and_responses_travel():
     assert same(travelled(here), here)
 
 
-def test_spectra_and_cyclic_tests_travel():
+def test_spectra_and_cyclic_tests_are_picklable():
     one = spectrum(noise(samples=51), np.array([0.5, 1.0]))
     assert same(travelled(one), one)
     test = cyclic_test(ten_bilinear(), 1, [parse_drift("1%")])
     assert same(travelled(test), test)
 
 
-def test_failures_travel():
+def test_exceptions_are_picklable():
     with pytest.raises(FailedRun) as caught:
         run(ten_linear(), noise(samples=51), method="central-difference", dt=0.05)
     failure = caught.value
@@ -153,7 +153,7 @@ def test_failures_travel():
     assert str(travelled(ModelError("all bad"))) == "all bad"
 
 
-def test_instabilities_are_found_by_the_modes_of_the_whole_building():
+def test_cached_instability_agrees_with_modes_of_building():
     """The cached answer is that of the measured oscillators."""
     building = prepared.PreparedBuilding.of(ten_linear())
     found = building.instability(parse("central-difference"), 0.05)
@@ -166,7 +166,7 @@ def test_instabilities_are_found_by_the_modes_of_the_whole_building():
 
 
 @pytest.mark.parametrize("scene", [ten_linear, ten_bilinear])
-def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
+def test_time_integration_in_chunks_equals_single_call(scene, monkeypatch):
     """Whoever runs it can be interrupted between the pieces, and nothing else is to be seen of
     them."""
     case, steps = (
@@ -183,7 +183,7 @@ def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
     assert pieces.collapse == whole.collapse
 
 
-def test_a_collapse_is_noted_at_the_first_step_whose_peaks_are_beyond():
+def test_collapse_time_is_first_step_beyond_collapse_drift():
     case = prepare(
         replace(ten_bilinear(), collapse_drift=0.004),
         noise(samples=401, peak=8.0),
@@ -198,7 +198,7 @@ def test_a_collapse_is_noted_at_the_first_step_whose_peaks_are_beyond():
     assert found.story == int(np.argmax(then)) + 1
 
 
-def test_what_a_scene_needs_is_read_from_the_building():
+def test_compiled_variant_follows_from_building():
     plain = PreparedBuilding.of(ten_bilinear()).variant
     assert plain == Variant(("linear", "bilinear"), modal=False, forces=False, dashpots=False)
     forced = PreparedBuilding.of(

@@ -23,7 +23,7 @@ AVERAGE_A = [
 ]
 
 
-def test_acceleration_table():
+def test_average_acceleration_agrees_with_published_table():
     """Half-cycle sine p = 10 sin(pi t / 0.6) to 0.6 s, then nothing, as a ground motion -p / m
     sampled at the steps."""
     t, mass = 0.1 * np.arange(11), 0.2533
@@ -36,7 +36,7 @@ def test_acceleration_table():
     assert relative[1:] == pytest.approx(AVERAGE_A, abs=1e-3 * 54.7)
 
 
-def test_five_linear_stories_by_their_first_two_modes():
+def test_roof_displacement_of_five_stories_by_two_modes():
     """Roof displacement at 2 s of ag = 1.93 sin 2 pi t for t <= 1 s: two modes as oscillators,
     added up."""
     modes = assemble(model([story(25910.0, 1e7)] * 5)).modes()

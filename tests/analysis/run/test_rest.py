@@ -34,7 +34,7 @@ def moves(response):
 
 
 @pytest.mark.parametrize(("damping", "rests"), [(FIVE_PERCENT, 1), (None, 0)])
-def test_it_is_the_run_of_a_campaign(damping, rests):
+def test_run_until_rest_equals_run_of_campaign(damping, rests):
     record, building = noise(seed=3), ten_bilinear(damping)
     response = run(building, record, method="impulse4", until_rest=True)
     of = Batch(
@@ -53,7 +53,7 @@ def test_it_is_the_run_of_a_campaign(damping, rests):
 @pytest.mark.parametrize(
     "more", [{}, {"tolerance": 0.01}, {"check": True, "dt": 0.04}, {"history": True}]
 )
-def test_residual_drifts_are_at_rest(more):
+def test_residual_drifts_are_taken_at_rest(more):
     """Those of a run ten times as long, which without the option moves at the record's end and says
     so."""
     record = noise(seed=3)
@@ -106,7 +106,7 @@ def test_residual_drifts_are_at_rest(more):
         )
 
 
-def test_a_run_that_ends_with_a_collapse_has_no_rest_to_go_on_to():
+def test_collapsed_run_is_not_extended_to_rest():
     frame = load_model(Path(__file__).parents[3] / "configs" / "collapse-prone-frame.yaml")
     response = run(frame, noise(seed=3).scaled(20.0), method="impulse4")
     assert response.collapse.ended and np.max(response.residual_oscillation) > 0.1 * np.max(
@@ -115,7 +115,7 @@ def test_a_run_that_ends_with_a_collapse_has_no_rest_to_go_on_to():
     assert not moves(response)
 
 
-def test_an_undamped_building_never_rests():
+def test_undamped_building_does_not_come_to_rest():
     response = run(oscillator(10.0), noise(), method="impulse4", until_rest=True)
     assert response.time_at_rest is None and moves(response)
     assert any(
@@ -125,7 +125,7 @@ def test_an_undamped_building_never_rests():
 
 
 @pytest.mark.parametrize("duration", [1.0, 1.37, 2.5])
-def test_the_amplitude_of_what_still_moves(duration):
+def test_residual_oscillation_of_free_vibration(duration):
     """One story in free vibration: that of its start, at any time; no note without ground
     motion."""
     response = run(oscillator(10.0, velocity=(0.3,)), method="exact", dt=0.01, duration=duration)
@@ -133,7 +133,7 @@ def test_the_amplitude_of_what_still_moves(duration):
     assert not moves(response)
 
 
-def test_there_is_no_rest_under_forces():
+def test_residual_oscillation_under_forces_is_ignored():
     shaken = replace(
         ten_linear(),
         excitation=replace(ten_linear().excitation, forces=(Force(10, 1e5, 0.0, 5.0),)),
@@ -154,7 +154,7 @@ def drawn(seed):
 
 
 @pytest.mark.parametrize("samples", [2, 4])
-def test_residual_drifts_of_steps_that_end_after_the_record(samples):
+def test_errors_of_residual_drifts_of_steps_beyond_end_of_record(samples):
     """They are not those at the record's end, and their errors say so."""
     good, changed = [], []
     for seed in range(16):
@@ -171,7 +171,7 @@ def test_residual_drifts_of_steps_that_end_after_the_record(samples):
     assert np.mean(np.concatenate(good)) >= 0.98
 
 
-def test_the_amplitudes_of_a_first_mode():
+def test_residual_oscillation_of_first_mode():
     """Two equal stories: omega^2 = (3 - sqrt 5) / 2 k/m, floors as 1 to the golden ratio, drifts as
     that to 1."""
     golden, omega = (1.0 + np.sqrt(5.0)) / 2.0, 10.0 * np.sqrt((3.0 - np.sqrt(5.0)) / 2.0)
@@ -183,7 +183,7 @@ def test_the_amplitudes_of_a_first_mode():
         )
 
 
-def test_what_is_left_of_the_motion_is_part_of_the_error():
+def test_error_of_residual_drift_includes_residual_oscillation():
     """A linear building rests where it began: what a run until rest ends with is error, all of
     it."""
     response = run(ten_linear(), noise(seed=3), method="moment4", until_rest=True, check=True)

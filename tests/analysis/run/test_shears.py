@@ -33,7 +33,7 @@ def by_parts(model, history):
 
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average"])
-def test_the_total_shear_is_the_sum_of_its_parts_and_of_masses_times_accelerations(method):
+def test_total_shear_is_sum_of_parts_and_of_inertia_forces(method):
     model = replace(load_model(DAMPED), p_delta=True)
     response = run(model, method=method, history=True, duration=12.0)
     history, stories = response.history, response.stories
@@ -51,7 +51,7 @@ def test_the_total_shear_is_the_sum_of_its_parts_and_of_masses_times_acceleratio
         assert np.all(peaks <= at_the_steps * 1.02)
 
 
-def test_the_total_shear_is_largest_where_a_story_yields_with_forces_on_floors_too():
+def test_total_shear_peak_at_yielding_with_floor_forces():
     """Yield force and what the dashpot takes at that moment, which lies within a step: at every
     step the same."""
     yields = replace(story(1e5, 4e7, Law("bilinear", (2e5, 0.0))), dashpot=3e5)
@@ -67,7 +67,7 @@ def test_the_total_shear_is_largest_where_a_story_yields_with_forces_on_floors_t
     assert peaks[2] > 1.0001 * np.max(np.abs(response.history.total_shear))
 
 
-def test_the_total_shear_has_its_peak_between_steps_under_a_sine_force():
+def test_total_shear_peak_between_steps_under_sine_force():
     """m u'' + k u = P sin(w t) from rest: u = P / (k - m w^2) (sin(w t) - w / omega sin(omega t));
     nothing but the spring moves the mass, so the largest total shear is k |u|. The ends of steps
     alone would miss 4e-3 of it."""
@@ -85,7 +85,7 @@ def test_the_total_shear_has_its_peak_between_steps_under_a_sine_force():
     assert missed[0] < 1e-4 and missed[1] < missed[0] / 8.0, missed
 
 
-def test_modal_damping_is_in_the_total_shear():
+def test_total_shear_includes_modal_damping():
     model = load_model("configs/ten-story.yaml")
     response = run(replace(model, damping=ModalDamping((0.05,))), history=True, duration=8.0)
     history = response.history
@@ -100,7 +100,7 @@ def test_modal_damping_is_in_the_total_shear():
     assert not np.any(response.stories.peak_damper_force)
 
 
-def test_peaks_of_forces_come_to_those_of_fine_steps_within_their_estimated_errors():
+def test_force_peaks_agree_with_fine_steps_within_estimated_errors():
     model = load_model(DAMPED)
     checked = run(model, method="newmark-average", check=True, duration=12.0)
     fine = run(model, method="impulse4", dt=0.01 / 8, duration=12.0).stories
@@ -110,7 +110,7 @@ def test_peaks_of_forces_come_to_those_of_fine_steps_within_their_estimated_erro
         assert np.all(error < 0.02 * getattr(fine, name))
 
 
-def test_the_work_of_dashpots_is_apart_from_that_of_damping():
+def test_work_of_dashpots_is_separate_from_viscous_damping():
     model = load_model(DAMPED)
     response = run(model, history=True, dt=0.0025, duration=12.0)
     history, energy = response.history, response.energy

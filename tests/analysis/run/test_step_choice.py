@@ -32,7 +32,7 @@ def off(stories, building=ten_bilinear):
     "method", ["newmark-average", "impulse4", "moment4", "bathe", "central-difference"]
 )
 @pytest.mark.parametrize("tolerance", [0.02, 1e-3])
-def test_a_large_step_within_the_tolerance_is_taken(method, tolerance):
+def test_large_step_within_tolerance_is_chosen(method, tolerance):
     """The true error is within the tolerance. The step is a halving of four samples, or of two for
     a tight tolerance, and at most three halvings finer than the largest one within it: a prediction
     halves three times at most at once."""
@@ -76,7 +76,7 @@ def pair_errors(tolerance, factor):
 @pytest.mark.parametrize(
     ("tolerance", "runs", "ratio", "factor"), [(0.02, 2, 2, 8 / 9), (1e-4, 3, 2, 2 / 3)]
 )
-def test_a_pair_tells_a_part_of_its_difference(tolerance, runs, ratio, factor):
+def test_error_is_fraction_of_difference_of_pair(tolerance, runs, ratio, factor):
     """8/9 of the difference of the first pair; 2/3 when differences have decreased by more than 3.
     A fifth of the root mean square of the stories is the least."""
     check, told, least = pair_errors(tolerance, factor)
@@ -96,7 +96,7 @@ def test_a_pair_tells_a_part_of_its_difference(tolerance, runs, ratio, factor):
         (0.0, 0.0, 1, 4.0),
     ],
 )
-def test_the_part_follows_the_decrease_of_the_differences(earlier, difference, halvings, factor):
+def test_error_fraction_follows_observed_order(earlier, difference, halvings, factor):
     """By Richardson: the difference over r^p - 1 of the observed order, with a margin of a third;
     no less than 2 over r^2 - 1."""
     search = _Search.of(prepare(ten_linear(), noise(samples=101), method="impulse4"), 0.01, None, 1)
@@ -106,7 +106,7 @@ def test_the_part_follows_the_decrease_of_the_differences(earlier, difference, h
     assert search._factor(difference, halvings) == pytest.approx(max(factor, least))
 
 
-def test_halvings_are_predicted_from_the_error_over_the_tolerance():
+def test_halvings_are_predicted_from_error_and_tolerance():
     """At order 2 an error of 15 tolerances needs two halvings (16), at the observed order 1 four,
     of which three are made at once; at order 3 an error of 15 tolerances needs two."""
     case = prepare(ten_linear(), noise(samples=101), method="newmark-average")
@@ -121,7 +121,7 @@ def test_halvings_are_predicted_from_the_error_over_the_tolerance():
     assert _Search.of(case, 0.001, None, 1)._halvings(1, 0.9, True) == 2
 
 
-def test_a_step_is_no_larger_than_is_allowed():
+def test_chosen_step_is_at_most_allowed_step():
     """Half of the tolerance would be met by steps of two samples, the finer of the first pair."""
     case = prepare(ten_linear(), noise(), method="impulse4")
     for largest, taken in ((np.inf, 2), (2 * DT, 2), (1.9 * DT, 1), (DT, 1), (0.9 * DT, 0.5)):
@@ -130,7 +130,7 @@ def test_a_step_is_no_larger_than_is_allowed():
     assert (step_within(other, 0.5), step_within(other, 0.5, largest=3.9 * DT)) == (4 * DT, 2 * DT)
 
 
-def test_a_given_step_is_the_largest():
+def test_requested_step_is_upper_bound_of_chosen_step():
     response = run(ten_linear(), noise(), method="impulse4", tolerance=0.05, dt=DT / 2)
     assert (
         response.check.time_steps == (DT / 2, DT / 4) and response.check.step_choice.samples == 0.25
@@ -139,7 +139,7 @@ def test_a_given_step_is_the_largest():
     assert response.dt == DT / 2 and response.check.step_choice.samples == 0.5
 
 
-def test_without_a_record_the_step_is_halved():
+def test_step_is_halved_without_record():
     case = oscillator(2.0 * np.pi, displacement=(1.0,))
     response = run(case, method="newmark-average", dt=0.1, duration=5.0, tolerance=1e-3)
     assert response.dt < 0.1
@@ -147,7 +147,7 @@ def test_without_a_record_the_step_is_halved():
     assert abs(response.stories.peak_drift[0] - 1.0) <= 1e-3
 
 
-def test_a_tolerance_that_no_step_reaches():
+def test_unreachable_tolerance_is_refused():
     record = noise(samples=101)
     with pytest.raises(
         FailedRun,
@@ -160,7 +160,7 @@ def test_a_tolerance_that_no_step_reaches():
 
 
 @pytest.mark.parametrize("threshold", [1.0, 0.004])
-def test_a_tolerance_and_steps_that_fail(monkeypatch, threshold):
+def test_failed_runs_end_search_for_tolerance(monkeypatch, threshold):
     """All of them, or those that would have to tell the errors."""
     monkeypatch.setattr(Case, "integrate", broken(threshold))
     with pytest.raises(FailedRun):
@@ -168,7 +168,7 @@ def test_a_tolerance_and_steps_that_fail(monkeypatch, threshold):
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan])
-def test_a_tolerance_is_a_part(tolerance):
+def test_tolerance_must_be_between_0_and_1(tolerance):
     with pytest.raises(
         UsageError,
         match=r"the tolerance must be between 0 and 1|tolerance must be a number, got nan",
@@ -176,7 +176,7 @@ def test_a_tolerance_is_a_part(tolerance):
         run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=tolerance)
 
 
-def test_a_case_chooses_its_own_step():
+def test_choose_step_counts_all_runs():
     """What a campaign calls, for each building: the runs that were made are told, those that tell
     errors included."""
     response = choose_step(prepare(ten_linear(), noise(), method="newmark-average"), 0.5)

@@ -26,7 +26,7 @@ from tdint.model.building import assemble
         (None, 0.0149, Steps(0.01, 2)),
     ],
 )
-def test_steps_under_a_record(dt, duration, expected):
+def test_steps_are_chosen_for_record(dt, duration, expected):
     chosen = choose_steps(dt, duration, 0.01, 40.0)
     assert (chosen.count, chosen.per_sample, chosen.stride) == (
         expected.count,
@@ -39,12 +39,12 @@ def test_steps_under_a_record(dt, duration, expected):
 @pytest.mark.parametrize(
     ("dt", "below", "above"), [(0.004, "0.00333333333333", "0.005"), (0.025, "0.02", "0.03")]
 )
-def test_a_step_that_does_not_fit_names_its_neighbors(dt, below, above):
+def test_incompatible_time_step_reports_nearest_steps(dt, below, above):
     with pytest.raises(UsageError, match=f"the nearest time steps are {below} and {above} s"):
         choose_steps(dt, None, 0.01, 40.0)
 
 
-def test_without_a_record_step_and_duration_must_be_given():
+def test_run_without_record_requires_step_and_duration():
     with pytest.raises(UsageError, match="the time step is required"):
         choose_steps(None, 1.0, None, 0.0)
     with pytest.raises(UsageError, match="the duration is required"):
@@ -52,7 +52,7 @@ def test_without_a_record_step_and_duration_must_be_given():
     assert choose_steps(0.1, 1.0, None, 0.0) == Steps(0.1, 10)
 
 
-def test_the_method_where_none_is_named_is_said():
+def test_default_method_is_noted():
     response = run(ten_linear(), noise())
     assert response.method == run(ten_linear(), noise(), method=DEFAULT_METHOD).method
     assert response.notes[0] == f"no method specified; using {DEFAULT_METHOD}"
@@ -64,12 +64,12 @@ def test_the_method_where_none_is_named_is_said():
 @pytest.mark.parametrize(
     ("dt", "duration"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (0.1, np.inf), (0.1, 0.0)]
 )
-def test_steps_and_durations_are_positive_numbers(dt, duration):
+def test_steps_and_durations_must_be_positive(dt, duration):
     with pytest.raises(UsageError, match=r"must be a (positive number of seconds|number, got nan)"):
         run(oscillator(1.0), method="impulse4", dt=dt, duration=duration)
 
 
-def test_memory_does_not_grow_with_the_steps():
+def test_memory_of_run_does_not_grow_with_steps():
     """Without a history: the same peak of memory for a hundred times as many steps."""
     building = model(
         [story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)]
@@ -87,7 +87,7 @@ def test_memory_does_not_grow_with_the_steps():
 
 
 @pytest.mark.parametrize("n", [1, 2, 10, 100])
-def test_the_bound_on_the_frequencies(n):
+def test_frequency_bound_is_close_to_maximum_frequency(n):
     generator = np.random.default_rng(n)
     building = assemble(model([story(m, k) for m, k in generator.uniform(1.0, 3.0, (n, 2))]))
     assert building.fastest >= building.modes().omega[-1] * (1.0 - 1e-12)
@@ -96,7 +96,7 @@ def test_the_bound_on_the_frequencies(n):
     assert uniform.fastest <= 2.0
 
 
-def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
+def test_history_rows_must_divide_steps():
     with pytest.raises(ValueError, match=r"200 steps .* 30 rows"):
         PreparedBuilding.of(ten_linear()).integrate(
             parse("newmark-average"), Steps(0.01, 200), history_rows=30
@@ -104,7 +104,7 @@ def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
 
 
 @pytest.mark.parametrize("method", ["gauss4", "impulse4", "impulse", "newmark-average"])
-def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
+def test_long_chain_with_underflowing_forces_is_integrated(method):
     """Ahead of the wave forces fall below the smallest number that the processor holds."""
     law = Law("polynomial", (500.0, 0.2))
     chain = model(
@@ -126,6 +126,6 @@ def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
         (0.01, 1e308, None),
     ],
 )
-def test_out_of_all_proportion(dt, duration, record_dt):
+def test_excessive_numbers_of_steps_are_refused(dt, duration, record_dt):
     with pytest.raises(UsageError, match=r"at most 1e\+09 steps are allowed|dt must be comparable"):
         choose_steps(dt, duration, record_dt, 40.0)

@@ -78,7 +78,7 @@ def record():
     ("period", "bound"),
     [(0.005, 1e-5), (0.01, 1e-5), (0.025, 5e-6), (0.1, 2e-6), (1.0, 2e-7), (10.0, 5e-7)],
 )
-def test_response_to_the_motion_itself(record, dense, period, bound):
+def test_band_limited_spectrum_agrees_with_continuous_motion(record, dense, period, bound):
     exact = [largest(values) for values in response(period, *dense)]
     result = spectrum(record, np.array([period]), DAMPING, interpolation="band-limited")
     np.testing.assert_allclose([result.sd[0], result.sv[0], result.sa[0]], exact, rtol=bound)
@@ -88,7 +88,7 @@ def test_response_to_the_motion_itself(record, dense, period, bound):
         )
 
 
-def test_peak_ground_acceleration(record, dense):
+def test_band_limited_pga_agrees_with_continuous_motion(record, dense):
     exact = largest((WAVES @ dense[1]).real)
     result = spectrum(record, np.array([0.0]), DAMPING, interpolation="band-limited")
     assert result.psa[0] == result.sa[0] == pytest.approx(exact, rel=1e-5)
@@ -96,7 +96,7 @@ def test_peak_ground_acceleration(record, dense):
 
 
 @pytest.mark.parametrize("samples", [2, 3, 100, 257])
-def test_points_go_through_the_samples_and_follow_the_sum_of_sincs(samples):
+def test_band_limited_points_contain_samples_and_follow_sincs(samples):
     values = np.random.default_rng(samples).standard_normal(samples)
     points = band_limited(values, 5)
     np.testing.assert_allclose(points[::5], values, atol=1e-13)
@@ -106,7 +106,7 @@ def test_points_go_through_the_samples_and_follow_the_sum_of_sincs(samples):
     assert np.max(np.abs(points - plain)) < 0.35
 
 
-def test_a_motion_in_the_middle_of_zeros_does_not_see_its_repetition():
+def test_zero_padded_motion_is_not_affected_by_periodicity():
     values = np.zeros(600)
     values[290:310] = np.hanning(20)
     points = band_limited(values, 4)

@@ -27,7 +27,7 @@ def uniform(period, stories, damping):
 @pytest.mark.parametrize(
     ("stories", "period", "damping"), [(1, 0.3, 0.0), (2, 0.2, 0.02), (7, 0.8, 0.05), (12, 2, 0.2)]
 )
-def test_drifts_are_those_of_the_matrix_exponential(stories, period, damping):
+def test_drifts_agree_with_matrix_exponential(stories, period, damping):
     record = noise(samples=401)
     spectrum = drift_spectrum(
         record, np.array([period]), damping, stories=stories, height_period=MANY
@@ -44,7 +44,7 @@ def test_drifts_are_those_of_the_matrix_exponential(stories, period, damping):
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
-def test_maxima_lie_between_the_samples(damping):
+def test_maxima_between_samples_are_found(damping):
     """More samples of the same motion change nothing."""
     record = noise(samples=401)
     periods = np.geomspace(0.2, 5.0, 9)
@@ -66,7 +66,7 @@ def velocity(record, times):
 
 
 @pytest.mark.parametrize("period", [0.21, 0.5, 1.3, 3.0])
-def test_the_undamped_beam_is_the_sum_of_waves(period):
+def test_undamped_beam_is_sum_of_waves(period):
     """Iwan (1997): waves of the velocity 4 H / T, reflected at the roof and, with their sign
     changed, at the base."""
     record = noise(samples=801)
@@ -81,7 +81,7 @@ def test_the_undamped_beam_is_the_sum_of_waves(period):
 
 
 @pytest.mark.parametrize(("period", "damping"), [(0.4, 0.05), (1.3, 0.02), (3.0, 0.2)])
-def test_the_damped_beam_is_the_convolution_with_its_impulse_response(period, damping):
+def test_damped_beam_is_convolution_with_impulse_response(period, damping):
     """The sum over all modes of exp(-xi omega_j t) sin(omega_dj t) / omega_dj, times 2 / H, has the
     closed form arctan(sin(omega_d t) / sinh(xi omega t)) / (H omega_d)."""
     record = noise(samples=401)
@@ -118,7 +118,7 @@ def test_heights_and_numbers_of_stories():
     assert parse_height_period("0.0466, 0.9") == HeightPeriod(0.0466, 0.9)
 
 
-def test_a_motion_of_zeros_has_no_drift():
+def test_zero_motion_has_zero_drift():
     record = Record(np.zeros(50), 0.01, "", "", "", "")
     for beam in (False, True):
         spectrum = drift_spectrum(record, np.array([0.5, 1.0]), beam=beam)
@@ -126,7 +126,7 @@ def test_a_motion_of_zeros_has_no_drift():
         assert np.array_equal(spectrum.story, [0, 0] if beam else [1, 1])
 
 
-def test_five_stories_under_el_centro():
+def test_five_stories_under_el_centro_agree_with_chopra():
     """Chopra's uniform building (Dynamics of Structures, 12.8 and 13.2.6): k = 31.54 kip/in, T1 =
     1.99963 s, 5 %.
 
@@ -162,13 +162,13 @@ def test_five_stories_under_el_centro():
         ),
     ],
 )
-def test_wrong_arguments(arguments, message):
+def test_invalid_arguments_are_refused(arguments, message):
     arguments = {"periods": [1.0], "damping": 0.05} | arguments
     with pytest.raises(UsageError, match=message):
         drift_spectrum(noise(samples=21), **arguments)
 
 
-def test_periods_that_do_not_fit_the_sampling_interval():
+def test_too_short_and_too_long_periods_are_refused():
     with pytest.raises(AnalysisError, match=r"too many modes .* 200 s"):
         drift_spectrum(noise(samples=21), np.array([300.0]), beam=True)
     with pytest.raises(
@@ -181,6 +181,6 @@ def test_periods_that_do_not_fit_the_sampling_interval():
 @pytest.mark.parametrize(
     "text", ["", "0.07", "0.07,0.75,1", "a,b", "0,0.75", "0.07,-1", "nan,1", "0.07,inf"]
 )
-def test_wrong_height_periods(text):
+def test_invalid_height_period_relations_are_refused(text):
     with pytest.raises(UsageError, match=r"height-period relation .*two positive"):
         parse_height_period(text)

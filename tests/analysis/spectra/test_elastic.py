@@ -14,7 +14,7 @@ from tdint.errors import AnalysisError, UsageError
 PERIODS = np.array([0.01, 0.03, 0.1, 0.35, 1.0, 3.0, 10.0])
 
 
-def test_all_five_quantities_are_those_of_one_story():
+def test_five_quantities_agree_with_one_story_building():
     """A one-story building integrated exactly; its acceleration comes from equilibrium."""
     record = noise()
     omega = 2.0 * math.pi / PERIODS
@@ -28,7 +28,7 @@ def test_all_five_quantities_are_those_of_one_story():
     assert result.psa == pytest.approx(omega**2 * result.sd, rel=1e-14)
 
 
-def test_a_rigid_oscillator_moves_with_the_ground():
+def test_rigid_oscillator_follows_ground():
     record = noise(samples=201)
     for interpolation in ("linear", "band-limited"):
         result = spectrum(record, np.array([0.5, 0.0]), 0.05, interpolation=interpolation)
@@ -40,7 +40,7 @@ def test_a_rigid_oscillator_moves_with_the_ground():
 
 
 @pytest.mark.parametrize("count", [1, 2, 15, 55, 56, 57, 100, 200])
-def test_the_number_of_periods_does_not_matter(count):
+def test_spectrum_does_not_depend_on_number_of_periods(count):
     """Oscillators are marched in groups; each must come out as if it were alone."""
     record = noise(samples=301)
     periods = np.geomspace(0.05, 5.0, count)
@@ -49,7 +49,7 @@ def test_the_number_of_periods_does_not_matter(count):
     np.testing.assert_allclose(together[:: max(1, count // 7)], alone, rtol=1e-12)
 
 
-def test_a_method_of_the_catalogue_converges_to_the_exact_spectrum():
+def test_spectrum_by_other_method_converges_to_exact_spectrum():
     """Halving the step by putting samples on the lines between: the motion stays the same."""
     record = noise(samples=801)
     periods = np.array([0.4, 1.0, 2.5])
@@ -71,7 +71,7 @@ def test_a_method_of_the_catalogue_converges_to_the_exact_spectrum():
     )
 
 
-def test_an_unstable_method_is_refused():
+def test_unstable_method_is_refused():
     with pytest.raises(AnalysisError, match=r"central-difference .*unstable .* 0\.01 s"):
         spectrum(noise(samples=201), PERIODS, method="central-difference")
     stable = spectrum(noise(samples=201), PERIODS[3:], method="central-difference")
@@ -111,7 +111,7 @@ def test_an_unstable_method_is_refused():
         ),
     ],
 )
-def test_what_makes_no_sense_is_refused(periods, damping, choices, message):
+def test_invalid_arguments_are_refused(periods, damping, choices, message):
     with pytest.raises(UsageError, match=message):
         spectrum(noise(samples=21), np.array(periods), damping, **choices)
 
@@ -124,12 +124,12 @@ def test_what_makes_no_sense_is_refused(periods, damping, choices, message):
         ({"method": "newmark-average"}, ("newmark-average", "interpolated", "linear")),
     ],
 )
-def test_the_choices_are_told(asked, told):
+def test_result_reports_method_maxima_and_interpolation(asked, told):
     result = spectrum(noise(samples=21), np.array([1.0]), **asked)
     assert (result.method, result.maxima, result.interpolation) == told
 
 
-def test_a_period_far_below_the_sampling_interval_is_refused():
+def test_period_far_below_sampling_interval_is_refused():
     with pytest.raises(
         AnalysisError,
         match=r"period 0\.0004 s .* 0\.05 .* 0\.01 s",

@@ -38,14 +38,14 @@ def reference(record, periods, damping=0.05):
         ("soft-soil", "HN1", [0.015, 0.1, 2.0]),
     ],
 )
-def test_shipped_records(name, component, periods):
+def test_maxima_of_shipped_records(name, component, periods):
     record = read_record(ROOT / "records" / f"{name}.mseed", component=component, units="m/s^2")
     measured = values(spectrum(record, np.array(periods)))
     np.testing.assert_allclose(measured, reference(record, periods), rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["elCentro1940_180.at2", "RSN763_LOMAP_GIL067.AT2"])
-def test_real_records(name):
+def test_maxima_of_real_records(name):
     record = read_record(real_file(name))
     periods = [0.01, 0.021, 0.045, 0.1, 0.5, 2.0, 10.0]
     measured = values(spectrum(record, np.array(periods)))
@@ -63,7 +63,7 @@ def test_real_records(name):
 # made of.
 @example(seed=0, samples=2, period=19.0, damping=0.0)
 @example(seed=0, samples=2, period=115.0, damping=0.0)
-def test_white_noise(seed, samples, period, damping):
+def test_maxima_of_white_noise(seed, samples, period, damping):
     """The hardest motion to search: every sample is a kink."""
     record = Record(np.random.default_rng(seed).standard_normal(samples), 0.02, "", "", "", "")
     measured = values(spectrum(record, np.array([0.02 * period]), damping))
@@ -72,7 +72,7 @@ def test_white_noise(seed, samples, period, damping):
     np.testing.assert_allclose(measured[:, 0], exact, rtol=1e-8)
 
 
-def test_two_extremes_within_one_interval():
+def test_two_extremes_within_one_sampling_interval():
     """The velocity has the same sign at both samples and the other one between them; it ends with
     the largest."""
     record = Record(np.array([8.0, -6.0, 3.0, -5.0]), 1.0, "", "", "", "")
@@ -82,7 +82,7 @@ def test_two_extremes_within_one_interval():
     )
 
 
-def test_the_largest_value_may_be_the_last():
+def test_maximum_at_last_sample_is_found():
     """A pulse that the record ends in: the displacement still grows at its last sample."""
     record = Record(np.linspace(0.0, 1.0, 40), 0.01, "", "", "", "")
     result = spectrum(record, np.array([5.0]))

@@ -26,7 +26,7 @@ def noise() -> Record:
 
 
 @pytest.mark.parametrize("cycles", [1, 37, 1500])
-def test_a_sinusoid_of_whole_cycles_has_one_frequency(cycles) -> None:
+def test_sinusoid_of_complete_cycles_has_one_frequency(cycles) -> None:
     """A sin(2 pi k t / T) over T: A T / 2 at k / T, nothing elsewhere."""
     duration = SIZE * DT
     found = tdint.fourier_spectrum(
@@ -38,7 +38,7 @@ def test_a_sinusoid_of_whole_cycles_has_one_frequency(cycles) -> None:
 
 
 @pytest.mark.parametrize("size", [SIZE, SIZE - 1])
-def test_the_sum_of_parseval(noise, size) -> None:
+def test_parseval_theorem_holds(noise, size) -> None:
     """dt sum a^2 = df sum |A|^2 over both signs of the frequency; the one of even sizes at the end
     has one sign."""
     samples = noise.acceleration[:size]
@@ -51,7 +51,7 @@ def test_the_sum_of_parseval(noise, size) -> None:
 
 
 @pytest.mark.parametrize("bandwidth", [10.0, 40.0, 188.0])
-def test_the_window_is_that_of_konno_and_ohmachi(noise, bandwidth) -> None:
+def test_smoothing_agrees_with_konno_ohmachi_window_of_obspy(noise, bandwidth) -> None:
     """ObsPy's window, normalized, at the same frequencies."""
     with quiet_import():
         from obspy.signal.konnoohmachismoothing import konno_ohmachi_smoothing_window
@@ -65,7 +65,7 @@ def test_the_window_is_that_of_konno_and_ohmachi(noise, bandwidth) -> None:
         assert amplitude == pytest.approx(window @ plain.amplitude, rel=1e-9)
 
 
-def test_scaled_motions_have_scaled_spectra(noise) -> None:
+def test_scaled_motion_has_scaled_spectrum(noise) -> None:
     twice = tdint.fourier_spectrum(noise.scaled(-2.0))
     np.testing.assert_allclose(
         twice.amplitude, 2.0 * tdint.fourier_spectrum(noise).amplitude, rtol=1e-12
@@ -82,6 +82,6 @@ def test_scaled_motions_have_scaled_spectra(noise) -> None:
 
 
 @pytest.mark.parametrize("bandwidth", [0.0, -40.0, math.nan, 1e6])
-def test_a_bandwidth_that_is_none(noise, bandwidth) -> None:
+def test_invalid_bandwidth_is_refused(noise, bandwidth) -> None:
     with pytest.raises(UsageError, match=r"bandwidth .* 1 to 1000"):
         tdint.fourier_spectrum(noise, bandwidth)

@@ -45,7 +45,7 @@ def steady(value, seconds, dt=0.01):
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.05, 0.5])
-def test_ductility_1_is_the_exact_elastic_spectrum(damping):
+def test_spectrum_for_ductility_1_is_exact_elastic_spectrum(damping):
     periods = np.array([0.02, 0.1, 0.5, 2.0])
     (spectrum,) = constant_ductility(NOISE, periods, [1.0], damping)
     for i, (period, parts) in enumerate(zip(periods, (40, 20, 10, 10), strict=True)):
@@ -63,7 +63,7 @@ def test_ductility_1_is_the_exact_elastic_spectrum(damping):
     ("load", "hardening"),
     [(0.55, 0.0), (0.7, 0.0), (0.97, 0.0), (0.6, 0.01), (1.0, 0.1), (1.5, 0.5), (3.0, 0.999)],
 )
-def test_a_suddenly_applied_force(load, hardening):
+def test_ductility_under_suddenly_applied_force(load, hardening):
     """F mu = 1/2 + (mu - 1) + hardening (mu - 1)^2 / 2: the work of the force is the energy taken
     up. Of an elastoplastic oscillator 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
     strength = 2.0
@@ -84,7 +84,7 @@ def test_a_suddenly_applied_force(load, hardening):
 
 @pytest.mark.parametrize("hardening", [0.0, 0.1])
 @pytest.mark.parametrize("period", [0.05, 0.4, 2.0])
-def test_the_found_strength_reaches_the_ductility_in_a_run(period, hardening):
+def test_strength_of_constant_ductility_reaches_target_in_run(period, hardening):
     """`tdint run` of a one-story building with impulse4 at a fine step, which shares no code with
     the kernel."""
     record = noise(samples=401)
@@ -101,7 +101,7 @@ def test_the_found_strength_reaches_the_ductility_in_a_run(period, hardening):
 
 
 @pytest.mark.parametrize("hardening", [0.0, 0.2])
-def test_the_residual_is_where_a_long_run_ends(hardening):
+def test_residual_displacement_equals_end_of_long_run(hardening):
     record = noise(samples=301)
     periods = np.array([0.3, 0.8])
     (spectrum,) = constant_ductility(record, periods, [4.0], 0.1, hardening=hardening)
@@ -115,7 +115,7 @@ def test_the_residual_is_where_a_long_run_ends(hardening):
     assert np.all(np.abs(spectrum.residual) > 1e-3 * spectrum.sd)
 
 
-def test_random_oscillators_under_random_motions():
+def test_random_oscillators_are_independent_of_added_samples():
     """Noise, plateaus, spikes and steps; weak and strong, stiff and soft oscillators: more samples
     of the same motion change nothing, for events and maxima are found within the steps, however
     long these are."""
@@ -138,7 +138,7 @@ def test_random_oscillators_under_random_motions():
         assert coarse.residual == pytest.approx(fine.residual, abs=1e-7 * fine.sd[0])
 
 
-def test_a_strong_oscillator_stays_elastic():
+def test_strong_oscillator_stays_elastic():
     periods = np.array([0.1, 1.0])
     (elastic,) = constant_ductility(NOISE, periods, [1.0])
     strength = 1.5 * elastic.yield_strength_ratio.max()
@@ -150,7 +150,7 @@ def test_a_strong_oscillator_stays_elastic():
     assert spectrum.target is None
 
 
-def test_a_motion_of_zeros_needs_no_strength():
+def test_zero_motion_requires_no_strength():
     record = Record(np.zeros(50), 0.01, "", "", "", "")
     (spectrum,) = constant_ductility(record, np.array([1.0]), [2.0])
     assert (spectrum.yield_strength_ratio[0], spectrum.sd[0], spectrum.residual[0]) == (
@@ -163,7 +163,7 @@ def test_a_motion_of_zeros_needs_no_strength():
     assert (spectrum.ductility[0], spectrum.sd[0]) == (0.0, 0.0)
 
 
-def test_elastoplastic_oscillators_under_el_centro():
+def test_elastoplastic_oscillators_under_el_centro_agree_with_chopra():
     """Chopra, Dynamics of Structures, 7.4: T = 0.5 s, 5 %, strengths of 1, 1/2, 1/4, 1/8 of the
     elastic one. Largest displacements 2.25, 1.62, 1.75, 2.07 in, ductilities 1, 1.44, 3.11,
     7.36."""
@@ -205,7 +205,7 @@ def bumpy(heights, places, widths):
     ),
     st.floats(1.05, 10.0),
 )
-def test_of_several_strengths_the_largest_is_found(bumps, target):
+def test_largest_of_several_strengths_is_found(bumps, target):
     ductility = bumpy(*zip(*bumps, strict=True)) if bumps else bumpy((), (), ())
     ratio = largest_ratio(ductility, target)
     assert ductility(ratio) == pytest.approx(target, rel=1e-7)
@@ -217,7 +217,7 @@ def test_of_several_strengths_the_largest_is_found(bumps, target):
     )
 
 
-def test_a_narrow_summit_between_the_steps_is_found():
+def test_narrow_maximum_between_search_steps_is_found():
     ductility = bumpy([10.0], [0.4], [0.03])
     top = math.exp(-0.4)
     target = 0.97 * ductility(top)
@@ -225,18 +225,18 @@ def test_a_narrow_summit_between_the_steps_is_found():
     assert top < largest_ratio(ductility, target) < 1.03 * top
 
 
-def test_a_steep_rise_is_followed():
+def test_steep_rise_of_ductility_is_resolved():
     assert largest_ratio(lambda ratio: 1.0 + 1e6 * (1.0 - ratio), 3.0) == pytest.approx(
         1.0 - 2e-6, rel=1e-12
     )
 
 
-def test_a_ductility_that_is_never_reached_is_an_error():
+def test_unreachable_ductility_is_refused():
     with pytest.raises(AnalysisError, match=r"strength .*ductility 3"):
         largest_ratio(lambda _: 1.5, 3.0)
 
 
-def test_periods_that_are_too_short():
+def test_too_short_periods_are_refused():
     for function, wanted in ((constant_ductility, [2.0]), (constant_strength, [0.1])):
         with pytest.raises(
             AnalysisError,
@@ -263,7 +263,7 @@ def test_periods_that_are_too_short():
         ({"strengths": [math.inf]}, "yield strength ratios must be numbers from"),
     ],
 )
-def test_wrong_arguments(arguments, message):
+def test_invalid_arguments_are_refused(arguments, message):
     arguments = {"periods": [1.0]} | arguments
     function = constant_strength if "strengths" in arguments else constant_ductility
     if function is constant_ductility:

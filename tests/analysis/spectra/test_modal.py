@@ -23,7 +23,7 @@ def table(folder, periods, psa):
     return str(file)
 
 
-def test_a_two_story_frame_by_hand(tmp_path):
+def test_two_story_frame_agrees_with_hand_calculation(tmp_path):
     """Masses 2m, m and springs 2k, k: omega^2 = k/2m, 2k/m, shapes (1/2, 1), (-1, 1), factors 4/3,
     -1/3 (Chopra)."""
     m, k, a = 100.0, 4e4, 0.3 * G
@@ -50,7 +50,7 @@ def test_a_two_story_frame_by_hand(tmp_path):
         assert getattr(result, f"{name}_cqc") == pytest.approx(cqc, rel=1e-12)
 
 
-def test_correlations_have_the_published_values():
+def test_modal_correlations_have_published_values():
     """At 5 % and ratios 0.9, 0.8, 0.5; symmetric, 1 of a mode with itself."""
     rho = correlations(np.array([0.5, 0.8, 0.9, 1.0]), 0.05)
     assert rho[3, :3] == pytest.approx([0.018486, 0.165635, 0.473028], abs=5e-7)
@@ -58,7 +58,7 @@ def test_correlations_have_the_published_values():
     assert np.diagonal(rho) == pytest.approx(np.ones(4), rel=1e-14)
 
 
-def test_modes_outside_the_target(tmp_path):
+def test_modes_outside_period_range_of_target(tmp_path):
     """Short ones move with the ground, or are left out where the target does not say how; long ones
     are refused."""
     frame = model([story(100.0, 4e4), story(100.0, 4e7)])

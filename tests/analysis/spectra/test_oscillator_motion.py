@@ -21,7 +21,7 @@ def noise(samples=500, dt=0.02):
 
 
 @pytest.mark.parametrize("period", [0.05, 0.7, 8.0])
-def test_against_scipy_and_the_spectrum(period):
+def test_motion_agrees_with_scipy_and_spectrum(period):
     record, damping, omega = noise(), 0.05, 2.0 * math.pi / period
     found = oscillator_motion(record, period, damping)
     system = (
@@ -39,13 +39,13 @@ def test_against_scipy_and_the_spectrum(period):
     assert np.max(np.abs(found.acceleration)) == pytest.approx(peaks.sa[0], rel=1e-9)
 
 
-def test_a_period_that_makes_no_sense():
+def test_invalid_period_is_refused():
     for period in (0.0, -1.0, math.inf):
         with pytest.raises(UsageError, match="period"):
             oscillator_motion(noise(), period)
 
 
-def test_the_command(tmp_path, monkeypatch):
+def test_spectrum_command_writes_oscillator_histories(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.csv").write_text(
         "time (s),a (m/s^2)\n" + "".join(f"{0.02 * i:.2f},{math.sin(i)}\n" for i in range(50))

@@ -45,7 +45,7 @@ def each_direction(motion, periods, damping=0.05, **choices):
     [{}, {"maxima": "peer"}, {"maxima": "samples"}, {"interpolation": "band-limited"}],
     ids=["exact", "peer", "samples", "band-limited"],
 )
-def test_percentiles_are_those_of_the_turned_motions(choices):
+def test_percentiles_agree_with_rotated_motions(choices):
     motion = pair(samples=151) if "interpolation" in choices else pair()
     psa = each_direction(motion, PERIODS, **choices)
     result = rotated_spectrum(motion, PERIODS, 0.05, ALL, **choices)
@@ -64,7 +64,7 @@ def test_percentiles_are_those_of_the_turned_motions(choices):
     damping=st.sampled_from([0.0, 0.05, 0.7]),
     second=st.sampled_from([1.0, 1e-3]),
 )
-def test_white_noise(seed, samples, period, damping, second):
+def test_percentiles_of_white_noise(seed, samples, period, damping, second):
     generator = np.random.default_rng(seed)
     one, other = (
         Record(generator.standard_normal(samples), 0.01, "", "", "", "") for _ in range(2)
@@ -76,7 +76,7 @@ def test_white_noise(seed, samples, period, damping, second):
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "band-limited"])
-def test_period_zero_is_the_peak_in_each_direction(interpolation):
+def test_period_zero_is_peak_in_each_direction(interpolation):
     motion = pair(samples=101)
     result = rotated_spectrum(
         motion, np.array([0.0, 1.0]), 0.05, (0, 50, 100), interpolation=interpolation
@@ -90,7 +90,7 @@ def test_period_zero_is_the_peak_in_each_direction(interpolation):
 
 
 @pytest.mark.parametrize("percentiles", [(), (-1,), (50, 101)])
-def test_percentiles_out_of_range(percentiles):
+def test_percentiles_out_of_range_are_refused(percentiles):
     with pytest.raises(UsageError, match="percentiles must be from 0 to 100"):
         rotated_spectrum(pair(samples=21), PERIODS, 0.05, percentiles)
 
@@ -104,6 +104,6 @@ def test_percentiles_out_of_range(percentiles):
         ([1e-5], 0.05, {}, AnalysisError, r"less than 0\.05 sampling intervals"),
     ],
 )
-def test_errors_are_those_of_a_spectrum(periods, damping, choices, error, message):
+def test_invalid_arguments_are_refused(periods, damping, choices, error, message):
     with pytest.raises(error, match=message):
         rotated_spectrum(pair(samples=21), np.array(periods), damping, **choices)

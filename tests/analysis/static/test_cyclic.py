@@ -33,7 +33,7 @@ def imposed(law, *drifts, **more):
 
 @pytest.mark.parametrize("hardening", [0.0, 0.05, 0.3])
 @pytest.mark.parametrize("ductility", [1.0, 1.5, 2.0, 8.0])
-def test_the_bilinear_loop(hardening, ductility):
+def test_bilinear_loop_agrees_with_closed_form(hardening, ductility):
     """A closed loop dissipates 4 (1 - a) Fy (d - dy); its damping ratio is 2 (m - 1) (1 - a) / (pi
     m (1 + a m - a)) (FEMA 440, eq. 6-1 with the secant period)."""
     second = imposed(Law("bilinear", (FY, hardening)), f"{ductility}dy", cycles=2, points=7).cycles[
@@ -54,7 +54,7 @@ def test_the_bilinear_loop(hardening, ductility):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_work_is_stored_or_dissipated(name):
+def test_work_is_strain_energy_plus_dissipated_energy(name):
     """At every point of the path, not at its end alone; and what is dissipated stays so. The
     integral by trapezoids has an error of order 2 in the distance of the points."""
     errors = []
@@ -80,7 +80,7 @@ def test_work_is_stored_or_dissipated(name):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_run_lies_on_the_same_law(name):
+def test_run_follows_same_law_as_cyclic_test(name):
     """The drifts of a run imposed on the law give its shears: a method that commits at its steps
     takes the same way."""
     stories = [story(2e5, K, example(name, K, force), dashpot=1e5) for force in (6e5, 3e5)]
@@ -96,7 +96,7 @@ def test_a_run_lies_on_the_same_law(name):
 # ---- the test
 
 
-def test_the_path():
+def test_points_and_cycles_of_path():
     expected = [
         0,
         1,
@@ -142,7 +142,7 @@ def test_the_path():
     [((2.0, 1.0), (3.0, -1.0), 2.0, 0.0), ((1.0, 0.0, -2.0), (-1.0, 1.0), -1.0, math.nan)],
     ids=["asymmetric", "falling"],
 )
-def test_the_secant_stiffness_lies_between_the_ends(coefficients, shears, secant, ratio):
+def test_secant_stiffness_connects_ends_of_loop(coefficients, shears, secant, ratio):
     """f = 2 d + d^2 between -1 and 1: forces 3 and -1, the slope between them 2; none positive, no
     damping ratio."""
     law = Law("polynomial", coefficients)
@@ -153,7 +153,7 @@ def test_the_secant_stiffness_lies_between_the_ends(coefficients, shears, secant
     assert cycle.damping_ratio == pytest.approx(ratio, nan_ok=True)
 
 
-def test_p_delta_is_told_apart():
+def test_p_delta_is_reported_separately():
     """Story 2 of three carries the weight of two floors."""
     building = model([story(2e5, K, height=HEIGHT)] * 3, p_delta=True)
     test = cyclic_test(building, 2, [parse_drift("1%")], points=5)
@@ -181,7 +181,7 @@ def test_p_delta_is_told_apart():
         ("3dy", 3.0 * DY),
     ],
 )
-def test_amplitudes(text, meters):
+def test_amplitude_units(text, meters):
     test = imposed(Law("bilinear", (FY, 0.1)), text, points=1)
     assert test.cycles[0].amplitude == pytest.approx(meters, rel=1e-14)
 
@@ -205,19 +205,19 @@ def test_amplitudes(text, meters):
         ("101%", "a drift ratio is 1 at most"),
     ],
 )
-def test_drifts_that_are_none(text, message):
+def test_invalid_drifts_are_refused(text, message):
     with pytest.raises(UsageError) as caught:
         parse_drift(text)
     assert str(caught.value).startswith(f"drift {text!r}: ")
     assert message in str(caught.value)
 
 
-def test_stories_are_counted_from_1():
+def test_story_numbers_start_at_1():
     with pytest.raises(UsageError, match=r"story 0 not found: .* 1 story"):
         cyclic_test(one_story(Law("linear", ())), 0, [parse_drift("1%")])
 
 
-def test_a_story_among_others_is_as_if_alone():
+def test_cyclic_test_of_story_is_independent_of_other_stories():
     """Its own height, law and stiffness: no story knows of those above and below in such a test."""
     stories = [
         story(2e5, 3.0 * K, Law("bilinear", (2.0 * FY, 0.1)), height=4.0),
@@ -239,7 +239,7 @@ def test_a_story_among_others_is_as_if_alone():
     assert (given.max(), given.min()) == pytest.approx((DY, -2.0 * DY))
 
 
-def test_as_many_points_as_are_allowed(monkeypatch):
+def test_number_of_points_is_limited(monkeypatch):
     """Three sizes of two cycles of four quarters of five points: 120."""
     building = model([story(1.0, 2.0)])
     sizes = [parse_drift(size) for size in ("1mm", "2mm", "3mm")]

@@ -23,7 +23,7 @@ def softening(strength, dy, ultimate=60.0, residual=0.1):
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_a_linear_building(pattern):
+def test_pushover_of_linear_building(pattern):
     """Story shears are the sums of the forces above: roof displacement over base shear is the sum
     of share over k."""
     masses, k = np.array([3.0, 2.0, 1.0]), np.array([900.0, 700.0, 400.0])
@@ -41,7 +41,7 @@ def test_a_linear_building(pattern):
     assert result.roof_drift_ratio[-1] == pytest.approx(0.01, rel=1e-10)
 
 
-def test_one_story_is_its_backbone():
+def test_pushover_of_one_story_is_its_backbone_curve():
     """k = Fy = 1, down from 5 on, the residual 0.1 from 5 + 8 / 1.1 on; with P-delta less 0.01 per
     unit of drift."""
     heavy = 0.01 * 3.0 / STANDARD_GRAVITY
@@ -60,7 +60,7 @@ def test_one_story_is_its_backbone():
 
 
 @pytest.mark.parametrize("points", [7, 10, 23])
-def test_the_largest_base_shear_is_that_of_the_path(points):
+def test_maximum_base_shear_does_not_depend_on_rows(points):
     """1.1 at the cap, a drift of 5, wherever the rows lie: its own row or none."""
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 4.0)])
     result = pushover(case, parse_drift("12m"), points=points)
@@ -69,7 +69,7 @@ def test_the_largest_base_shear_is_that_of_the_path(points):
     assert np.max(result.base_shear) <= result.largest_base_shear
 
 
-def test_a_roof_that_comes_back_is_followed():
+def test_decreasing_roof_displacement_is_followed():
     """From the cap of 1.1 at 5 the lower one falls by 1.1 / 8 a unit; the upper one of 0.05, which
     carries half, springs back by 10 a unit of force, and the lower one goes on by 8 / 1.1 only."""
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 0.05)])
@@ -87,7 +87,7 @@ def test_a_roof_that_comes_back_is_followed():
     assert result.base_shear[falling] == pytest.approx(on_the_fall, abs=1e-9)
 
 
-def test_a_tall_frame_with_p_delta_is_followed_down_to_nothing():
+def test_tall_frame_with_p_delta_is_followed_to_zero_strength():
     """Every story loses stiffness by yielding: the first that yields falls alone, all others spring
     back. Closed form of its drift where k, hardening a k beyond yield and P-delta -g leave
     nothing."""
@@ -104,7 +104,7 @@ def test_a_tall_frame_with_p_delta_is_followed_down_to_nothing():
     assert np.argmax(result.roof_displacement) < result.roof_displacement.size - 5  # it comes back
 
 
-def test_a_story_that_fails_takes_the_building_along():
+def test_failed_story_ends_pushover():
     case = model([story(1.0, 100.0, softening(1.0, 0.01, ultimate=20.0)), story(1.0, 200.0)])
     result = pushover(case, parse_drift("1m"), points=300)
     assert result.ended == "no remaining lateral resistance"
@@ -130,7 +130,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_every_story_carries_its_share_at_every_row(name):
+def test_story_shears_are_in_equilibrium_in_every_row(name):
     """The laws followed once more, from row to row, over the drifts of the table."""
     case, drift = CASES[name]
     result = pushover(case, parse_drift(drift), pattern="uniform", points=12)
@@ -165,7 +165,7 @@ class Staircase(_Story):
 
 
 @pytest.mark.parametrize("force", [*np.arange(-60.0, 60.0, 1.7), math.pi, -3.0 * math.pi])
-def test_a_share_is_found_whatever_the_tangents_say(force):
+def test_drift_at_force_is_found_with_misleading_tangents(force):
     found = Staircase().drift_at_force(force)
     assert found is not None
     assert found + 0.99 * math.sin(found) == pytest.approx(force, abs=1e-8)
@@ -179,7 +179,7 @@ def test_a_share_is_found_whatever_the_tangents_say(force):
         ("1m", "modal", "unknown pattern 'modal'; known: first-mode, uniform, triangular"),
     ],
 )
-def test_what_is_refused(drift, pattern, message):
+def test_invalid_arguments_are_refused(drift, pattern, message):
     with pytest.raises(UsageError) as caught:
         pushover(model([story(1.0, 100.0, height=None)]), parse_drift(drift), pattern=pattern)
     assert str(caught.value).startswith(message)

@@ -50,7 +50,9 @@ def flat(tmp_path, acceleration):
         ),  # T* < TC: more than the elastic 0.018796
     ],
 )
-def test_n2_of_an_oscillator(mass, strength, yields, period, ratio, displacement):
+def test_n2_of_oscillator_agrees_with_hand_calculation(
+    mass, strength, yields, period, ratio, displacement
+):
     """EN 1998-1:2004, annex B, by hand, to the six digits that were written down."""
     n2, _ = target_displacements(
         pushover(oscillator(mass, strength, yields), "200mm", points=POINTS), EC8
@@ -81,7 +83,7 @@ def test_n2_of_an_oscillator(mass, strength, yields, period, ratio, displacement
         (0.15, 1.0, 0.3, "C", 1.0, 3.333333, (1.648148, 1.302469), 0.011998),
     ],
 )
-def test_coefficients_of_an_oscillator(
+def test_coefficient_method_of_oscillator_agrees_with_hand_calculation(
     tmp_path, period, acceleration, strength, site, mass_factor, ratio, factors, displacement
 ):
     """ASCE 41-17, 7.4.3.3, by hand; C0 of one mass is 1."""
@@ -100,7 +102,7 @@ def test_coefficients_of_an_oscillator(
     )  # the digits that were written down
 
 
-def test_a_building_that_stays_elastic_has_its_elastic_displacement():
+def test_elastic_building_has_elastic_target_displacement():
     """Both methods then give Gamma S_d(T1): one straight line, whatever the pattern's shape is the
     first mode's."""
     case = model([story(2e5, 1.5e8, Law("bilinear", (4e6, 0.03)), height=3.0)] * 3)
@@ -124,7 +126,7 @@ def test_a_building_that_stays_elastic_has_its_elastic_displacement():
     assert n2.strength_ratio < 1.0
 
 
-def test_two_lines_have_the_area_of_the_curve_and_meet_it():
+def test_idealized_curves_balance_areas():
     """Hardening stories in series, whose curve has a corner where each yields: the idealized lines
     of both methods enclose the same work up to the target displacement, and the first one of
     coefficients meets the curve."""
@@ -158,7 +160,7 @@ def test_two_lines_have_the_area_of_the_curve_and_meet_it():
 
 @pytest.mark.parametrize("hardening", [0.02, 0.1, 0.3])
 @pytest.mark.parametrize("ductility", [2.0, 5.0, 12.0, 40.0])
-def test_coefficients_of_a_bilinear_oscillator(tmp_path, hardening, ductility):
+def test_coefficient_method_of_bilinear_oscillator(tmp_path, hardening, ductility):
     """Its own two lines balance the areas, however far it goes: beyond 1.67 times its yield another
     strength, which the curve reaches by hardening, balances them again, and is not the answer."""
     mass, yields, strength = 2e4, 0.004, 8e4
@@ -181,7 +183,7 @@ def test_coefficients_of_a_bilinear_oscillator(tmp_path, hardening, ductility):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_coefficients_of_hardening_buildings(seed):
+def test_coefficient_method_of_hardening_buildings(seed):
     """The strength is the smallest that balances the areas up to the target displacement: a scan of
     all strengths over the curve in closed form, story by story."""
     draw = np.random.default_rng(seed)
@@ -212,7 +214,7 @@ def test_coefficients_of_hardening_buildings(seed):
     assert roof(0.6 * made.yield_force) == pytest.approx(0.6 * made.yield_displacement, rel=1e-6)
 
 
-def test_what_stays_elastic_is_not_beyond_its_strength():
+def test_elastic_building_has_no_strength_warning():
     """Forty stories under P-delta, pushed past their peak: a strength ratio below 1 is elastic."""
     case = model([story(2e5, 4e8, Law("bilinear", (4e6, 0.0)), height=3.0)] * 40, p_delta=True)
     _, made = target_displacements(pushover(case, "2%", points=60), "asce7:sds=0.2,sd1=0.1,tl=8")
@@ -220,7 +222,7 @@ def test_what_stays_elastic_is_not_beyond_its_strength():
     assert made.notes == ()
 
 
-def test_a_curve_that_ends_short_does_not_meet_ec8(tmp_path):
+def test_short_curve_does_not_satisfy_ec8(tmp_path):
     """The building carries nothing beyond: 1.5 times the target is refused, not to be pushed for; a
     curve that was not pushed that far is."""
     mass = 2e5
@@ -237,7 +239,7 @@ def test_a_curve_that_ends_short_does_not_meet_ec8(tmp_path):
     assert told.endswith("continue the pushover to a larger displacement")
 
 
-def test_a_table_has_its_corner_where_acceleration_and_velocity_meet(tmp_path):
+def test_corner_period_of_table_equals_corner_of_code_spectrum(tmp_path):
     from tdint.analysis.spectra.target import read_target
 
     code = read_target(EC8)
@@ -248,7 +250,7 @@ def test_a_table_has_its_corner_where_acceleration_and_velocity_meet(tmp_path):
     assert read_target(str(file)).corner == pytest.approx(0.6, rel=1e-8)  # periods of nine digits
 
 
-def test_strength_that_is_lost_is_told(tmp_path):
+def test_loss_of_strength_is_noted(tmp_path):
     """P-delta alone makes the curve fall: 1 + |alpha|^-h / 4 by (7-32), which lies between the two
     demands."""
     mass, height = 2e5, 3.0
@@ -289,7 +291,7 @@ def test_strength_that_is_lost_is_told(tmp_path):
         ),
     ],
 )
-def test_what_is_refused(drift, options, error, message):
+def test_invalid_arguments_are_refused(drift, options, error, message):
     with pytest.raises(error) as caught:
         target_displacements(
             pushover(oscillator(1.2e6, 2.4e6, 0.06), drift, points=POINTS), EC8, **options
