@@ -32,7 +32,7 @@ def hysteretic(forces, drifts):
     ("exponent", "closed"), [(1.0, lambda x: 1.0 - np.exp(-x)), (2.0, np.tanh)]
 )
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_loading_from_rest_in_closed_form(exponent, closed, sign):
+def test_loading_from_rest_agrees_with_closed_form(exponent, closed, sign):
     """w' = 1 - w gives 1 - exp(-x), w' = 1 - w^2 gives tanh x."""
     x = np.array([0.01, 0.5, 1.0, 3.0, 5.0, 80.0])
     drifts = sign * DY * x
@@ -42,7 +42,7 @@ def test_loading_from_rest_in_closed_form(exponent, closed, sign):
 
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 6.0])
 @pytest.mark.parametrize("beta", [0.5, pytest.param(0.75, marks=pytest.mark.slow), 1.0])
-def test_a_cycle_agrees_with_dop853(exponent, beta):
+def test_cycle_agrees_with_dop853(exponent, beta):
     """The differential equation as it is written in Wen (1976), by another solver, along each
     straight piece."""
     w = 0.0
@@ -67,7 +67,7 @@ def test_a_cycle_agrees_with_dop853(exponent, beta):
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 2.0, 10.0])
-def test_the_force_does_not_depend_on_the_steps_along_a_straight_path(exponent):
+def test_force_does_not_depend_on_number_of_steps(exponent):
     """Rate independence: one stretch of the drift, or hundred pieces of it."""
     law_parameters = law(exponent, 0.7)
     for turn in (0.5 * DY, 4.0 * DY):
@@ -115,7 +115,7 @@ def gone_along_compiled(law_parameters, turn, drifts):
         pytest.param(gone_along_compiled, 4.0, 10_001, marks=pytest.mark.slow),
     ],
 )
-def test_the_force_is_a_continuous_function_of_the_drift(exponent, gone, reach, size):
+def test_force_is_continuous_function_of_drift(exponent, gone, reach, size):
     """Newton's iteration needs it: no jump where the number of substeps changes or w its sign, a
     yield drift behind."""
     drifts = 3.0 * DY - np.linspace(0.0, reach, size) * DY
@@ -127,7 +127,7 @@ def test_the_force_is_a_continuous_function_of_the_drift(exponent, gone, reach, 
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0, 100.0])
-def test_it_stays_within_its_strength(exponent):
+def test_force_is_at_most_strength(exponent):
     """|w| <= 1 on any path, steps of a million yield drifts among them."""
     generator = np.random.default_rng(7)
     drifts = DY * generator.normal(size=400) * 10.0 ** generator.uniform(-3, 6, size=400)
@@ -137,7 +137,7 @@ def test_it_stays_within_its_strength(exponent):
     assert dissipated > 0.0
 
 
-def test_a_large_exponent_is_elastic_perfectly_plastic():
+def test_large_exponent_approaches_bilinear_law():
     """n -> infinity with beta = gamma: the bilinear law."""
     smooth, _, _ = follow(law(100.0, 0.5), CYCLE)
     sharp, _, _ = follow(law_table("bilinear", FY, HARDENING), CYCLE)

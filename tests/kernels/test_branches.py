@@ -39,7 +39,7 @@ def test_every_law_has_a_case():
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
+def test_declarations_of_law_agree_with_its_functions(name):
     assert LAWS[name].kinked == (LAWS[name].functions().switch is not None)
     law_parameters = law_table(name, *LAW_CASES[name])
     state = law_state_table(law_parameters)
@@ -52,7 +52,7 @@ def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
 
 
 @pytest.mark.parametrize("name", sorted(set(LAW_CASES) - {"polynomial", "multilinear-pinching"}))
-def test_the_dimensions_of_parameters_are_those_of_the_law(name):
+def test_declared_dimensions_of_parameters_are_correct(name):
     """In units in which a force is 1000 times and a length 100 times the number, every force along
     a path is 1000 times the number. Laws with lists as parameters are left out."""
     by_force, by_length = 1000.0, 100.0
@@ -72,7 +72,7 @@ def test_the_dimensions_of_parameters_are_those_of_the_law(name):
 
 
 @pytest.mark.parametrize("name", LAW_CASES)
-def test_the_tangent_is_the_slope(name):
+def test_tangent_is_slope_of_force(name):
     law_parameters = law_table(name, *LAW_CASES[name])
     state = law_state_table(law_parameters)
     start(law_parameters, state, 0, 0.01)
@@ -85,7 +85,7 @@ def test_the_tangent_is_the_slope(name):
         )
 
 
-def test_bilinear_loop_by_hand():
+def test_bilinear_loop_agrees_with_hand_calculation():
     """Yield at 0.02; up to 0.06, back over an elastic range of 0.04, then yielding the other
     way."""
     law_parameters = law_table("bilinear", FY, HARDENING)
@@ -96,7 +96,7 @@ def test_bilinear_loop_by_hand():
 
 
 @pytest.mark.parametrize("name", ["bilinear", "gap"])
-def test_branch_by_branch_is_the_closed_form(name):
+def test_following_branches_agrees_with_closed_form(name):
     law_parameters = law_table(name, *LAW_CASES[name])
     functions = LAWS[name].functions()
     walk = branch_follower(functions.switch, *([functions.advance] if name == "bilinear" else []))
@@ -117,7 +117,7 @@ def test_branch_by_branch_is_the_closed_form(name):
     assert by_branches[rows.DISSIPATED, 0] == pytest.approx(hysteretic_energy, rel=1e-12)
 
 
-def test_peak_oriented_loop_by_hand():
+def test_peak_oriented_loop_agrees_with_hand_calculation():
     """Clough, no degradation of the unloading: yield, unload to zero force, reload towards the
     other yield point."""
     law_parameters = law_table("peak-oriented", FY, HARDENING, 0.0)
@@ -183,7 +183,7 @@ def _along(functions, law_parameters, law_state, drifts):
 
 
 @pytest.mark.parametrize("name", [*KNOWING, *PLUGINS])
-def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
+def test_branch_shortcut_changes_no_bit(name, monkeypatch):
     """Of forces, tangents, work and committed states, on random ways over up to three blocks, done
     again with other drifts as iterations do, against the plain walk."""
     law = {**LAWS, **PLUGINS}[name]
@@ -244,7 +244,7 @@ def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_first_crossing_of_a_cubic(seed):
+def test_first_crossing_of_cubic(seed):
     generator = np.random.default_rng(seed)
     d = generator.normal(size=4)
     limit = d[0] + abs(generator.normal())
@@ -257,7 +257,7 @@ def test_the_first_crossing_of_a_cubic(seed):
     assert found == pytest.approx(s[above[0]], abs=1e-5) if above.size else found == NONE
 
 
-def test_a_cubic_that_starts_beyond_comes_inside_first():
+def test_cubic_starting_beyond_limit_returns_before_crossing():
     """As where the last event was missed by a little; or it turns outside, and goes beyond from
     there."""
     assert _crossing((1.0, 0.0, 0.0, 1.0), 0.999, 0.0, NONE) == pytest.approx(1.0, abs=1e-3)
@@ -266,7 +266,7 @@ def test_a_cubic_that_starts_beyond_comes_inside_first():
     assert _crossing((1.0, 1.1, 1.2, 1.3), 0.999, 0.0, NONE) == 0.0
 
 
-def test_a_crossing_counts_if_it_is_the_first_one_and_goes_beyond_by_the_slack():
+def test_crossing_must_be_first_and_exceed_slack():
     straight = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
     assert _crossing(straight, 0.5, 0.4, NONE) == pytest.approx(0.5)
     assert _crossing(straight, 0.5, 0.6, NONE) == NONE
@@ -275,7 +275,7 @@ def test_a_crossing_counts_if_it_is_the_first_one_and_goes_beyond_by_the_slack()
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_first_turn_of_a_quadratic(seed):
+def test_first_sign_change_of_quadratic(seed):
     generator = np.random.default_rng(seed)
     r = generator.normal(size=3)
     r[0] = abs(r[0])
@@ -287,7 +287,7 @@ def test_the_first_turn_of_a_quadratic(seed):
     assert math.isfinite(found)
 
 
-def test_a_turn_divides_by_nothing_that_can_vanish():
+def test_sign_change_is_found_without_division_by_zero():
     """A caller searches only if a later Bezier point is negative. Of all such quadratics on a grid
     with equal and zero points, the turn is a zero of the quadratic, which is negative behind it."""
     points = [-1.0, -0.5, 0.0, 0.5, 1.0]
@@ -304,7 +304,7 @@ def test_a_turn_divides_by_nothing_that_can_vanish():
             assert found == NONE or r1 * r1 >= r0 * r2
 
 
-def test_a_rate_that_starts_against_its_branch_turns_at_once_or_not_in_this_step():
+def test_rate_opposite_to_branch_changes_sign_at_start_or_not_at_all():
     for r0 in (0.0, -1e-9):
         assert find_sign_change(r0, -1.0, 1.0) == 0.0
         assert find_sign_change(r0, -1.0, -1.0) == 0.0

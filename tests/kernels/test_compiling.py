@@ -75,7 +75,7 @@ def cache(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
+def test_kernel_is_compiled_once_and_loaded_without_compiler(small):
     """If two processes need the kernel at the same time, one compiles it, and the other waits or
     loads the completed file."""
     running = [started(CALL, small, TDINT_CACHE_DIR=str(small / "cache")) for _ in range(2)]
@@ -117,7 +117,7 @@ def computed():
     return Kernel(scaled.function, scaled.signature, ()).compiled(np.array([1.0, 3.0]), 4.0)
 
 
-def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_anew(
+def test_unwritable_cache_is_tolerated_and_truncated_object_is_recompiled(
     cache, ahead, monkeypatch, caplog
 ):
     (made,) = ahead.rglob(file_for("native"))
@@ -143,7 +143,7 @@ def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_ane
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of processes")
-def test_where_no_more_can_be_written_the_kernel_runs_from_memory(cache, monkeypatch, caplog):
+def test_kernel_runs_from_memory_if_disk_is_full(cache, monkeypatch, caplog):
     """The disk is full only when the object file is written, because files are limited to 100
     bytes."""
     import resource
@@ -163,7 +163,7 @@ def test_where_no_more_can_be_written_the_kernel_runs_from_memory(cache, monkeyp
     assert not list(cache.rglob("*.object")) + list(cache.rglob("*.part"))
 
 
-def test_kernels_compiled_ahead_for_several_processors(tmp_path, ahead, monkeypatch):
+def test_kernels_are_compiled_ahead_for_several_processors(tmp_path, ahead, monkeypatch):
     folder = shutil.copytree(ahead, tmp_path / "ahead")
     assert compile_ahead(WANTED, ["native"], folder, print) == []
     # Where kernels are kept: copied there once, then there.
@@ -185,7 +185,7 @@ def test_kernels_compiled_ahead_for_several_processors(tmp_path, ahead, monkeypa
         compile_ahead(WANTED, ["native"], tmp_path / "file", print)
 
 
-def test_what_a_run_needs_is_compiled_and_no_more():
+def test_only_required_kernels_are_compiled():
     configs = Path(__file__).parents[2] / "configs"
     variants = {}
     for name in ("ten-story", "ten-story-bilinear"):
@@ -207,7 +207,7 @@ def packed(name, processor=SOME, **other):
     return pack(b"machine code", {**store.identity(name, "all", processor), "symbol": "b", **other})
 
 
-def test_a_building_s_own_kernel_serves_before_the_one_for_everything(cache, monkeypatch):
+def test_building_specific_kernel_is_preferred(cache, monkeypatch):
     monkeypatch.setattr(compilable, "WHOLE", False)
     served = []
     monkeypatch.setattr(
@@ -252,7 +252,7 @@ compile_ahead([(two.{}, EVERYTHING), (two.{}, EVERYTHING)], ["native"], Path("ou
 """  # noqa: E501
 
 
-def test_the_same_sources_give_the_same_bytes(tmp_path):
+def test_compilation_is_reproducible(tmp_path):
     """The object file does not depend on the location of the sources, the order of compilation and
     the hash seed of Python, and contains no path."""
     running, objects = [], []
@@ -294,7 +294,7 @@ HARMS = [
 @pytest.mark.parametrize(
     "harm", [*HARMS, "kernel", "variant", "target", "platform", "sources", "convention"]
 )
-def test_a_damaged_object_is_not_loaded(cache, harm):
+def test_corrupt_object_is_not_loaded(cache, harm):
     data = packed("a:b")
     path = store.save(data, "a:b", "all", SOME)
     assert store.find_object("a:b", "all", (Target("none", ""), SOME))[1:] == (b"machine code", "b")
@@ -331,13 +331,13 @@ def test_a_damaged_object_is_not_loaded(cache, harm):
         assert store.find_object("a:b", "all", (SOME,))[1:] == (b"machine code", "b")
 
 
-def test_kernels_can_be_run_as_they_are_written(cache, monkeypatch):
+def test_kernels_can_be_interpreted(cache, monkeypatch):
     monkeypatch.setenv("TDINT_KERNELS", "python")
     assert computed() == 24.0
     assert not list(cache.iterdir())
 
 
-def test_what_is_long_unused_is_removed(cache):
+def test_unused_objects_are_removed(cache):
     versions, other = cache / "kernels-0123456789abcdef", cache / "something"
     versions.mkdir()
     other.mkdir()
@@ -358,7 +358,7 @@ def add(table, numbers, factor, row):
     return table.shape[1]
 
 
-def test_a_loaded_kernel_takes_numbers_and_arrays():
+def test_loaded_kernel_accepts_numbers_and_arrays():
     signature = I8(TABLE, VECTOR, F8, I8)
     (code,), symbol = objects_of(add, signature, [native()])
     kernel = Loaded(code, symbol, signature)
@@ -378,7 +378,7 @@ def test_a_loaded_kernel_takes_numbers_and_arrays():
             kernel(table, wrong, 2.0, 1)
 
 
-def test_a_kernel_that_allocates_is_refused():
+def test_allocating_kernel_is_refused():
     def allocates(numbers):
         return np.zeros(numbers.size).sum()
 
@@ -387,7 +387,7 @@ def test_a_kernel_that_allocates_is_refused():
 
 
 @pytest.mark.parametrize(("decorate", "times"), [(outlined, 1), (specialized, 2)])
-def test_constants_make_another_function_only_where_that_is_wanted(decorate, times):
+def test_constants_specialize_only_marked_functions(decorate, times):
     @decorate
     def power(x, n):
         return x**n
@@ -396,7 +396,7 @@ def test_constants_make_another_function_only_where_that_is_wanted(decorate, tim
     assert len(power.overloads) == times
 
 
-def test_a_variant_is_read_as_it_is_written():
+def test_text_of_variant_is_parsed_to_same_variant():
     for variant in (
         EVERYTHING,
         Variant(("linear", "bilinear"), modal=False, forces=True, dashpots=False),
@@ -408,7 +408,7 @@ def test_a_variant_is_read_as_it_is_written():
         parse("linear+else")
 
 
-def test_objects_are_removed_and_the_package_holds_none(cache, monkeypatch):
+def test_clean_removes_objects_outside_package(cache, monkeypatch):
     path = store.save(packed("a:b"), "a:b", "all", SOME)
     old = cache / "kernels-0123456789abcdef"
     old.mkdir()
@@ -422,7 +422,7 @@ def test_objects_are_removed_and_the_package_holds_none(cache, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no umask")
-def test_a_shared_folder_can_be_read_by_others_whatever_the_umask(tmp_path):
+def test_shared_directory_is_readable_with_any_umask(tmp_path):
     before = os.umask(0o077)
     try:
         path = store.save(packed("a:b"), "a:b", "all", SOME, tmp_path / "shared" / "kernels")
@@ -433,7 +433,7 @@ def test_a_shared_folder_can_be_read_by_others_whatever_the_umask(tmp_path):
         assert folder.stat().st_mode & 0o777 == 0o755
 
 
-def test_objects_that_came_with_the_package_serve_last(cache, monkeypatch):
+def test_prebuilt_objects_are_used_last(cache, monkeypatch):
     monkeypatch.setattr(store, "_PREBUILT", cache / "prebuilt")
     prebuilt = cache / "prebuilt" / sys.platform / store.file_name("a:b", "all", SOME)
     prebuilt.parent.mkdir(parents=True)
@@ -444,7 +444,7 @@ def test_objects_that_came_with_the_package_serve_last(cache, monkeypatch):
     assert store.find_object("a:b", "all", (SOME,))[0] == kept
 
 
-def test_without_the_compiler_a_loop_that_is_not_there_is_named(cache, monkeypatch):
+def test_missing_loop_without_compiler_is_reported(cache, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, package=None: None)
     said = (
         "small_kernel:scaled: compiled time loops are not included in this installation; "
@@ -454,7 +454,7 @@ def test_without_the_compiler_a_loop_that_is_not_there_is_named(cache, monkeypat
         _ = Kernel(scaled.function, scaled.signature, ()).compiled
 
 
-def test_why_a_kernel_of_another_module_cannot_be_compiled():
+def test_compilation_error_of_other_module_has_reason_and_line():
     """The message contains the explanation of numba and the last line of the module that numba
     names."""
     wanted = Compilation(
@@ -487,7 +487,7 @@ def test_why_a_kernel_of_another_module_cannot_be_compiled():
     assert package.reason(text) == "cannot unify float64 and int64" and package.reason([]) == ""
 
 
-def test_a_misspelled_name_is_told_with_its_line():
+def test_misspelled_name_is_reported_with_line():
     """This includes kernels of tdint, for which numba does not report a position."""
     kernel = SimpleNamespace(
         name="tdint.kernels.stories.law_state:follow", function=follow.function, parts=()
@@ -504,7 +504,7 @@ def test_a_misspelled_name_is_told_with_its_line():
     assert "drifts" in Path(place).read_text().splitlines()[int(line) - 1]
 
 
-def test_what_is_said_of_what_is_compiled(monkeypatch):
+def test_compilation_message_lists_loops_and_duration(monkeypatch):
     """The message lists time loops by module, with their laws. The estimated time is the time of
     the longest loop, or the total time divided by the processors."""
 
@@ -534,7 +534,7 @@ def test_what_is_said_of_what_is_compiled(monkeypatch):
     )
 
 
-def test_loops_for_all_laws_do_not_serve_where_own_loops_are_requested(monkeypatch):
+def test_requested_specific_loops_are_not_replaced(monkeypatch):
     """Otherwise, methods with building-specific loops in the cache would be compared with methods
     that use slower loops for all laws."""
     kernel, variant = SimpleNamespace(name="a:b"), Variant(laws=("tanh",))

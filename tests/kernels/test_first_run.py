@@ -62,7 +62,7 @@ def environment(cache, **further):
 @pytest.mark.skipif(
     store._PREBUILT.exists(), reason="this is a wheel with compiled loops: nothing is interpreted"
 )
-def test_every_method_and_law_gives_what_compiled_loops_give_but_for_rounding(tmp_path):
+def test_interpreted_loops_agree_with_compiled_loops(tmp_path):
     process = subprocess.run(
         [sys.executable, "-c", INTERPRETED, json.dumps(CASES)],
         env=environment(tmp_path, TDINT_COMPILE="never"),
@@ -82,7 +82,7 @@ def test_every_method_and_law_gives_what_compiled_loops_give_but_for_rounding(tm
             )
 
 
-def test_what_python_refuses_to_divide_is_what_arrays_give():
+def test_interpreted_division_by_zero_gives_infinity():
     def kernel(h, array):
         array[0, 0] += 1.0
         array[0, 1] = h / array[1, 0]
@@ -116,7 +116,7 @@ def begun(model="ten-story", method="impulse4", steps=1000):
     return run_interpreted(prepared, [parse(method)], steps)
 
 
-def test_a_short_run_begins_at_once_and_a_long_one_does_not(of_user):
+def test_only_short_run_is_interpreted(of_user):
     """180 000 steps times floors, the ground among them, of which ten stories have eleven."""
     assert begun(steps=180_000 // 11) and len(of_user) == 1
     assert not begun(steps=180_000 // 11 + 1)
@@ -128,17 +128,13 @@ def test_a_short_run_begins_at_once_and_a_long_one_does_not(of_user):
     "name, value",
     [("CI", "true"), ("TDINT_COMPILE", "wait"), ("SLURM_JOB_ID", "7"), ("TDINT_KERNELS", "whole")],
 )
-def test_nothing_is_interpreted_where_results_are_compared_or_somebody_rather_waits(
-    of_user, monkeypatch, name, value
-):
+def test_environment_prevents_interpretation(of_user, monkeypatch, name, value):
     assert begun()
     monkeypatch.setenv(name, value)
     assert not begun()
 
 
-def test_one_process_at_a_time_compiles_and_none_where_nobody_wants_it(
-    of_user, tmp_path, monkeypatch, caplog
-):
+def test_only_one_background_process_compiles(of_user, tmp_path, monkeypatch, caplog):
     caplog.set_level("INFO", "tdint")
     monkeypatch.setenv("TDINT_COMPILE", "never")
     assert begun() and not of_user
@@ -150,7 +146,7 @@ def test_one_process_at_a_time_compiles_and_none_where_nobody_wants_it(
     assert [line.count("TDINT_COMPILE=wait") for line in caplog.messages] == [0, 1, 1]
 
 
-def test_where_no_process_can_be_started_the_run_goes_on(of_user, monkeypatch, caplog):
+def test_run_continues_if_no_process_can_be_started(of_user, monkeypatch, caplog):
     """Under `ulimit -u` and in containers with a limit; the note does not promise what fails."""
     caplog.set_level("INFO", "tdint")
 
@@ -164,7 +160,7 @@ def test_where_no_process_can_be_started_the_run_goes_on(of_user, monkeypatch, c
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes of POSIX")
-def test_a_pipe_in_place_of_the_lock_does_not_block_the_run(of_user, caplog):
+def test_pipe_instead_of_lock_does_not_block_run(of_user, caplog):
     caplog.set_level("INFO", "tdint")
     os.mkfifo(store.writable() / ".lock-beside")
     assert begun() and not of_user
@@ -175,7 +171,7 @@ def test_a_pipe_in_place_of_the_lock_does_not_block_the_run(of_user, caplog):
 
 
 @pytest.mark.parametrize("first", [True, False])
-def test_where_no_thread_can_be_started_no_compiler_is_left(monkeypatch, first):
+def test_compiler_is_ended_if_no_thread_can_be_started(monkeypatch, first):
     """Under `ulimit -u`, at the first thread and at that which reads the output of the compiler:
     the message does not speak of memory, and the compiler that was started is ended."""
     compilers, start, submit = [], process.subprocess.Popen, ThreadPoolExecutor.submit
@@ -221,7 +217,7 @@ CACHES = ["/proc", "/dev/null", "/dev/full", "", "file", "loop"]
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.parametrize(("way", "cache"), [*((way, "cache") for way in WAYS),
                                             *(("nohup", cache) for cache in CACHES)])  # fmt: skip
-def test_a_first_run_gives_its_result_whatever_surrounds_it(tmp_path, way, cache):
+def test_first_run_succeeds_in_every_environment(tmp_path, way, cache):
     """Its results are those of a compiled run but for rounding, and nothing is said that is no
     note."""
     shutil.copy(CONFIGS / "hardening.yaml", tmp_path / "model.yaml")
@@ -256,7 +252,7 @@ def end_what_is_marked(mark):
 
 
 @pytest.mark.slow
-def test_the_second_run_is_compiled(tmp_path):
+def test_second_run_is_compiled(tmp_path):
     shutil.copy(CONFIGS / "hardening.yaml", model := tmp_path / "model.yaml")
     cache, said = tmp_path / "cache", []
     for _ in range(2):

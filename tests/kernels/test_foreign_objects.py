@@ -75,7 +75,7 @@ def objects(compiled):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_object_needs_the_mathematics_of_the_library_and_no_more(objects, name):
+def test_object_requires_only_mathematical_library(objects, name):
     code, target = objects[name]
     assert code.startswith(MAGIC[target.platform])
     about = {"kernel": "weighed", "target": target.text, "platform": target.platform}
@@ -86,7 +86,7 @@ def test_an_object_needs_the_mathematics_of_the_library_and_no_more(objects, nam
     assert not any("chkstk" in symbol for symbol in left)
 
 
-def test_what_no_library_has_is_refused(monkeypatch, objects):
+def test_object_with_unknown_symbols_is_refused(monkeypatch, objects):
     module = checks()
     code, target = objects["windows-x86-64-v2"]
     monkeypatch.setattr(module, "LIBRARY", module.LIBRARY - {"exp"})
@@ -108,7 +108,7 @@ def test_what_no_library_has_is_refused(monkeypatch, objects):
     llvm.llvm_version_info < (15,), reason="an older LLVM reads no pointers without types"
 )
 @pytest.mark.parametrize("system", [pytest.param("macos", marks=pytest.mark.slow), "windows"])
-def test_an_object_of_another_system_computes_the_same(compiled, objects, system):
+def test_object_of_other_system_gives_same_result(compiled, objects, system):
     """By the other's convention of calls, with functions of this machine's library behind it."""
     given = pickle.dumps((compiled[0][0], objects[f"{system}-x86-64-v2"][0], compiled[1]))
     command = [sys.executable, TESTS / "small_foreign_kernel.py", system]
@@ -120,14 +120,14 @@ def test_an_object_of_another_system_computes_the_same(compiled, objects, system
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_a_target_that_may_be_asked_for_is_known(name):
+def test_requestable_targets_are_known(name):
     target = named(name)
     assert name == "native" or target.cpu in LEVELS or target.cpu == AARCH64
     systems = {"linux": "linux", "macos": "darwin", "windows": "win32"}
     assert target.platform == systems.get(name.partition("-")[0], sys.platform)
 
 
-def test_an_unknown_target_is_refused():
+def test_unknown_target_is_refused():
     for name in ("x87", "windows-aarch64", "solaris-x86-64"):
         with pytest.raises(UsageError, match=name):
             named(name)
@@ -146,7 +146,7 @@ def test_an_unknown_target_is_refused():
         ("x86_64-unknown-linux-gnu", {"x86-64-v2", "x86-64"}),
     ],
 )
-def test_a_processor_is_given_the_objects_of_its_own_family(monkeypatch, triple, families):
+def test_processor_loads_only_objects_of_its_family(monkeypatch, triple, families):
     """A stand-in triple: on a processor that no object is made for, only what was compiled there is
     loaded."""
     features = dict.fromkeys(LEVELS["x86-64-v2"], True)

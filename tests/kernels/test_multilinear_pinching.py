@@ -88,7 +88,7 @@ def loops():
 
 
 @pytest.mark.parametrize(("case", "rows"), loops())
-def test_loops_of_opensees(case, rows):
+def test_loops_agree_with_opensees(case, rows):
     """The work there is summed by trapezoids over steps that pass the bends of the path."""
     drift, force, work = np.transpose(rows)
     path = along(CASES[case], [0.0, *drift])
@@ -137,14 +137,14 @@ BY_HAND = [
 @pytest.mark.parametrize(
     ("pinching", "drifts", "shears"), BY_HAND, ids=["a loop", "no way", "the mean", "small turns"]
 )
-def test_loops_by_hand(pinching, drifts, shears):
+def test_loops_agree_with_hand_calculation(pinching, drifts, shears):
     """Backbone (1, 1), (3, 2), then flat."""
     assert along(multilinear(FLAT, pinching), [0, *drifts]).shear[1:] == pytest.approx(
         shears, abs=1e-12
     )
 
 
-def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
+def test_exhausted_capacity_increases_maximum_drift():
     """From 3 to 3.6, by the limit, a fifth, at the turn at 3.1, the only one where the work is
     beyond the capacity."""
     drifts = [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
@@ -157,7 +157,7 @@ def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
     assert path.shear[5:] == pytest.approx([0.5, 1.25, 2.0, 2.0], abs=1e-12)
 
 
-def test_steps_do_not_matter():
+def test_forces_do_not_depend_on_number_of_steps():
     """A path in one step or in many: the same forces and the same work."""
     for law in CASES.values():
         corners = np.random.default_rng(3).uniform(-12.0, 12.0, 40)
@@ -169,7 +169,7 @@ def test_steps_do_not_matter():
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_comes_back_is_the_work_of_the_way_to_no_force(case):
+def test_strain_energy_is_work_of_unloading(case):
     """From each place of the way back, after four turns: the area under the forces that follow on
     it."""
     corners = pairwise([0.0, 6.3, -8.1, 4.2, -9.6])
@@ -193,19 +193,19 @@ def test_what_comes_back_is_the_work_of_the_way_to_no_force(case):
         (((1, 1), (3, 1.5), (4, 2.6), (6, 3)), True),
     ],
 )
-def test_it_stiffens_where_a_later_line_is_steeper_than_the_first(points, stiffens):
+def test_law_stiffens_if_later_segment_is_steeper(points, stiffens):
     for law in (multilinear(points), multilinear(VMTK, negative=points)):
         assert LAWS[law.name].stiffens(law.parameters) is stiffens
 
 
-def test_nothing_is_carried_beyond_the_ultimate_drift():
+def test_force_is_zero_beyond_ultimate_drift():
     path = along(multilinear(UNEVEN, ultimate=10.0), [0.0, 9.9, 10.1, 5.0, 0.0, -3.0])
     assert path.shear[1] > 0.9
     assert np.all(path.shear[2:] == 0.0)
     assert path.strain_energy[-1] == 0.0
 
 
-def test_nothing_degrades_before_the_first_yielding():
+def test_no_degradation_before_first_yielding():
     """Cycles below it, though the work done there is not zero."""
     cycles = np.tile([0.9, -0.9], 20)
     degrading = along(CASES["vmtk_degrading"], [0.0, *cycles, 8.0])
@@ -233,7 +233,7 @@ def uneven(random):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_settled_cycles_make_no_energy(seed):
+def test_stationary_cycles_gain_no_energy(seed):
     """Between any two turns, after any history, with sides of any kind: where 0 <= unloading <
     force."""
     random = np.random.default_rng(seed)
@@ -247,7 +247,7 @@ def test_settled_cycles_make_no_energy(seed):
     assert work[-1] - work[-3] >= -1e-7 * max(np.max(np.abs(np.diff(work[-4:]))), 1.0)
 
 
-def test_where_a_settled_cycle_makes_energy():
+def test_stationary_cycle_with_early_end_of_unloading_gains_energy():
     """Unloading that stops before zero force, above the force of reloading: what the README warns
     of."""
     points = ((1, 1), (10.4, 0.2), (17.1, 1.5), (24.1, 3.6))
@@ -271,7 +271,7 @@ def even(random):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_energy_is_made(seed):
+def test_random_path_gains_no_energy(seed):
     """What a turn would give back is never more than what was done since rest."""
     random = np.random.default_rng(seed)
     path = along(even(random), [0.0, *random.uniform(-30.0, 30.0, 100)])

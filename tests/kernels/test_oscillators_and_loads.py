@@ -54,7 +54,7 @@ def impulse_and_moment(ground: np.ndarray, begin: float, end: float) -> tuple[fl
 @pytest.mark.parametrize(
     ("begin", "end"), [(0, 1), (2, 5), (0.3, 0.8), (1.25, 4.5), (5.5, 8.0), (6, 9), (7.2, 9.1)]
 )
-def test_the_line_over_a_step_has_the_impulse_and_the_moment_of_the_ground(begin, end):
+def test_line_over_step_has_impulse_and_moment_of_ground_motion(begin, end):
     ground = np.random.default_rng(65).normal(size=8)
     expected = impulse_and_moment(ground, begin, end)
     lines = [fitted_line(ground, float(begin), float(end))]
@@ -67,7 +67,7 @@ def test_the_line_over_a_step_has_the_impulse_and_the_moment_of_the_ground(begin
 
 
 @pytest.mark.parametrize(("per_sample", "stride"), [(1, 1), (1, 3), (4, 1), (2, 3)])
-def test_the_ground_at_a_step_is_interpolated_between_samples(per_sample, stride):
+def test_ground_acceleration_is_interpolated_between_samples(per_sample, stride):
     ground = np.random.default_rng(66).normal(size=8)
     for step in range(40):
         position = step * stride / per_sample
@@ -76,7 +76,7 @@ def test_the_ground_at_a_step_is_interpolated_between_samples(per_sample, stride
         assert ground_between(ground, position) == pytest.approx(expected, abs=1e-14)
 
 
-def test_internal_forces_are_those_of_dense_matrices():
+def test_internal_forces_agree_with_dense_matrices():
     """C v + K u with the matrices of `matrices`, which include P-delta, a dashpot and Rayleigh
     damping; the story forces balance the internal forces of the floors above."""
     given = building(RAYLEIGH)
@@ -97,7 +97,7 @@ def test_internal_forces_are_those_of_dense_matrices():
     assert scratch[2, :4] == pytest.approx(above, rel=1e-10)
 
 
-def test_forces_on_floors_are_matched_at_the_ends_and_quarters_of_a_step():
+def test_floor_forces_are_interpolated_at_ends_and_quarters_of_step():
     """The sums over floors 2 and 3 of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s))."""
     forces = [Force(2, 3.0, -2.0, 9.0), Force(3, 1.0, 4.0, 31.0), Force(3, -5.0, 0.5, 2.0)]
     table = force_table(forces)
@@ -120,7 +120,7 @@ def test_forces_on_floors_are_matched_at_the_ends_and_quarters_of_a_step():
 
 @pytest.mark.parametrize("event", [rows.ABOVE, rows.BELOW, rows.REVERSED])
 @pytest.mark.parametrize("links", [(0.0, 1.0, 1.0), (0.0, 1.0, 0.0)])
-def test_the_first_change_of_branch_is_that_of_the_cubic_drifts(event, links):
+def test_first_branch_change_agrees_with_roots_of_cubic_drifts(event, links):
     """Roots of the polynomials of the drifts between floors that move on Hermite cubics."""
     random = np.random.default_rng(68)
     h, n, found_any = 0.1, 3, 0
@@ -168,7 +168,7 @@ def test_the_first_change_of_branch_is_that_of_the_cubic_drifts(event, links):
 @pytest.mark.parametrize("angle", [0.05, 0.4, 1.0])
 @pytest.mark.parametrize("ratio", [0.0, 0.05, 0.4])
 @pytest.mark.parametrize("from_rest", [False, True])
-def test_the_largest_value_of_an_oscillator_within_a_step(angle, ratio, from_rest):
+def test_maximum_of_oscillator_within_step(angle, ratio, from_rest):
     """A damped sine plus a straight line, with the zeros of its rate by bisection."""
     h = 0.02
     omega = angle / h
@@ -276,7 +276,7 @@ def bilinear_reference(ground, dt, omega, xi, hardening, limit):
 
 
 @pytest.mark.parametrize("at_right", [1.0, -1.0])
-def test_a_level_that_is_reached_at_the_start_is_found_there(at_right):
+def test_level_reached_at_start_is_found(at_right):
     """The displacement u = at_right t crosses 0 at t = 0, and any other level at its quotient."""
     series = np.array([0.0, at_right, 0.0, 0.0])
     assert bilinear._root(series, 4, 0, 0.0, 0.0, 0.5) == 0.0
@@ -287,7 +287,7 @@ def test_a_level_that_is_reached_at_the_start_is_found_there(at_right):
     ("omega", "xi", "hardening", "limit"),
     [(9.0, 0.05, 0.0, 0.002), (9.0, 0.02, 0.2, 0.003), (70.0, 0.05, 0.05, 1e-4)],
 )
-def test_a_bilinear_oscillator_agrees_with_dop853(omega, xi, hardening, limit):
+def test_bilinear_oscillator_agrees_with_dop853(omega, xi, hardening, limit):
     dt = 0.05
     ground = np.random.default_rng(70).normal(size=40)
     results = np.zeros(bilinear.RESULTS)

@@ -20,7 +20,7 @@ from tdint.model.definition import Force
 
 
 @pytest.mark.parametrize("half_angle", [1e-6, 1e-3, 0.02, 0.05, 0.08, 0.0999, 0.1001, 0.5, 2.0])
-def test_the_moment_of_a_force_to_rounding(half_angle):
+def test_moment_of_force_agrees_with_power_series(half_angle):
     """Share (sin x - x cos x) / x^3 of the rate at mid-step, by its power series: sum of (-1)^k
     (2 k + 2) x^(2 k) / (2 k + 3)!."""
     h, t = 0.02, 0.3
@@ -36,7 +36,7 @@ def test_the_moment_of_a_force_to_rounding(half_angle):
     assert force_moment(forces, 0, t, h) == pytest.approx(expected, rel=close, abs=0.0)
 
 
-def test_the_bound_of_an_acceleration_is_its_inner_bezier_points():
+def test_bound_of_acceleration_is_maximum_inner_bezier_point():
     """Of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)), from its coefficients in powers of s."""
     generator = np.random.default_rng(65)
     s = np.linspace(0.0, 1.0, 101)
@@ -51,7 +51,7 @@ def test_the_bound_of_an_acceleration_is_its_inner_bezier_points():
         assert np.max(np.abs(cubic(s))) <= max(bound, abs(a0), abs(a1)) * (1.0 + 1e-12)
 
 
-def test_a_floor_moves_between_corners_as_its_accelerations_and_the_step_say():
+def test_floor_motion_between_corners_integrates_acceleration():
     """Accelerations that are quadratic in time are integrated exactly; what the step's end is
     missed by is a cubic, and the rates are its derivative."""
     h, velocity = 0.02, 0.7
@@ -96,7 +96,7 @@ def impulse4_parts():
     return space, building, coefficients, scene
 
 
-def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
+def test_impulse4_refactors_if_tangent_or_step_changes():
     """Each of the tangents at the inner point and at the end of either story, by more than the
     tolerance."""
     space, building, coefficients, scene = impulse4_parts()
@@ -115,7 +115,7 @@ def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
     assert equations._evaluate_laws(False, coefficients, scene, 0.5, space.memory, factors)
 
 
-def test_impulse4_tolerates_the_rounding_of_the_displacements():
+def test_impulse4_tolerates_rounding_of_displacements():
     """The tolerated residual is between one and a thousand units in the last place of the force
     that the displacements of both floors of a story would need on its own spring."""
     space, _, coefficients, scene = impulse4_parts()

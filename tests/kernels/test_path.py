@@ -132,7 +132,7 @@ def journey_of(name, steady):
     return name, law_parameters, visited, steady
 
 
-def test_the_work_is_what_is_stored_and_dissipated(any_journey):
+def test_work_is_strain_energy_plus_dissipated_energy(any_journey):
     name, law_parameters, visited, steady = any_journey
     for state, rise, bend in visited:
         before = stored_and_dissipated(law_parameters, state)
@@ -144,7 +144,7 @@ def test_the_work_is_what_is_stored_and_dissipated(any_journey):
         assert scratch == pytest.approx(sum(after) - sum(before), rel=1e-12, abs=allowed)
 
 
-def test_the_integrals_are_those_of_the_force(journey):
+def test_integrals_of_force_agree_with_simpson_rule(journey):
     name, law_parameters, visited, _ = journey
     for state, rise, bend in (*visited[:4], *visited[4::7]):
         got = results(law_parameters, state.copy(), rise, bend)
@@ -153,7 +153,7 @@ def test_the_integrals_are_those_of_the_force(journey):
         assert got[:2] == pytest.approx(expected, abs=INTEGRALS.get(name, 1e-4) * size)
 
 
-def test_the_tangents_are_the_derivatives(any_journey):
+def test_tangents_are_derivatives_of_integrals(any_journey):
     """The tangents equal central differences, except for a few paths that contain a kink."""
     name, law_parameters, visited, steady = any_journey
     off = []
@@ -178,7 +178,7 @@ def test_the_tangents_are_the_derivatives(any_journey):
     assert max(off) < 0.05
 
 
-def test_a_story_on_its_branch_needs_no_walk(journey):
+def test_path_on_one_branch_is_integrated_in_closed_form(journey):
     name, law_parameters, visited, _ = journey
     kept = 0
     for state, rise, bend in visited:
@@ -193,7 +193,7 @@ def test_a_story_on_its_branch_needs_no_walk(journey):
     assert (kept == PATHS) == (name == "linear")
 
 
-def test_rows_beyond_the_committed_state_do_not_matter(journey):
+def test_trial_rows_do_not_affect_results(journey):
     """The results do not depend on values of other stories or steps in the trial blocks."""
     _, law_parameters, visited, _ = journey
     for state, rise, bend in visited[::7]:
@@ -206,7 +206,7 @@ def test_rows_beyond_the_committed_state_do_not_matter(journey):
             assert clean[row, 0] == dirty[row, 0]
 
 
-def test_a_story_that_does_not_turn_is_where_a_straight_way_ends(steady_journey):
+def test_path_without_reversal_ends_like_straight_path(steady_journey):
     """Without a reversal, drift, force and dissipation depend only on the end of the path, not on
     the parabola."""
     _, law_parameters, visited, _ = steady_journey
@@ -219,7 +219,7 @@ def test_a_story_that_does_not_turn_is_where_a_straight_way_ends(steady_journey)
             assert state[row, 0] == pytest.approx(straight[row, 0], abs=1e-12 * size)
 
 
-def test_turns_are_the_zeros_of_the_rate():
+def test_reversals_are_zeros_of_rate():
     """The zeros of cubics, including lines and parabolas, equal the roots of the polynomial."""
     generator = np.random.default_rng(11)
     for degree in (1, 2, 3) * 100:
@@ -238,7 +238,7 @@ def test_turns_are_the_zeros_of_the_rate():
         )
 
 
-def test_from_rest_a_rate_sets_out_with_what_grows_first():
+def test_reversals_from_rest_follow_lowest_power_of_time():
     """The drift rates of upper stories grow with the third or higher powers of time, and the
     parabolas start in the opposite direction. Accelerations that are only rounding errors of the
     floor loads count as zero."""
@@ -251,7 +251,7 @@ def test_from_rest_a_rate_sets_out_with_what_grows_first():
     assert side == -1.0 and 0.0 < turn < 1.0
 
 
-def test_a_short_turn_changes_little_unless_the_law_degrades_by_turns(steady_journey):
+def test_small_cycle_changes_only_laws_that_degrade_at_reversals(steady_journey):
     """A small cycle of a millionth of the yield drift, followed by a large cycle, changes the
     forces only slightly."""
     name, law_parameters, visited, _ = steady_journey
@@ -276,7 +276,7 @@ def test_a_short_turn_changes_little_unless_the_law_degrades_by_turns(steady_jou
 
 
 @pytest.mark.parametrize("points", range(1, MAX_POINTS + 1))
-def test_the_table_holds_the_rules_of_gauss_and_legendre(points):
+def test_gauss_legendre_rules(points):
     x, w = np.polynomial.legendre.leggauss(points)
     np.testing.assert_allclose(NODES[points, :points], 0.5 * (x + 1.0), atol=4e-16)
     np.testing.assert_allclose(WEIGHTS[points, :points], 0.5 * w, rtol=2e-13)

@@ -132,7 +132,7 @@ def observed(seed, everything):
     return peaks, before, turned
 
 
-def test_nothing_is_passed_where_it_is_not_looked_closely():
+def test_quick_search_finds_all_peaks_of_full_search():
     passed = []
     for seed in range(300):
         quick, before, turned = observed(seed, False)
@@ -143,7 +143,7 @@ def test_nothing_is_passed_where_it_is_not_looked_closely():
     assert any(passed) and not all(passed)
 
 
-def test_some_of_these_motions_pass_each_peak():
+def test_test_motions_raise_every_peak():
     raised = np.zeros(2 * rows.PEAK_ROWS, dtype=bool)
     for seed in range(300):
         before, after = scene(seed), scene(seed)
@@ -190,7 +190,7 @@ def errors(h):
     return missed
 
 
-def test_peaks_have_the_order_of_the_quintic():
+def test_peaks_have_order_of_quintic():
     """u errs by h^6, u' by h^5 at least, u'' by h^4."""
     large, small = errors(0.4), errors(0.2)
     assert np.all(np.log2(large / small) >= [5.8, 4.8, 3.8])
@@ -198,7 +198,7 @@ def test_peaks_have_the_order_of_the_quintic():
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_largest_extremum_of_a_cubic(seed):
+def test_largest_extremum_of_cubic(seed):
     p = np.random.default_rng(seed).normal(size=4)
     if seed % 4 == 0:
         p[3] = 0.0
@@ -262,7 +262,7 @@ def peaks_of_one_floor(h, start, end, recorded):
     return peaks[:, 0]
 
 
-def test_a_quintic_that_exceeds_the_parabola_is_searched():
+def test_quintic_exceeding_parabola_is_searched():
     """With h = 1, u = 0, v = +-0.1 and a = 20 and -20.3, the quintic reaches 0.20. A parabola with
     these velocities does not exceed 0.10."""
     start, end = (0.0, 0.1, 20.0), (0.0, -0.1, -20.3)
@@ -279,7 +279,7 @@ def test_a_quintic_that_exceeds_the_parabola_is_searched():
 
 
 @pytest.mark.parametrize("row", QUANTITIES)
-def test_a_recorded_peak_just_below_an_extremum_is_raised(row):
+def test_recorded_peak_just_below_extremum_is_raised(row):
     """The search finds the same extremum from a peak just below it as from the endpoint values."""
     possible = row + rows.PEAK_ROWS
     rng = np.random.default_rng(row)

@@ -236,7 +236,7 @@ def curves(story, path):
 @pytest.mark.parametrize("unloading", [0.0, 0.4])
 @pytest.mark.parametrize("pinching", [0.2, 0.7, 1.0])
 @pytest.mark.parametrize("largest", [0.9, 3.0, 30.0])
-def test_trilinear_pinching_by_curves(pinching, unloading, largest):
+def test_trilinear_pinching_agrees_with_curves(pinching, unloading, largest):
     for seed in range(4):
         path = random_path(seed, largest)
         law = (2.5, 12.0, pinching, unloading)
@@ -254,7 +254,7 @@ SIDES = {
 @pytest.mark.parametrize("sides", SIDES)
 @pytest.mark.parametrize("pinching", [(1.0, 1.0), (0.3, 0.5), (0.6, 0.2)])
 @pytest.mark.parametrize(("capacity", "exponent"), [(math.inf, 1.0), (150.0, 1.0), (100.0, 1.5)])
-def test_imk_by_curves(sides, pinching, capacity, exponent):
+def test_imk_agrees_with_curves(sides, pinching, capacity, exponent):
     for seed in range(4):
         path = random_path(seed, 9.0, turns=25)
         story = ImkCurves(*SIDES[sides], capacity, exponent, pinching)
@@ -269,7 +269,7 @@ def test_imk_by_curves(sides, pinching, capacity, exponent):
 # ---- Relatives
 
 
-def test_without_pinching_and_before_its_ultimate_drift_the_trilinear_law_is_the_peak_oriented_one():  # noqa: E501
+def test_trilinear_law_without_pinching_equals_peak_oriented_law():
     path = random_path(1, 15.0)
     hardening = 2.0 / 19.0
     clough = imposed(Law("peak-oriented", (1.0, hardening, 0.3)), path)
@@ -281,7 +281,7 @@ def test_without_pinching_and_before_its_ultimate_drift_the_trilinear_law_is_the
 # ---- By hand
 
 
-def test_the_backbone_of_the_imk_law():
+def test_backbone_curve_of_imk_law():
     """Yield at 1, capping at 5 with 1.2, down by 0.15 each, residual 0.2 from 5 + 1 / 0.15 on,
     nothing beyond 15."""
     path = imposed(
@@ -295,7 +295,7 @@ def test_the_backbone_of_the_imk_law():
     assert path.strain_energy[-1] == 0.0
 
 
-def test_a_story_whose_deterioration_exceeds_one_carries_nothing():
+def test_story_with_complete_deterioration_has_zero_force():
     """To 3: work 0.5 + 2.1, of which 1.1^2 / 2 is given back: beta = 1.995 / (capacity - 1.995) on
     turning."""
     spent = 0.5 + 2.1 - 0.5 * 1.1**2
@@ -307,14 +307,14 @@ def test_a_story_whose_deterioration_exceeds_one_carries_nothing():
     assert alive.shear[1] == pytest.approx(1.1 - 0.1 * (1.0 - 1.0 / 3.0), rel=1e-12)
 
 
-def test_a_turn_at_zero_residual_force_is_a_passage_of_zero():
+def test_reversal_at_zero_residual_force_is_zero_crossing():
     """Beyond the end of the capping line there is no force; back, the other side is loaded at
     once."""
     path = imposed(imk(side(residual=0.0)), [14.0, 13.5, -1.0, -1.5])
     assert path.shear == pytest.approx([0.0, -0.5 / 15.0, -1.0, -1.025], abs=1e-12)
 
 
-def test_a_farthest_point_that_zero_force_passed_lies_ahead():
+def test_zero_crossing_beyond_peak_keeps_force_continuous():
     """A first turn that takes most of the unloading stiffness: zero force lies beyond the other
     side's yield point, and the force grows again from there without a jump."""
     law = imk(side(plastic=20.0), deterioration=19.6)
@@ -326,7 +326,7 @@ def test_a_farthest_point_that_zero_force_passed_lies_ahead():
 
 
 @pytest.mark.skipif(not LOOPS, reason="TDINT_LAW_LOOPS does not name a folder")
-def test_loops_of_another_program():
+def test_loops_agree_with_other_program():
     laws = {
         "hysteretic_w1_high": trilinear(3.0, 1.0 + 2.0 / 0.0870354, 0.8, 0.1),
         "hysteretic_urm_pre": trilinear(2.0, 1.0 + 1.0 / 0.111111, 0.2, 0.1),
@@ -389,7 +389,7 @@ def bouc_wen(draw):
     st.one_of(peak_oriented(), any_trilinear(), bilinear(), bouc_wen()),
     st.lists(st.floats(-40.0, 40.0), min_size=2, max_size=40),
 )
-def test_dissipation_never_falls(law, drifts):
+def test_dissipated_energy_does_not_decrease(law, drifts):
     path = imposed(law, [0.0, *drifts])
     work = path.hysteretic_energy + path.strain_energy
     assert np.min(np.diff(path.hysteretic_energy)) >= -1e-12 * np.max(work, initial=1.0)
@@ -398,7 +398,7 @@ def test_dissipation_never_falls(law, drifts):
 
 @pytest.mark.parametrize("hardening", [0.02, 0.1, 0.5])
 @pytest.mark.parametrize("unloading", [0.5, 0.9])
-def test_cycles_of_a_peak_oriented_story_that_hardens(hardening, unloading):
+def test_cycles_of_hardening_peak_oriented_story(hardening, unloading):
     """Cycles of growing and of constant amplitude: the work of a closed one is the area that it
     encloses."""
     for largest in (3.0, 10.0, 100.0):
@@ -422,7 +422,7 @@ def test_cycles_of_a_peak_oriented_story_that_hardens(hardening, unloading):
         assert path.strain_energy[peak] <= 0.5 * path.shear[peak] * path.drift[peak] * (1.0 + 1e-12)
 
 
-def test_the_bounds_leave_common_stories_alone():
+def test_bounds_do_not_affect_common_stories():
     """Takeda's 0.4 with 5 % hardening unloads as stated up to a ductility of hundreds."""
     for ductility in (1.5, 6.0, 300.0):
         path = imposed(Law("peak-oriented", (1.0, 0.05, 0.4)), [0.0, ductility, ductility - 0.001])

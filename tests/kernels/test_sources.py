@@ -72,7 +72,7 @@ def changed(copy):
     return edit
 
 
-def test_the_module_of_a_law_has_its_name():
+def test_module_of_law_has_name_of_law():
     """By which those that a kernel is compiled without are found."""
     for law in LAWS:
         assert law.functions.__module__ == "tdint.kernels.laws." + law.name.replace("-", "_")
@@ -100,7 +100,7 @@ def file_of(module):
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_what_a_kernel_imports_is_found_as_by_parsing(name):
+def test_imports_of_kernel_agree_with_parsed_imports(name):
     found, new = set(), [MODULES[name]]
     while new:
         module = new.pop()
@@ -116,28 +116,26 @@ def test_what_a_kernel_imports_is_found_as_by_parsing(name):
     assert set(sources.closure(MODULES[name])) == found | set(sources._COMPILING)
 
 
-def test_an_edit_of_a_method_leaves_the_kernels_of_others(changed):
+def test_edited_method_does_not_change_other_kernels(changed):
     assert changed("methods/bathe.py") == [{"tdint.methods.bathe:step"}] * 2
     assert changed("kernels/building/load_or_compile.py") == [set(), set()]
 
 
-def test_an_edit_at_two_removes_counts(changed):
+def test_edited_indirect_import_changes_kernels(changed):
     everything, linear = changed("kernels/layout.py", "\nNO_ROW = 7\n")
     assert everything == linear
     assert "tdint.methods.impulse4:step" in everything
     assert "tdint.kernels.oscillators.elastic:peaks" not in everything
 
 
-def test_a_law_that_is_left_out_does_not_count(changed):
+def test_edited_unused_law_does_not_change_kernels(changed):
     everything, linear = changed("kernels/laws/imk.py")
     assert "tdint.methods.moment4:step" in everything
     assert not linear
     assert changed("kernels/building/compiler.py") == [set(MODULES)] * 2
 
 
-def test_a_kernel_outside_the_package_counts_by_its_file_and_what_that_imports(
-    tmp_path, copy, monkeypatch
-):
+def test_digest_of_external_kernel_includes_its_imports(tmp_path, copy, monkeypatch):
     small = tmp_path / "small.py"
     small.write_text(SMALL.read_text())
     monkeypatch.setitem(sys.modules, "small", SimpleNamespace(__file__=str(small)))
@@ -150,7 +148,7 @@ def test_a_kernel_outside_the_package_counts_by_its_file_and_what_that_imports(
     assert sources.digest("small:scaled") != first
 
 
-def test_versions_alone_name_the_folder(copy):
+def test_directory_name_depends_only_on_versions(copy):
     before, named, stepping = (
         sources.digest_of_all(),
         folder_name.__wrapped__(),

@@ -22,7 +22,7 @@ from tdint.methods.impulse4 import coefficients
 
 @pytest.mark.parametrize("modes", [0, 1, 3, 8])
 @pytest.mark.parametrize("n", [1, 2, 8])
-def test_tridiagonal_with_low_rank(n, modes):
+def test_tridiagonal_solution_with_low_rank_term(n, modes):
     modes = min(modes, n)
     generator = np.random.default_rng(n * 10 + modes)
     law_state = generator.uniform(1.0, 2.0, n)
@@ -47,7 +47,7 @@ def test_tridiagonal_with_low_rank(n, modes):
 
 @pytest.mark.parametrize("modes", [0, 1, 5])
 @pytest.mark.parametrize("n", [1, 2, 5])
-def test_blocks_with_low_rank(n, modes):
+def test_block_solution_with_low_rank_term(n, modes):
     modes = min(modes, n)
     generator = np.random.default_rng(n * 10 + modes)
     b = generator.uniform(-0.3, 0.3, (4, n))
@@ -102,7 +102,7 @@ def chain(n, modes, generator):
 
 @pytest.mark.parametrize("modes", range(6))
 @pytest.mark.parametrize("n", [1, 2, 5, 8])
-def test_pairs_with_low_rank(n, modes):
+def test_complex_solution_with_low_rank_term(n, modes):
     """(M + l C + l^2 K) w = r, as a dense complex matrix; l from the shortest steps to those that
     see no mass."""
     modes = min(modes, n)
@@ -127,7 +127,7 @@ def test_pairs_with_low_rank(n, modes):
 
 @pytest.mark.parametrize("omega_h", [1e-2, 1.0, 30.0, 1e4])
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 1.0])
-def test_a_straight_step_of_impulse4_is_newtons(rho_inf, omega_h):
+def test_direct_step_of_impulse4_equals_newton_step(rho_inf, omega_h):
     """One complex solve in place of two unknowns a floor, from any state. Rounding is that of the
     stiffness beside the mass: omega h of it in the motion, once more in the acceleration, which is
     a difference of forces."""

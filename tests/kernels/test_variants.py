@@ -70,7 +70,7 @@ def marched(prepared, method):
 
 
 @pytest.mark.parametrize(("laws", "methods"), CASES)
-def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(laws, methods, monkeypatch):
+def test_specific_variant_and_general_variant_agree_to_last_bit(laws, methods, monkeypatch):
     assembled = building(laws)
     variant = PreparedBuilding(assembled).variant
     # At once: what loops of several methods share is compiled once.
