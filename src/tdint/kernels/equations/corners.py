@@ -5,7 +5,8 @@ the rate of the accelerations. The quintic interpolant between the endpoints of 
 (`tdint.kernels.peaks_between_steps`) does not represent corners. Here the times of the corners and
 the story forces follow from the paths of the stories (`tdint.kernels.stories.path`), and the
 accelerations follow from equilibrium at nodes: the endpoints of the step, the corners, and the
-midpoints between them. Times t are fractions of the step, from 0 to 1.
+midpoints between them. Times t are fractions of the step, from 0 to 1. The displacements of floors
+and the drifts of stories are parabolas in the step, d0 + rise t + bend (t^2 - t) / 2.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ _MIN_DISTANCE = 1e-6
 def _story_value(linear_terms, scratch, row, i):
     """Return the difference between floor `i` and the floor below for a row of floor values.
 
-    For displacements, it is the drift of story `i`.
+    For displacements, it is the drift of story `i`. A story on the ground (LINK 0) has no floor
+    below, and the value of floor `i` is returned.
 
     Parameters
     ----------
@@ -56,6 +58,9 @@ def _story_value(linear_terms, scratch, row, i):
 @inline
 def _story_path(linear_terms, law_state, scratch, i):
     """Return the parabola of drift of story `i` over the complete step.
+
+    d(t) = d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1. d0 is the committed drift, rise and
+    bend are differences of the rows RISE and BEND of the floors, all in m.
 
     Parameters
     ----------
@@ -78,7 +83,10 @@ def _story_path(linear_terms, law_state, scratch, i):
 
 @inline
 def _skip_branch(law_state, i, block, segment, results):
-    """Do nothing along a branch; `path.along_branches` calls this function for each branch.
+    """Do nothing along a branch; `path.along_branches` calls this function for each branch on a
+    path.
+
+    Only the ends of the branches are needed here.
 
     Parameters
     ----------
@@ -107,7 +115,7 @@ def _ignore_branch_end(results, i, t, force):
     i : int
         Index of the story.
     t : float
-        Time of the end of the branch.
+        Time of the end of the branch, as a fraction of the step.
     force : float
         Force, N.
     """
@@ -118,19 +126,20 @@ def _ignore_branch_end(results, i, t, force):
 def _store_corner(results, i, t, force):
     """Insert the time of a corner into the sorted list of corners, and update the peak shear.
 
-    The list is in column 0 of the rows CORNERS. Corners at an endpoint of the step, and more than
-    MAX_CORNERS corners, are not inserted.
+    A corner is a branch change or a reversal of a story. The list is in column 0 of the scratch
+    rows CORNERS: the number of corners, then their times in ascending order. Corners at an endpoint
+    of the step, and more than MAX_CORNERS corners, are not inserted.
 
     Parameters
     ----------
     results : Integrals
-        Rows CORNERS of the scratch array; the first row contains the number of corners.
+        Scratch array, and the first of its rows CORNERS.
     i : int
         Index of the story.
     t : float
-        Time of the corner, between 0 and 1.
+        Time of the corner as a fraction of the step, between 0 and 1.
     force : float
-        Force of the story, N.
+        Force of the story at the corner, N.
     """
     scratch, first = results
     raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
@@ -150,15 +159,17 @@ _follow_path = path.along_branches(_skip_branch, _ignore_branch_end)
 
 @inline
 def _direction(segment, no_reversal):
-    """Return the direction in which a story moves along a part of its path: 1, -1 or 0.
+    """Return the direction of the movement of a story along a part of its path: 1, -1 or 0.
+
+    The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step.
 
     Parameters
     ----------
     segment : PathSegment
-        Part of the path.
+        Part of the path: coefficients of d(t), m, and its first and last time.
     no_reversal : bool
-        True if the story has no reversal in the step; the direction is then that of its complete
-        path.
+        True if the story has no reversal in the step; the direction is then the sign of the rise,
+        the change of drift over the complete step.
     """
     drift_change = (
         segment.rise
@@ -172,9 +183,10 @@ def _direction(segment, no_reversal):
 def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     """Find the corners of story `i` in the step: its branch changes and its reversal.
 
-    The law follows the parabola of drift in the trial state SECOND_TRIAL: first to the reversal (or
-    to the end of the step, if there is no reversal), then from the reversal to the end. The
-    committed state is not changed.
+    The law follows the parabola of drift d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1, in
+    the trial state SECOND_TRIAL: first to the reversal (or to the end of the step, if there is no
+    reversal), then from the reversal to the end. The committed state is not changed. Each corner is
+    stored with `_store_corner`.
 
     Parameters
     ----------
@@ -183,11 +195,11 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     i : int
         Index of the story.
     complete : PathSegment
-        Complete path.
+        Parabola of drift over the complete step.
     no_reversal : bool
-        True if the story has no reversal in the step.
+        True if the story has no reversal in the step, even if the parabola has an extremum.
     corners : Integrals
-        Rows of the corners.
+        Scratch array and its first row CORNERS, which receives the times of the corners.
     """
     path.copy(law_state, i, 0, rows.SECOND_TRIAL)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
@@ -223,8 +235,10 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
 def _store_nodes(scratch, n):
     """Compute the times of the nodes and return their number.
 
-    The nodes are the endpoints of the step, the corners, and the midpoints between them. Their
-    times, as fractions of the step, are stored in the last column (n) of the rows NODE_FORCE.
+    The nodes are the endpoints of the step, the corners (rows CORNERS), and the midpoints between
+    them. Corners that are closer than _MIN_DISTANCE to the previous node are omitted. The times, as
+    fractions of the step, are stored in the last column (n, the number of floors) of the rows
+    NODE_FORCE.
     """
     scratch[ROW.NODE_FORCE, n] = 0.0
     count = 1
@@ -245,10 +259,14 @@ def _store_nodes(scratch, n):
 def _store_forces(scene, h, memory, i, count):
     """Compute the force of story `i` at all nodes, including P-delta and without dampers, N.
 
-    The rows NODE_FORCE receive the forces. If the story remains on its linear branch, the force
-    follows from the stiffness of this branch. If it leaves a linear branch, the law is evaluated
-    along the path of the story from node to node. The force of a curved law is approximated by a
-    parabola of time.
+    The nodes are times within the step (fractions t, in column n of rows NODE_FORCE). Rows
+    NODE_FORCE receive the forces at the drifts of the nodes (rows NODE_DISPLACEMENT):
+
+    - on a linear branch that the story does not leave, f0 + k (d - d0) with its stiffness k,
+    - for a story that leaves a linear branch, the law along the parabola of drift
+      d0 + rise t + bend (t^2 - t) / 2, from node to node,
+    - for a curved law, the parabola of s = t - 1/2 with the mean F0, the first moment F1 and
+      the initial value f0 of the force: F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2).
 
     Parameters
     ----------
@@ -257,7 +275,7 @@ def _store_forces(scene, h, memory, i, count):
     h : float
         Length of the step, s.
     memory : Memory
-        Law states and scratch array.
+        Law states and scratch array. Rows PATH contain F0 and F1 with P-delta and dampers, N.
     i : int
         Index of the story.
     count : int
@@ -323,8 +341,12 @@ def _store_forces(scene, h, memory, i, count):
 def _store_accelerations(scene, h, load, scratch, k):
     """Compute the absolute accelerations of all floors at node `k` from equilibrium.
 
-    Row NODE_ACCELERATION + k receives the accelerations, m/s^2. In row NODE_FORCE + k, the story
-    forces are replaced by total shears, which include all viscous forces, N.
+    The absolute acceleration of floor i is (p - c v + modal damping - V_i + V_(i+1)) / m, with the
+    floor force p, the floor damper c, and the forces V of the stories below and above, including
+    story dampers. The load by the ground motion is not a part, because it is the inertia of the
+    ground motion. Row NODE_ACCELERATION + k receives the accelerations, m/s^2. In row NODE_FORCE +
+    k, the story forces are replaced by total shears, which include all viscous forces of the floors
+    above, N.
 
     Parameters
     ----------
@@ -377,11 +399,19 @@ def _store_accelerations(scene, h, load, scratch, k):
 def _integrate_accelerations(h, load, memory, i, count):
     """Integrate the accelerations of floor `i` at the nodes to displacements and velocities.
 
-    Between two corners the acceleration is the parabola through three nodes: both corners and their
-    midpoint. Integrated once and twice, it gives the velocities (times h) and the displacements,
-    both relative to the start of the step and in m. Displacement and velocity at the end then
-    differ slightly from the results of the step. Therefore, a linear function of time is added to
-    the acceleration.
+    Between two corners the acceleration is the parabola through three nodes with the values a0, a1,
+    a2 (times h^2): both corners and their midpoint. With the half interval x between two corners
+    (fraction of the step), displacement u and velocity v (times h) at the first node,
+
+        midpoint        v + x (5 a0 + 8 a1 - a2) / 12
+                        u + x v + x^2 (3.5 a0 + 3 a1 - 0.5 a2) / 12
+        second corner   v + x (a0 + 4 a1 + a2) / 3
+                        u + 2 x v + x^2 (2 a0 + 4 a1) / 3
+
+    Displacements are relative to the start of the step. Displacement and velocity at the end then
+    differ slightly from the results of the step (rows RISE and A0). Therefore, a linear function of
+    time is added to the acceleration. Rows NODE_DISPLACEMENT and NODE_VELOCITY receive the results,
+    m.
 
     Parameters
     ----------
@@ -440,6 +470,10 @@ def _integrate_accelerations(h, load, memory, i, count):
 def _relative_acceleration(h, load, scratch, k, i, n):
     """Return h^2 times the acceleration of floor `i` at node `k`, relative to the ground, m.
 
+    It is the absolute acceleration (row NODE_ACCELERATION + k) minus the ground acceleration, which
+    is linear within the step. The time of the node as a fraction of the step is in column n of row
+    NODE_FORCE + k.
+
     Parameters
     ----------
     h : float
@@ -467,27 +501,29 @@ def _relative_acceleration(h, load, scratch, k, i, n):
 def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
     """Return True if the force of a story may exceed its peak within the step.
 
-    The force can have its maximum within the step at a reversal or at the end of the current linear
-    branch. Both are estimated with the stiffness of this branch.
+    The drift changes by rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. The force
+    can have its maximum within the step at a reversal, where the rate rise + bend (t - 1/2) is
+    zero, or at the end of the current linear branch. Both are estimated with the stiffness of this
+    branch.
 
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
+        Committed states of the laws: FORCE (N), DRIFT (m), stiffness SLOPE (N/m) and limits LOWER
+        and UPPER of the branch (m).
     scratch : ndarray
-        Scratch array with the peaks.
+        Scratch array with the peaks of the run, rows PEAKS.
     i : int
         Index of the story.
     rise, bend : float
-        Coefficients of the drift change rise s + bend (s^2 - s) / 2, m. The fraction s of the step
-        is 0 at the start and 1 at the end.
+        Coefficients of the change of drift, m.
     """
     drift_change = abs(rise) + 0.5 * abs(bend)  # bound of the change of drift within the step
-    # The derivative rise + bend (s - 1/2) is zero within the step, at a reversal, if
-    # 2 |rise| < |bend|.
+    # There is a reversal within the step if 2 |rise| < |bend|.
     max_force = abs(law_state[rows.FORCE, i]) + abs(law_state[rows.SLOPE, i]) * drift_change
     peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
     may_exceed = (2.0 * abs(rise) < abs(bend)) & (max_force > peak)
+    # Force at both limits of the branch that are within reach
     for row in (rows.UPPER, rows.LOWER):
         distance = law_state[row, i] - law_state[rows.DRIFT, i]
         may_exceed |= (abs(distance) <= drift_change) & (
@@ -500,10 +536,11 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
 def _may_exceed_peaks(scene, h, load, memory):
     """Return True if a force, an acceleration or a total shear may exceed its peak within the step.
 
-    The result is False if no story leaves a linear branch. The accelerations and shears at the
-    endpoints of the step are compared with the peaks, after a bound of the deviation due to corners
-    (_FORCE_DEVIATION) is added. With forces on floors, the result is True whenever a story leaves
-    a linear branch.
+    The accelerations and shears at the endpoints of the step are compared with the peaks, after a
+    bound of the deviation due to corners is added: _FORCE_DEVIATION times initial stiffness times
+    (|rise| + |bend| / 2), a bound of the change of drift d0 + rise t + bend (t^2 - t) / 2 in the
+    step, t from 0 to 1. The result is False if all stories remain on linear branches. With forces
+    on floors it is otherwise always True.
 
     Parameters
     ----------
@@ -514,7 +551,8 @@ def _may_exceed_peaks(scene, h, load, memory):
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
-        State, law states and scratch array.
+        State, law states and scratch array. Rows A0 and A1 contain h^2 times the mean and the
+        change of the acceleration over the step (m), rows PEAKS the peaks of the run.
     """
     linear_terms, _, law_parameters, forces, _ = scene
     _, law_state, scratch, _ = memory
@@ -523,7 +561,10 @@ def _may_exceed_peaks(scene, h, load, memory):
     any_leaves = False
     may_exceed = FORCES and forces.shape[0] > 0
     deviation_above = shear_0 = shear_1 = 0.0
+    # From the roof downwards; shear_0 and shear_1 are sums of mass times absolute acceleration at
+    # the start and at the end of the step.
     for i in range(n - 1, -1, -1):
+        # Deviation of the story force from a straight line due to corners, N
         deviation = 0.0
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
             any_leaves = True
@@ -579,9 +620,10 @@ def update_peaks_at_corners(scene, h, load, memory):
 def _update_peaks_at_corners(scene, h, load, memory):
     """Find the corners of all stories, and update the peaks at and between the corners.
 
-    The peaks of story forces, accelerations and total shears are updated. The observer
-    (`tdint.kernels.time_loop.observer`) then computes no other peaks of these quantities within the
-    step.
+    A corner is a branch change or a reversal of a story within the step. The peaks of story forces,
+    accelerations and total shears are updated in the rows PEAKS of the scratch array. The observer
+    (`tdint.kernels.time_loop.observer`) receives the first row, ROW.PEAKS, in the status, and
+    computes no other peaks of these quantities within the step.
 
     Parameters
     ----------
@@ -601,6 +643,7 @@ def _update_peaks_at_corners(scene, h, load, memory):
     scratch[ROW.CORNERS, 0] = 0.0
     for i in range(n):
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
+            # Corners of the story, and peaks of its force
             complete = _story_path(scene.linear_terms, law_state, scratch, i)
             no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
             _find_corners(
@@ -617,12 +660,63 @@ def _update_peaks_at_corners(scene, h, load, memory):
     _update_peaks_between_corners(scene, h, load, memory)
 
 
+@inline
+def _store_first_response(h, memory, i, count):
+    """Store displacements and velocities of floor `i` at the nodes from a cubic function of time.
+
+    The cubic has the displacements and velocities of the step at both endpoints. With the time t
+    from 0 to 1 over the step and s = t - 1/2,
+
+        u(t) - u0 = t (D + w (t - 1) / 2) - 10 s (s^2 - 1/4) c
+        h v(t)    = D + s w + (5/2 - 30 s^2) c
+        c = (D - h v0) / 5 - w / 10
+
+    where D (row RISE, m) is the change of displacement, w (row A0, m) is h times the change of
+    velocity, and v0 (m/s) is the velocity at the start. The value of c gives h v(0) = h v0.
+
+    Parameters
+    ----------
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State and scratch array. Rows NODE_FORCE contain the times t of the nodes in the last
+        column. Rows NODE_DISPLACEMENT receive u - u0, rows NODE_VELOCITY h v, both in m.
+    i : int
+        Index of the floor.
+    count : int
+        Number of nodes.
+    """
+    state, _, scratch, _ = memory
+    n = state.shape[1] - 1
+    rise, velocity_change = scratch[ROW.RISE, i], scratch[ROW.A0, i]
+    cubic = 0.2 * (rise - h * state[rows.VELOCITY, i]) - 0.1 * velocity_change
+    for k in range(count):
+        s = scratch[ROW.NODE_FORCE + k, n] - 0.5
+        t = s + 0.5
+        scratch[ROW.NODE_DISPLACEMENT + k, i] = (
+            t * (rise + 0.5 * velocity_change * (t - 1.0)) - 10.0 * s * (s * s - 0.25) * cubic
+        )
+        scratch[ROW.NODE_VELOCITY + k, i] = (
+            rise + s * velocity_change + (2.5 - 30.0 * s * s) * cubic
+        )
+
+
 @outlined
 def _update_peaks_between_corners(scene, h, load, memory):
     """Update the peaks of accelerations and total shears at the corners and between them.
 
-    The displacements at the nodes determine the story forces, these the accelerations, and these
-    the displacements. The fixed-point iteration starts from cubics and has _PASSES passes.
+    A corner is the time of a branch change or of a reversal of a story within the step. The
+    responses are computed at nodes: the endpoints of the step, the corners, and the midpoints
+    between them. Each pass of a fixed-point iteration consists of three computations at all nodes:
+
+        1. displacements and velocities of the floors: in the first pass, cubic functions of time
+           through the endpoint values of the step; in the next passes, integrals of the
+           accelerations of the previous pass
+        2. story forces at these displacements, from the laws
+        3. absolute accelerations of the floors and total shears of the stories, from equilibrium
+
+    The peaks are raised by the values of the last pass at the nodes and by the extrema of the
+    parabolas through a corner, the next midpoint and the next corner.
 
     Parameters
     ----------
@@ -635,24 +729,11 @@ def _update_peaks_between_corners(scene, h, load, memory):
     memory : Memory
         State and scratch array.
     """
-    state, _, scratch, _ = memory
+    scratch = memory.scratch
     n = scene.linear_terms.shape[1] - 1
     count = _store_nodes(scratch, n)
-    # Displacements and velocities of the first pass: the cubic with the displacements and
-    # velocities of the step at both endpoints
     for i in range(n):
-        rise, velocity_change = scratch[ROW.RISE, i], scratch[ROW.A0, i]  # the latter times h
-        # Coefficient of the cubic term, for which the velocity at the start is that of the step
-        cubic = 0.2 * (rise - h * state[rows.VELOCITY, i]) - 0.1 * velocity_change
-        for k in range(count):
-            s = scratch[ROW.NODE_FORCE + k, n] - 0.5
-            t = s + 0.5
-            scratch[ROW.NODE_DISPLACEMENT + k, i] = (
-                t * (rise + 0.5 * velocity_change * (t - 1.0)) - 10.0 * s * (s * s - 0.25) * cubic
-            )
-            scratch[ROW.NODE_VELOCITY + k, i] = (
-                rise + s * velocity_change + (2.5 - 30.0 * s * s) * cubic
-            )
+        _store_first_response(h, memory, i, count)
     for pass_index in range(_PASSES):
         if pass_index > 0:
             for i in range(n):

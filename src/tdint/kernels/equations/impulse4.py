@@ -1,9 +1,18 @@
 """Response of all floors over a step of `impulse4`: the impulse-momentum step with the integrated
 restoring force.
 
-The unknowns are u1 - u0 and v1 - v0 of each floor; a1 is eliminated by equilibrium. The restoring
-force is integrated over the step by a quadrature rule with one inner point.
-`tdint.methods.impulse4` contains the formulas and the coefficients.
+Displacement, velocity and acceleration of a floor are u0, v0, a0 at the start and u1, v1, a1 at the
+end of the step of length h. The unknowns are u1 - u0 and v1 - v0 of each floor; a1 is eliminated by
+equilibrium. The restoring force f is integrated over the step by a quadrature rule with an inner
+point (suffix `_c`):
+
+    kinematics    u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
+    momentum      M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
+    equilibrium   M a1 + C v1 + f(u1) = p1
+    inner point   uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
+
+with the impulse I of the load over the step and the load p1 at its end. `tdint.methods.impulse4`
+contains the derivation and the coefficients.
 """
 
 from __future__ import annotations
@@ -88,7 +97,7 @@ class _Rows(NamedTuple):
     # First row of the trial state that precedes the state at the end of the step: the inner point
     # or the reversal, whichever is later. Used if KINK is not 0
     PREVIOUS_BLOCK: int = 1
-    # average of the dashpot forces at both endpoints minus their mean over the step, N
+    # average of the dashpot force at the two endpoints minus its mean over the step, N
     DASHPOT_MISMATCH: int = 1
     # real and imaginary part of the right side r1 + l r2, then of the solution w (`solve_linear`)
     COMPLEX: int = 2
@@ -155,15 +164,19 @@ def factor_rows(modes):
     """Return the number of rows of a factorization for a building with `modes` modally damped
     modes.
 
-    The rows of `_Block` are followed by 6 modes + 1 rows for each of the two matrices: four rows
-    with solutions and two rows of the small inverse for each mode, and one temporary row.
+    The rows of `_Block` are followed by 6 modes + 1 rows for each of the two matrices (complex
+    matrix for linear branches, matrix of Newton's method): four rows with solutions and two rows of
+    the small inverse for each mode, and one temporary row.
     """
     return _STORE + 2 * (6 * modes + 1)
 
 
 @inline
 def store_load(linear_terms, forces, t, h, ground_0, ground_1, scratch):
-    """Store the load at the end of the step and the exact impulse over [t, t + h].
+    """Store the load at the end of the step and the exact impulse of the load over [t, t + h].
+
+    The load is p = -m ag + forces on floors, with the ground acceleration ag, linear within the
+    step.
 
     Parameters
     ----------
@@ -174,7 +187,7 @@ def store_load(linear_terms, forces, t, h, ground_0, ground_1, scratch):
     ground_0, ground_1 : float
         Ground acceleration at both endpoints, m/s^2.
     scratch : ndarray
-        Rows LOAD and IMPULSE are set.
+        Rows LOAD (N) and IMPULSE (N s) are set.
     """
     floor_load(linear_terms, forces, t + h, ground_1, scratch, momentum.LOAD)
     floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, momentum.IMPULSE)
@@ -182,15 +195,17 @@ def store_load(linear_terms, forces, t, h, ground_0, ground_1, scratch):
 
 @inline
 def solve_linear(coefficients, scene, h, memory, factors):
-    """Compute the response over a step in which no story leaves its branch, by one linear solution.
+    """Compute the response over a step without a branch change by a single linear solution.
 
-    The unknowns are the increments du = u1 - u0 and dv = v1 - v0. Kinematics (times M) and
-    momentum, with the residuals r1 and r2 for zero increments, are
+    The unknowns are the increments du = u1 - u0 and dv = v1 - v0 of the floors over the step of
+    length h. Kinematics (times M) and momentum, with the residuals r1 and r2 for zero increments,
+    are
 
         (M - be h^2 K) du - (th h M + be h^2 C) dv = r1,   (C + th h K) du + (M - be h^2 K) dv = r2
 
-    With l^2 - th h l + be h^2 = 0, the first equation plus l times the second equation is a single
-    complex equation,
+    where th and be are coefficients of the method, C is the damping and K the stiffness of the
+    branches. With l^2 - th h l + be h^2 = 0, the first equation plus l times the second equation is
+    a single complex equation,
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
@@ -200,7 +215,7 @@ def solve_linear(coefficients, scene, h, memory, factors):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: th, al, be (kinematics), weights of the impulse, and l / h.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -222,6 +237,7 @@ def solve_linear(coefficients, scene, h, memory, factors):
         factors + _STORE + 6 * modal.shape[0] + 1,
     )
     damping = ModalBlocks(modal, root_re, -root_im, root_im, root_re)
+    # The factorization depends on the stiffnesses of the branches and on h.
     slopes_row = factors + _BLOCK.LINEAR_SLOPES
     if _right_side(coefficients, scene, h, memory, slopes_row):
         for i in range(n):
@@ -236,15 +252,21 @@ def solve_linear(coefficients, scene, h, memory, factors):
 def _right_side(coefficients, scene, h, memory, slopes_row):
     """Compute the right side r1 + l r2 of the linear equations of a step.
 
-    The equation is (M + l C + l^2 K) w = r1 + l r2 (see `solve_linear`), with the complex root
-    l = h (ROOT_RE + i ROOT_IM) of l^2 - th h l + be h^2 = 0. r1 is the residual of the kinematic
-    equation times M, and r2 the residual of the momentum equation, for zero increments, u1 = u0 and
-    v1 = v0. Real and imaginary part of the result are stored in the two scratch rows COMPLEX.
+    The equation is (M + l C + l^2 K) w = r1 + l r2 (see `solve_linear`), with the complex root l =
+    h (ROOT_RE + i ROOT_IM) of l^2 - th h l + be h^2 = 0. With zero increments, u1 = u0 and v1 = v0,
+
+        r1 = M (h v0 + h^2 (al a0 - be a1)),   M a1 = p1 - C v0 - f(u0)     kinematics
+        r2 = I - h (f(u0) + wc K (uc - u0)),   uc - u0 = h (g0 + g1) v0     momentum
+
+    with the load p1 at the end of the step, its impulse I, and the displacement uc at the inner
+    point of the quadrature with the weight wc. Real and imaginary part of the result are stored in
+    the two scratch rows COMPLEX.
 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: th, al, be, the weights w0, wc, w1, gd, g0, g1 of the
+        displacement at the inner point, and l / h.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -275,6 +297,7 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
     is_stale = scratch[slopes_row, n] != h
+    # From the roof downwards, because the force on a floor includes the story above.
     force_above = 0.0
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
@@ -294,6 +317,7 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
             - linear_terms[rows.FLOOR_DAMPER, i] * v
             - (force - force_above)
         )
+        # r2, then r1 + l r2
         momentum_residual = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
         scratch[ROW.COMPLEX, i] = (
             mass * (h * v + by_a0 * state[rows.ACCELERATION, i])
@@ -312,17 +336,18 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
 def _store_response(linear_terms, modal, root, state, law_state, scratch):
     """Compute the response at the end of the step from the solution w of `solve_linear`.
 
-    The increments follow from w = du - conj(l) dv:
+    The increments du = u1 - u0 and dv = v1 - v0 of the floors follow from w = du - conj(l) dv:
 
         dv = im(w) / im(l),   du = re(w) + re(l) dv
 
-    The accelerations follow from equilibrium. The rows DU, DV, U1, V1 and A1 are set.
+    The accelerations at the end follow from equilibrium, a1 = (p1 - C v1 - f(u1)) / m, with the
+    load p1 and the linear restoring force f. The rows DU, DV, U1, V1 and A1 are set.
 
     Parameters
     ----------
     linear_terms, modal : ndarray
-        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
-        matrix C = sum of w w^T.
+        Masses, dampers and geometric stiffnesses of the building; rows w_j of the modal damping
+        matrix C = sum of w_j w_j^T.
     root : tuple of float
         Real and imaginary part of l, s.
     state, law_state : ndarray
@@ -369,7 +394,10 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
 
 @outlined
 def _add_modal_acceleration(linear_terms, modal, scratch, n):
-    """Add the effect of modal damping to the acceleration at the end of the step.
+    """Add the effect of modal damping to the acceleration at the end of the step: -C v1 / m.
+
+    The velocities v1 are in row V1, the accelerations in row A1. Row FORCE_1 is used for the
+    forces.
 
     Parameters
     ----------
@@ -392,22 +420,27 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
 def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     """Compute the response over a step by Newton's method for all stories together.
 
-    The unknowns are u1 - u0 and v1 - v0 of each floor; a1 is eliminated by equilibrium. If the
-    iteration cycles, corrections are halved until they reduce the residuals.
+    The unknowns are u1 - u0 and v1 - v0 of each floor; a1 is eliminated by equilibrium:
 
-    The tolerance of the residuals is a small fraction of the error of the steps of the run. Both
-    are of order 4 in the time step. The order of the method therefore remains 4, and coarse steps
-    need fewer iterations.
+        kinematics    u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
+        momentum      M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
+        equilibrium   M a1 + C v1 + f(u1) = p1
+
+    with the restoring force f, the displacement uc at the inner point of the quadrature, the
+    impulse I of the load and its value p1 at the end. If the iteration cycles, corrections are
+    halved until they reduce the residuals. The tolerance of the residuals is a small fraction of
+    the error of the steps of the run. Both are of order 4 in the time step. The order of the method
+    therefore remains 4, and coarse steps need fewer iterations.
 
     Parameters
     ----------
     keep_branches : bool
         True if stories with a linear branch remain on this branch.
     has_guess : bool
-        True if the rows DU and DV contain the first estimate; otherwise it is the motion with
-        constant acceleration.
+        True if the rows DU and DV contain the first estimate of u1 - u0 and v1 - v0; otherwise it
+        is the motion with constant acceleration.
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: th, al, be, weights of the impulse, and the inner point.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -420,13 +453,14 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     Returns
     -------
     int
-        Number of linear solves, at least 1, or NOT_CONVERGED.
+        Number of linear solves, at least 1, or NOT_CONVERGED (negative).
     """
     linear_terms, modal, _, _, _ = scene
     state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     if not has_guess:
         store_first_guess(1.0, h, state, scratch, n)
+    # Tolerance, from the relative mismatch of the mean acceleration in the run
     tolerance = RESIDUAL_TOLERANCE
     if scratch[ROW.RUN_MAXIMA, 1] > 0.0:  # zero before the first step of a run is complete
         mismatch = scratch[ROW.RUN_MAXIMA, 0] / scratch[ROW.RUN_MAXIMA, 1]
@@ -476,6 +510,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
             applied_fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
+        # Solve for the next correction and apply it fully.
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
         is_correction_negligible = correct(
@@ -491,26 +526,29 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
 def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
     """Compute the story forces and their impulses for the current estimate of the increments.
 
-    The laws are evaluated at the inner point (suffix `_c`) and at the end of the step. The force of
-    a story at the end includes P-delta and dampers; its impulse is
+    The laws are evaluated at the inner point (suffix `_c`), with the displacement uc, and at the
+    end of the step. With the force f of a story (law and P-delta), its damper c and its drift d,
 
-        h (w0 f0 + wc fc + w1 f1) + c (change of drift)
+        uc      = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
+        force   = f1 + c (drift rate at the end)                     row FORCE_1
+        impulse = h (w0 f0 + wc fc + w1 f1) + c (d1 - d0)            row FORCE_S
 
-    with the damping coefficient c. The rows U1, V1, FORCE_1, FORCE_S, TANGENT_C and TANGENT_1 are
-    set.
+    where the indices 0, c and 1 denote the start, the inner point and the end. The rows U1, V1,
+    FORCE_1, FORCE_S, TANGENT_C and TANGENT_1 are set. A power-law dashpot adds its force and
+    impulse.
 
     Parameters
     ----------
     keep_branches : bool
         True if stories with a linear branch remain on it.
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: weights w0, wc, w1, and gd, g0, g1 of the inner point.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
-        State, law states and scratch array.
+        State, law states and scratch array: rows DU (m) and DV (m/s) contain the increments.
     factors : int
         First scratch row of the factorization.
 
@@ -544,6 +582,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         )
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
+        # Drifts of story `i` at the inner point and at the end, change of drift, and drift rate
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         drift_c = uc - link * uc_below
         drift = u - link * u_below
@@ -572,6 +611,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
                 )
             force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
             force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
+        # The existing factorization is kept if its tangents are nearly equal to the new tangents.
         tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         is_stale = (
             is_stale or abs(tangent_c - scratch[factors + _BLOCK.FACTORED_C, i]) > tangent_tolerance
@@ -585,6 +625,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
         scratch[ROW.TANGENT_C, i] = tangent_c
         scratch[ROW.TANGENT_1, i] = tangent
+        # Force and impulse of the story
         geometric = linear_terms[rows.GEOMETRIC, i]
         mean = (
             coefficients[WEIGHT_0]
@@ -613,8 +654,12 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 
     The law is evaluated at three drifts in chronological order: at the reversal, at the inner point
     of the quadrature (suffix `_c`) and at the end of the step. The inner point can be before or
-    after the reversal. The drift within the step is the cubic Hermite interpolant of the drifts and
-    drift rates at both endpoints.
+    after the reversal. The drift within the step is the cubic Hermite interpolant of the drifts d0,
+    d1 and drift rates at both endpoints. With the time s from 0 to 1 over the step, r = 1 - s, and
+    h times the drift rates, w0 and w1,
+
+        d(s) = d0 + s^2 (3 - 2 s) (d1 - d0) + s r (r w0 - s w1)
+        d'(s) = r^2 w0 + 2 s r (3 (d1 - d0) - w0 - w1) + s^2 w1 = 0 at the reversal
 
     At the reversal, the tangent stiffness changes suddenly (kink of the force). The quadrature
     therefore has an error. Row KINK receives an estimate of this error as a fraction of the force
@@ -625,7 +670,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: the weights wc and w1 of the quadrature are used.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -687,7 +732,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     # Each call moves the law from the state in the first block (0: start of the step) to a drift,
     # stores the new state in the second block, and returns the tangent stiffness there. The inner
     # point is stored in FIRST_TRIAL, the end in SECOND_TRIAL and the reversal in THIRD_TRIAL.
-    if s < inner_fraction:
+    if s < inner_fraction:  # reversal, inner point, end
         loading_tangent = restoring_force_outlined(
             law_parameters, law_state, i, 0, rows.THIRD_TRIAL, reversal_drift
         )
@@ -698,7 +743,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
             law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.PREVIOUS_BLOCK, i] = rows.FIRST_TRIAL
-    else:
+    else:  # inner point, reversal, end
         tangent_c = restoring_force_outlined(
             law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
         )
@@ -709,6 +754,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.PREVIOUS_BLOCK, i] = rows.THIRD_TRIAL
+    # Estimated effect of the kink
     kink = abs(tangent - loading_tangent) * min(loading_change, unloading_change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         force_0, _ = power_damper(linear_terms, i, scaled_rate_0 / h)
@@ -723,20 +769,24 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 
 @outlined
 def keep_negligible_kinks(scene, h, memory):
-    """Set row KINK to 0 for the stories whose reversal is not negligible.
+    """Set row KINK to 0 for the stories with a reversal that must be located.
 
     The step is then divided at the reversals of these stories. Row KINK contains the estimated
     effect of each reversal, relative to the force of the story. A curved law has a kink of the
     force at a reversal. The reversal does not have to be located if the kink is small compared with
-    the largest error of a step in the run. This error is estimated by the mismatch between the
-    average of the accelerations at both endpoints and the mean acceleration over the step, squared,
-    weighted with the masses and summed over the floors. For a response with the frequency omega,
-    the relative mismatch is (omega h)^2 / 12 and its square is of order 4 in the time step h. The
-    effect of a kink is of order 2. Therefore, all reversals are located if the steps are small. The
-    forces of power-law dashpots are removed from the accelerations because they are discontinuous
-    at a reversal.
+    the largest error of a step in the run. This error is estimated by the relative mismatch Q / A:
 
-    The maxima of the mismatch and of the norm of the accelerations are updated in row RUN_MAXIMA.
+        Q = sum of m ((a0 + a1) / 2 - (v1 - v0) / h)^2,   A = sum of m (a0^2 + a1^2) / 2
+        KINK <= _MAX_KINK (maximum Q in the run) / A        the reversal is not located
+
+    over the floors with the masses m, velocities v0, v1 and accelerations a0, a1 at the start and
+    at the end of the step. For a response with the frequency omega, the relative mismatch of the
+    accelerations is (omega h)^2 / 12; its square is of order 4 in the time step h, the effect of a
+    kink of order 2. Therefore, all reversals are located if the steps are small. The forces of
+    power-law dashpots are removed from the accelerations because they are discontinuous at a
+    reversal.
+
+    The maxima of Q and A over the run are updated in row RUN_MAXIMA.
 
     Parameters
     ----------
@@ -750,11 +800,12 @@ def keep_negligible_kinks(scene, h, memory):
     linear_terms = scene.linear_terms
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
+    # Q and A of the step
     mismatch = acceleration_norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
-        # Average at both endpoints minus mean over the step: of the dashpot forces on floor `i`,
-        # then of its acceleration without these forces
+        # Average of the endpoint values minus mean over the step, for the dashpot forces on floor
+        # `i`, then for its acceleration without these forces
         dashpot_force = (
             scratch[ROW.DASHPOT_MISMATCH, i]
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.DASHPOT_MISMATCH, i + 1]
@@ -786,8 +837,11 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     """Add the power-law dashpot of story `i` to its force and impulse.
 
     The impulse is h (w0 f0 + wc fc + w1 f1) with the dashpot forces f0, fc and f1 at the start, at
-    the inner point and at the end of the step. The rows FORCE_1, FORCE_S, DASHPOT_MISMATCH, SLOPE_C
-    and SLOPE_1 of the scratch array are changed.
+    the inner point and at the end of the step. The drift rate at the inner point is
+    RATE_BY_INCREMENT (d1 - d0) / h + RATE_BY_VELOCITY_0 (rate at the start) + RATE_BY_VELOCITY_1
+    (rate at the end). Row FORCE_1 receives the force (N), FORCE_S the impulse (N s),
+    DASHPOT_MISMATCH the average of f0 and f1 minus the mean (N), SLOPE_C and SLOPE_1 the
+    derivatives of fc and f1 with respect to the drift rate (N s/m).
 
     Parameters
     ----------
@@ -800,7 +854,7 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     h : float
         Length of the step, s.
     increment : float
-        Change of drift in the step, m.
+        Change of drift d1 - d0 in the step, m.
     memory : Memory
         State and scratch array.
     factors : int
@@ -843,7 +897,11 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 
 @inline
 def _newton_factorization(scratch, factors):
-    """Return the location of the factorization of Newton's method in the scratch array."""
+    """Return the location of the factorization of Newton's method in the scratch array.
+
+    `factors` is the first row of all factorizations (`_Block`): diagonal blocks, couplings, and
+    terms of modal damping.
+    """
     return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
 
@@ -851,12 +909,18 @@ def _newton_factorization(scratch, factors):
 def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     """Assemble and factorize the matrix of Newton's method for the current tangents.
 
-    The matrix consists of 2 x 2 blocks for the unknowns (u1 - u0, v1 - v0) of each floor. It is
-    block tridiagonal because a story couples adjacent floors only. Rows `coupling` and
-    `coupling + 1` receive the contribution of each story to the kinematic equation: the
-    derivatives with respect to the changes of its drift and drift rate. The next two rows receive
-    its contribution to the momentum equation. With the tangents kc and k1 at the inner point and at
-    the end, and with the damping coefficient c of a linear damper, they are
+    The equations are kinematics (times M) and momentum of each floor:
+
+        M (u1 - u0) = M (h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1))
+        M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
+
+    with M a1 = p1 - C v1 - f(u1) and uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1). The matrix
+    consists of 2 x 2 blocks for the unknowns (u1 - u0, v1 - v0) of each floor. It is block
+    tridiagonal because a story couples adjacent floors only. Rows `coupling` and `coupling + 1`
+    receive the contribution of each story to the kinematic equation: the derivatives with respect
+    to the changes of its drift and drift rate. The next two rows receive its contribution to the
+    momentum equation. With the tangents kc and k1 at the inner point and at the end, and with the
+    damping coefficient c of a linear damper, they are
 
         -be h^2 k1,   -be h^2 c,   c + h (wc gd kc + w1 k1),   -be h^2 kc
 
@@ -865,14 +929,16 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: th, be, weights of the impulse, and drift rate at the inner
+        point.
     linear_terms, modal : ndarray
         Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
         matrix C = sum of w w^T.
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Rows TANGENT_C, TANGENT_1 (N/m), SLOPE_C and SLOPE_1 (N s/m) are used. The rows from
+        `factors` on receive the factorization.
     factors : int
         First scratch row of the factorization.
     """

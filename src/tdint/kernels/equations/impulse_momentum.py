@@ -4,9 +4,11 @@
     momentum    M (v1 - v0) + C (u1 - u0) + S = I
     equilibrium M a1 + C v1 + f(u1) = p1
 
-The unknowns are u1 - u0 and v1 - v0 of each floor; a1 follows from equilibrium. Each family
-provides the story forces at the end of the step, the story impulses S, and the matrix of Newton's
-method.
+Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of the
+step of length h; th, al and be are coefficients of the method, p1 is the load at the end, I its
+impulse and S the impulse of the restoring forces. The unknowns are u1 - u0 and v1 - v0 of each
+floor; a1 follows from equilibrium. Each family provides the story forces at the end of the step,
+the story impulses S, and the matrix of Newton's method.
 """
 
 from __future__ import annotations
@@ -36,11 +38,14 @@ MOMENTUM_ROWS = 12
 
 @inline
 def store_first_guess(factor, h, state, scratch, n):
-    """Store the first guess of the increments of displacement and velocity over the step.
+    """Store the first guess of the increments u1 - u0 and v1 - v0 of the floors over the step.
 
-    The guess is the motion with constant acceleration if `factor` is 1, and zero if `factor` is 0.
-    In a linear building, one solution is exact for any guess, and zero leads to the smallest
-    rounding errors if omega h is large.
+    The guess is the motion with constant acceleration a0 if `factor` is 1,
+
+        u1 - u0 = h v0 + h^2 a0 / 2,   v1 - v0 = h a0
+
+    and zero if `factor` is 0. In a linear building, one solution is exact for any guess, and zero
+    leads to the smallest rounding errors if omega h is large.
 
     Parameters
     ----------
@@ -52,7 +57,7 @@ def store_first_guess(factor, h, state, scratch, n):
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Rows DU and DV are set.
+        Rows DU (m) and DV (m/s) are set.
     n : int
         Number of floors.
     """
@@ -66,12 +71,16 @@ def store_first_guess(factor, h, state, scratch, n):
 def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     """Compute the negative residuals of an impulse-momentum step, and the acceleration at its end.
 
-    Row A1 receives the acceleration a1 from equilibrium. Rows R1 and R2 receive
+    Displacement, velocity and acceleration of the floors are u0, v0, a0 at the start and u1, v1, a1
+    at the end of the step. The acceleration a1 follows from equilibrium (row A1), and
 
-        R1 = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1) - (u1 - u0))
-        R2 = I - M (v1 - v0) - C (u1 - u0) - S
+        M a1 = p1 - C v1 - f(u1)
+        R1   = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1) - (u1 - u0))   kinematics
+        R2   = I - M (v1 - v0) - C (u1 - u0) - S                                          momentum
 
-    with the impulse I of the load and the impulse S of the restoring forces.
+    with the load p1 at the end, its impulse I over the step, the restoring force f and its impulse
+    S. C contains the floor dampers and modal damping; the forces of story dampers are part of f and
+    S.
 
     Parameters
     ----------
@@ -83,13 +92,15 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     h : float
         Length of the step, s.
     state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
+        Displacement u0 (m), velocity v0 (m/s) and acceleration a0 (m/s^2) of each floor at the
+        start of the step.
     scratch : ndarray
-        Rows LOAD, IMPULSE, DU, DV, V1, FORCE_1 and FORCE_S are used; rows R1 (kg m), R2 (N s) and
-        A1 (m/s^2) are set.
+        The following rows are used: LOAD, p1 (N); IMPULSE, I (N s); DU, u1 - u0 (m); DV, v1 - v0
+        (m/s); V1, v1 (m/s); FORCE_1 and FORCE_S, force at the end (N) and impulse (N s) of each
+        story. Rows R1 (kg m), R2 (N s) and A1 (m/s^2) are set.
     """
     n = linear_terms.shape[1] - 1
+    # M a1 and R2 without modal damping
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         # Net force and net impulse on the floor: difference between the stories below and above
@@ -104,6 +115,7 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
             - linear_terms[rows.FLOOR_DAMPER, i] * scratch[DU, i]
             - impulse
         )
+    # Modal damping; then a1 and R1
     add_modal_force(modal, scratch, V1, -1.0, scratch, A1, n)
     add_modal_force(modal, scratch, DU, -1.0, scratch, R2, n)
     for i in range(n):
@@ -121,8 +133,12 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     """Return True if the residuals of kinematics and momentum of all floors are small enough.
 
     A residual is small enough if it is at most `tolerance` times the sum of the absolute values of
-    the terms of its equation. Each floor has two equations: kinematics, multiplied by its mass, and
-    momentum.
+    the terms of its equation. Each floor has two equations: kinematics, multiplied by its mass,
+
+        M (u1 - u0) = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1))
+
+    with u0, v0, a0 at the start and u1, v1, a1 at the end of the step, and momentum, M (v1 - v0) +
+    C (u1 - u0) + S = I, with the impulses I of the load and S of the restoring forces.
 
     Parameters
     ----------
@@ -132,7 +148,7 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     tolerance : float
         Maximum relative residual.
     beta : float
-        Coefficient of the kinematic equation.
+        Coefficient of the kinematic equation. theta and alpha are replaced by 1 in the sums.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
@@ -141,7 +157,7 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Scratch rows with response and residuals.
+        Rows of the response and residuals R1 (kinematics, kg m) and R2 (momentum, N s).
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
@@ -168,9 +184,11 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
 
 @inline
 def correct(beta, modal, h, factors, n):
-    """Solve for the corrections of Newton's method and add them to the increments u1 - u0, v1 - v0.
+    """Solve for the corrections of Newton's method and add them to the increments u1 - u0 and v1 -
+    v0.
 
-    Rows R1 and R2 of the scratch array contain the negative residuals and receive the corrections.
+    Rows R1 and R2 of the scratch array contain the negative residuals of kinematics and momentum,
+    and receive the corrections of rows DU (m) and DV (m/s).
 
     Parameters
     ----------
@@ -191,6 +209,8 @@ def correct(beta, modal, h, factors, n):
         True if the corrections of the displacements are of the order of rounding errors.
     """
     scratch = factors.table
+    # In the matrix, modal damping adds -beta h^2 W^T W to the coefficients of v1 in the kinematic
+    # equations, and W^T W to those of u1 in the momentum equations.
     solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
     is_small = True
     for i in range(n):

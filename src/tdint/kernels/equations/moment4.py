@@ -9,8 +9,10 @@ D1 = h U1. The equations are the impulse and the first moment of the equation of
     M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
     a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-with the means F0 and moments F1 of the story forces (`tdint.kernels.stories.path`), those of the
-loads, P0 and P1, and the initial stiffness K.
+with the velocity v0 at the start, the means F0 = int f dt and first moments F1 = 12 int (t - 1/2) f
+dt of the story forces f (`tdint.kernels.stories.path`), those of the loads, P0 and P1, the initial
+stiffness K, and the coefficient r of numerical dissipation. h^-2 times a0 and a1 are the mean and
+the change of the acceleration over the step.
 """
 
 from __future__ import annotations
@@ -70,8 +72,10 @@ class _Rows(NamedTuple):
     BEND: int = 1  # D1, m
     A0: int = 1  # h^2 times the mean acceleration, m
     A1: int = 1  # h^2 times the change of the acceleration over the step, m
-    X: int = 2  # residuals, then corrections, of the rises and of the bends
-    CORRECTION: int = 2  # last corrections
+    # residuals of the impulse and of the first moment (kg m), then corrections of the rises and of
+    # the bends (m)
+    X: int = 2
+    CORRECTION: int = 2  # last corrections of the rises and of the bends, m
     ROUNDING_FORCE: int = 1  # rounding errors of the displacements, as a force, N
     # 1 if the story leaves its branch; the last column is 1 if any story does
     LEAVES_BRANCH: int = 1
@@ -120,9 +124,16 @@ def scratch_rows(modes: int) -> int:
 
 @inline
 def solve_step(coefficients, scene, h, memory):
-    """Solve the equations of a step for the rises and bends of all floors.
+    """Solve the equations of a step for the rises D0 and bends D1 of all floors.
 
-    If all laws are piecewise linear, the first solution assumes that all stories remain on their
+    The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
+    The equations are the impulse and the first moment of the equation of motion, multiplied by h^2:
+
+        M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
+        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+
+    with mean F0 and first moment F1 of the story forces over the step, P0 and P1 of the load. If
+    all laws are piecewise linear, the first solution assumes that all stories remain on their
     branches. In a linear building it is exact. Otherwise Newton's method follows, with the
     derivatives of the means and moments along the current paths. A correction that does not reduce
     the residual is halved. The state is not changed.
@@ -130,18 +141,20 @@ def solve_step(coefficients, scene, h, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
-        State, law states, scratch array and status of the step.
+        State, law states, scratch array and status of the step. Rows LOAD of the scratch array
+        contain P0 and P1 (N); rows RISE and BEND receive D0 and D1 (m).
 
     Returns
     -------
     int
-        Number of linear solutions, or NOT_CONVERGED.
+        Number of linear solutions, or NOT_CONVERGED (negative) if the residuals are too large after
+        MAX_ITERATIONS solutions or not finite.
     """
     linear_terms, modal, law_parameters, _, flags = scene
     state, _, scratch, step_status = memory
@@ -150,6 +163,7 @@ def solve_step(coefficients, scene, h, memory):
     applied_fraction = 1.0
     previous_norm = math.inf
     is_correction_negligible = False
+    # First estimate: exact linear solution if all laws have linear branches, otherwise a guess.
     if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         previous_norm = _solve_on_branches(coefficients, scene, h, memory)
         iterations = 1
@@ -157,7 +171,8 @@ def solve_step(coefficients, scene, h, memory):
             return iterations
     else:
         _store_first_guess(h, state, scratch, n)
-    while HAS_NONLINEAR_FORCE:  # a constant of the compiled variant
+    # Newton's method; HAS_NONLINEAR_FORCE is a constant of the compiled variant.
+    while HAS_NONLINEAR_FORCE:
         is_stale = _evaluate_stories(
             coefficients, scene, h, memory, iterations <= _DECIDING_ITERATIONS
         )
@@ -175,6 +190,7 @@ def solve_step(coefficients, scene, h, memory):
             continue
         if is_final:
             return rows.NOT_CONVERGED
+        # Solve for the next correction and apply it fully.
         if is_stale:
             _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
         solve(modal, h, scratch, ROW.X, n)
@@ -189,19 +205,22 @@ def solve_step(coefficients, scene, h, memory):
 def _solve_on_branches(coefficients, scene, h, memory):
     """Solve the equations under the assumption that all stories remain on their linear branches.
 
-    The equations are then linear, and one solution from zero rises and bends is exact. Rows RISE
-    and BEND receive the solution.
+    The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
+    The equations of `solve_step` are then linear in D0 and D1, and a single solution from D0 = D1 =
+    0 is exact. On a branch with the force f0 at the start and the stiffness k, mean and moment of
+    the story force are F0 = f0 + k (D0 / 2 - D1 / 12) and F1 = k D0, with the rise and bend of the
+    drift. Rows RISE and BEND receive D0 and D1.
 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
-        State, law states and scratch array.
+        State, law states and scratch array. Rows LOAD contain mean and first moment of the load, N.
 
     Returns
     -------
@@ -212,6 +231,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
     linear_terms, modal, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
+    # Story forces for zero rise and bend, including P-delta. The existing factorization is valid if
+    # its tangents are nearly equal to the present tangents.
     is_stale = scratch[ROW.FACTORED, n] != h
     for i in range(n):
         slope = law_state[rows.SLOPE, i]
@@ -232,8 +253,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.PATH + path.MEAN, i + 1]
             - scratch[ROW.LOAD, i]
         )
-        # Negative residuals of impulse and first moment for zero rise and bend: then
-        # a1 = 12 h v0 / (1 + 6 r) and a0 = -r a1
+        # Negative residuals of impulse and first moment for zero rise and bend, which means
+        # a1 = 12 h v0 / (1 + 6 r) and a0 = -r a1. `inertia` is M a1.
         inertia = linear_terms[rows.MASS, i] * coefficients[BY_RISE] * h * state[rows.VELOCITY, i]
         impulse_residual = coefficients[R] * inertia - h * h * mean
         moment_residual = h * h * scratch[ROW.LOAD + 1, i] - inertia
@@ -243,6 +264,7 @@ def _solve_on_branches(coefficients, scene, h, memory):
             norm += linear_terms[rows.INVERSE_MASS, i] * (
                 impulse_residual * impulse_residual + moment_residual * moment_residual / 12.0
             )
+    # Factorize if necessary, and solve. The solution is the complete rise and bend.
     if is_stale:
         for i in range(n):
             for row in range(4):
@@ -260,8 +282,10 @@ def _solve_on_branches(coefficients, scene, h, memory):
 
 @inline
 def _store_first_guess(h, state, scratch, n):
-    """Store the first guess of the response: constant acceleration, equal to the acceleration at
-    the end of the previous step.
+    """Store the first guess of the rise D0 and bend D1 of each floor: constant acceleration a.
+
+    The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
+    With the acceleration a at the end of the previous step, D1 = h^2 a and D0 = h v0 + D1 / 2.
 
     Parameters
     ----------
@@ -271,7 +295,7 @@ def _store_first_guess(h, state, scratch, n):
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Rows RISE and BEND are set.
+        Rows RISE and BEND are set, m.
     n : int
         Number of floors.
     """
@@ -282,21 +306,30 @@ def _store_first_guess(h, state, scratch, n):
 
 @inline
 def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
-    """Compute mean and first moment of the force of each story along its current parabola of drift.
+    """Compute mean F0 and first moment F1 of the force of each story along its current path.
 
-    Their derivatives with respect to rise and bend are computed as well. P-delta, dampers and the
-    numerical dissipation r K D1 are included in mean and moment.
+    The drift is d(t) = d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step; rise and
+    bend are differences between the floors above and below. For the story force f,
+    F0 = int f dt and F1 = 12 int (t - 1/2) f dt. To the integrals of the restoring force are added
+
+        P-delta, stiffness g        F0: g (d0 + rise / 2 - bend / 12)    F1: g rise
+        damper c                    F0: c rise / h                       F1: c bend / h
+        numerical dissipation                                            F1: r (k + g) bend
+
+    with the initial stiffness k. The derivatives of the integrals of the restoring force and of the
+    power-law dashpot with respect to rise and bend are computed as well.
 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
-        State, law states and scratch array.
+        State, law states and scratch array: rows RISE and BEND of the floors (m) are used. Rows
+        PATH receive F0, F1 (N) and their four derivatives (N/m).
     is_deciding : bool
         True if the decision about reversals of the stories is updated.
 
@@ -321,6 +354,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below = scratch[ROW.RISE, i]
         bend_below = scratch[ROW.BEND, i]
+        # Integrals of the restoring force and of the force of a power-law dashpot
         if remains_on_branch(law_state, i, rise, bend):
             scratch[ROW.LEAVES_BRANCH, i] = 0.0
             scratch[ROW.NO_REVERSAL, i] = 0.0
@@ -349,6 +383,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
             )
         if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
+        # The factorization is kept if no derivative has changed by more than the tolerance.
         tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         for row in range(4):
             change = abs(
@@ -383,22 +418,24 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
 def _has_no_reversal(coefficients, scene, h, memory, i):
     """Return True if story `i` has no reversal in the step although its parabola of drift has one.
 
-    A parabola can have an extremum because it only approximates the drift. A more accurate drift
-    rate is the cubic that has the rates of the state at both endpoints, the change of drift of the
-    step, and the slope at the start from the equation of motion. Without this slope, upper stories
-    of a building at rest, where rates increase with the third power of time, would seem to move
-    backwards at first.
+    The parabola d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step, can have an
+    extremum because it only approximates the drift. A more accurate drift rate (times h) is the
+    cubic r(t) with the rates of the state at both endpoints, r(0) = h d0' and r(1) = h d1', the
+    mean `rise`, and the initial slope r'(0) = h^2 d0'' from the equation of motion. Without this
+    slope, upper stories of a building at rest, where rates increase with the third power of time,
+    would seem to move backwards at first.
 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
-        State, law states and scratch array.
+        State, law states and scratch array. Rows RISE and BEND contain the current estimate of the
+        parabolas of all floors, m.
     i : int
         Index of the story.
     """
@@ -433,8 +470,13 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
 
 @inline
 def _acceleration(scene, memory, i):
-    """Return the acceleration of floor `i` at the start of the step, relative to the ground,
-    m/s^2."""
+    """Return the acceleration of floor `i` at the start of the step, relative to the ground, m/s^2.
+
+    It follows from equilibrium of the floor, m a = p - c v - (modal damping force) - V_i + V_(i+1),
+    with the load p and the force V of the stories below and above the floor. V is the sum of
+    restoring force, P-delta and damper forces. The load p is the value of a linear function of time
+    with the mean and the first moment in rows LOAD, at the start of the step.
+    """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
@@ -465,15 +507,25 @@ def _acceleration(scene, memory, i):
 
 @inline
 def _residuals(coefficients, linear_terms, modal, h, state, scratch):
-    """Compute the negative residuals of impulse and first moment, and return their squared norm.
+    """Compute the negative residuals X_0 of the impulse and X_1 of the first moment of all floors.
 
-    The norm is the sum over all floors of (X_0^2 + X_1^2 / 12) / mass, where X_0 is the residual of
-    the impulse and X_1 the residual of the first moment (rows X).
+    The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
+    The equations of motion, integrated with the weights 1 and 12 (t - 1/2) and multiplied by h^2,
+    are
+
+        X_0 = -(M a0 + h C D0 + h^2 (F0 - P0)) = 0         impulse
+        X_1 = -(M a1 + h C D1 + h^2 (F1 - P1)) = 0         first moment
+        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+
+    with mean F0 and first moment F1 of the story forces (story below minus story above the floor;
+    F1 includes the numerical dissipation), P0 and P1 of the load, and the velocity v0 at the start.
+    C contains the floor dampers and modal damping; the forces of story dampers are part of F0 and
+    F1.
 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
@@ -481,15 +533,22 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     h : float
         Length of the step, s.
     state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
+        Displacement (m), velocity v0 (m/s) and acceleration (m/s^2) of each floor at the start of
+        the step.
     scratch : ndarray
-        Scratch rows; X, A0 and A1 are set.
+        Rows RISE (D0, m), BEND (D1, m), LOAD (P0, P1, N) and PATH (F0 and F1 of the stories, N) are
+        used. Rows A0 and A1 (m) and X (X_0, X_1, kg m) are set.
+
+    Returns
+    -------
+    float
+        Squared norm of the residuals: sum over the floors of (X_0^2 + X_1^2 / 12) / mass, kg m^2.
     """
     n = linear_terms.shape[1] - 1
     for i in range(n):
         scratch[ROW.X, i] = 0.0
         scratch[ROW.X + 1, i] = 0.0
+    # Modal damping
     add_modal_force(modal, scratch, ROW.RISE, -h, scratch, ROW.X, n)
     add_modal_force(modal, scratch, ROW.BEND, -h, scratch, ROW.X + 1, n)
     norm = 0.0
@@ -502,6 +561,7 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
         scratch[ROW.A0, i] = a0
         scratch[ROW.A1, i] = a1
         floor_damping = h * linear_terms[rows.FLOOR_DAMPER, i]
+        # F0 - P0 and F1 - P1 of the floor: story below minus story above minus load
         mean = (
             scratch[ROW.PATH + path.MEAN, i]
             - link * scratch[ROW.PATH + path.MEAN, i + 1]
@@ -526,7 +586,14 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
 
 @inline
 def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_status):
-    """Return True if all residuals are within the relative tolerance of the coefficients.
+    """Return True if the residuals of impulse and first moment of all floors are small enough.
+
+    A residual (rows X) is small enough if it is at most TOLERANCE times the sum of the absolute
+    values of the terms of its equation, M a0 + h C D0 + h^2 (F0 - P0) = 0 (impulse) or M a1 + h C
+    D1 + h^2 (F1 - P1) = 0 (first moment). Floor dampers and modal damping (C) are omitted from the
+    sums. D0 and D1 (rows RISE and BEND) are the coefficients of the displacement u0 + D0 t + D1
+    (t^2 - t) / 2 in the step, t from 0 to 1; h^-2 a0 and h^-2 a1 are the mean and the change of the
+    acceleration; F0, F1 and P0, P1 are means and first moments of the story forces and of the load.
 
     Parameters
     ----------
@@ -534,7 +601,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         True if no further iteration is allowed. The largest relative residual is then stored in
         `step_status`.
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
@@ -543,7 +610,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Rows X contain the residuals (kg m).
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
@@ -561,6 +628,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             + link * abs(scratch[ROW.PATH + path.MEAN, i + 1])
             + abs(scratch[ROW.LOAD, i])
         )
+        # Impulse: a0 = D1 - r a1
         inertia_scale = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
         is_small &= is_balanced(
             is_last,
@@ -570,6 +638,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             scratch[ROW.X, i],
             mass * inertia_scale + h * h * (force_scale + rounding),
         )
+        # First moment: a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r)
         force_scale = (
             abs(scratch[ROW.PATH + path.MOMENT, i])
             + link * abs(scratch[ROW.PATH + path.MOMENT, i + 1])
@@ -594,13 +663,16 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
 def _correct(state, scratch, n):
     """Add the corrections of Newton's method to rises and bends.
 
+    The rise D0 and the bend D1 of a floor are the coefficients of its displacement in the step,
+    u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1.
+
     Parameters
     ----------
     state : ndarray
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Rows X contain the corrections, m. Rows RISE, BEND and CORRECTION are updated.
+        Rows X contain the corrections of D0 and D1, m. Rows RISE, BEND and CORRECTION are updated.
     n : int
         Number of floors.
 
@@ -628,17 +700,20 @@ def _correct(state, scratch, n):
 def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     """Assemble and factorize the matrix of Newton's method for the current paths of the stories.
 
-    The unknowns of a floor are its rise D0 and bend D1. With the derivatives of mean F0 and first
-    moment F1 of the story forces (rows PATH), the 2 x 2 block of a floor contains the derivatives
-    of the two equations
+    The unknowns of a floor are its rise D0 and bend D1, the coefficients of the displacement u0 +
+    D0 t + D1 (t^2 - t) / 2 in the step, with t from 0 to 1. With the derivatives of mean F0 and
+    first moment F1 of the story forces (rows PATH), the 2 x 2 block of a floor contains the
+    derivatives of the two equations
 
         M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
+    with mean P0 and first moment P1 of the load, which are constant, and the initial stiffness K.
+
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
@@ -648,7 +723,8 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Rows PATH contain the derivatives of F0 and F1 with respect to the rise and to the bend of
+        the drift, N/m. Rows FACTORED, BLOCKS and COUPLING and the rows from STORE on are set.
     """
     n = linear_terms.shape[1] - 1
     h_squared = h * h
@@ -662,6 +738,7 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         numerical = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
         for row in range(4):
             scratch[ROW.FACTORED + row, i] = scratch[ROW.PATH + path.MEAN_BY_RISE + row, i]
+        # Derivatives of the story: h^2 F0 with respect to rise and bend, then h^2 F1
         scratch[ROW.COUPLING, i] = (
             h_squared * (scratch[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
         )
@@ -674,6 +751,7 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         scratch[ROW.COUPLING + 3, i] = (
             h_squared * (scratch[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
         )
+        # Diagonal block: derivatives of M a0 and M a1, floor damping, and the story below
         by_rise = mass * coefficients[BY_RISE]
         scratch[ROW.BLOCKS, i] = (
             coefficients[R] * by_rise + floor_damping + scratch[ROW.COUPLING, i]
@@ -714,15 +792,20 @@ def solve(modal, h, scratch, x, n):
 def update_state(coefficients, scene, h, memory):
     """Move state and law states to the end of the step, and compute the work within the step.
 
-    The work of the load and the work of the dampers along the parabolas of the floors are stored in
-    the rows WORK_INPUT and WORK_VISCOUS of the status, J. The work of a force with the mean F0 and
-    the first moment F1 along a parabola is rise F0 + bend F1 / 12. A damper with the coefficient c
-    has F0 = c rise / h and F1 = c bend / h.
+    The displacement of a floor in the step is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1, D0
+    and D1 in rows RISE and BEND (m). At the end of the step
+
+        u1 = u0 + D0,   v1 = v0 + a0 / h,   acceleration = (a0 + a1 / 2) / h^2
+        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+
+    The work of a force with the mean F0 and the first moment F1 over the step is D0 F0 + D1 F1 /
+    12. A damper with the coefficient c has F0 = c D0 / h and F1 = c D1 / h. The work of the load
+    and of the dampers is stored in the rows WORK_INPUT and WORK_VISCOUS of the status, J.
 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -743,6 +826,7 @@ def update_state(coefficients, scene, h, memory):
     for i in range(n):
         rise = scratch[ROW.RISE, i]
         bend = scratch[ROW.BEND, i]
+        # Floor: accelerations, work of the load and of the floor damper, and state at the end
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
         work_of_mean += rise * scratch[ROW.LOAD, i]
@@ -774,7 +858,11 @@ def update_state(coefficients, scene, h, memory):
 
 @outlined
 def _modal_work(modal, h, scratch, n):
-    """Return the work of modal damping in the step, along the parabolas of the floors, J.
+    """Return the work of modal damping in the step, J.
+
+    A mode with the row w of the modal damping matrix C = sum of w w^T has the amplitude x = w^T u.
+    Along the displacements u0 + D0 t + D1 (t^2 - t) / 2 of the floors, with t from 0 to 1 over the
+    step, its work is ((w^T D0)^2 + (w^T D1)^2 / 12) / h.
 
     Parameters
     ----------
@@ -783,7 +871,7 @@ def _modal_work(modal, h, scratch, n):
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch rows with rises and bends.
+        Rows RISE (D0) and BEND (D1) of the floors, m.
     n : int
         Number of floors.
     """
@@ -800,14 +888,19 @@ def _modal_work(modal, h, scratch, n):
 
 @outlined
 def _dashpot_work(linear_terms, scratch, n):
-    """Return the work of the power-law dashpots in the step, along the parabolas of drift, J.
+    """Return the work of the power-law dashpots in the step, J.
+
+    Along the drift d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step, the work of
+    the dashpot force f is rise F0 + bend F1 / 12, with F0 = int f dt and F1 = 12 int (t - 1/2) f
+    dt.
 
     Parameters
     ----------
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     scratch : ndarray
-        Rows RISE, BEND (m) and DASHPOT (N) are used.
+        Rows RISE and BEND of the floors (m) and rows DASHPOT with F0 and F1 of the stories (N) are
+        used.
     n : int
         Number of floors.
     """

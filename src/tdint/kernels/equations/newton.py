@@ -79,8 +79,9 @@ def factor_rows(modes: int) -> int:
 
 @inline
 def invalidate(scratch, factors, n):
-    """Mark the factorization in the scratch rows from `factors` on as invalid, by infinite
-    tangents.
+    """Mark a factorization in the scratch array as invalid: its tangents are set to infinity.
+
+    The next solution then computes a new factorization, because all tangents have changed.
 
     Parameters
     ----------
@@ -99,8 +100,14 @@ def invalidate(scratch, factors, n):
 def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     """Solve M a + C v + f(u) = p for the unknown x of each floor by Newton's method.
 
-    Displacement, velocity and acceleration are linear functions of x: u = U + by_u x,
-    v = V + by_v x, a = A + by_a x. U, V and A are the values of the first iterate, x = 0.
+    Displacement, velocity and acceleration are linear functions of x: u = U + by_u x, v = V + by_v
+    x, a = A + by_a x. U, V and A are the values of the first iterate, x = 0. A correction dx is the
+    solution of
+
+        (by_a M + by_v C + by_u K) dx = p - M a - C v - f(u)
+
+    with the tangent stiffness K. The factorization of the matrix is reused, also in later steps,
+    until a tangent has changed by more than a tolerance.
 
     Parameters
     ----------
@@ -110,19 +117,20 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         First scratch row of the factorization of by_a M + by_v C + by_u K for these coefficients,
         valid or marked by `invalidate`.
     previous : int
-        Block of the law states at the start of the path.
+        First row of the block of the law states at the start of the path.
     trial : int
-        Block of the law states that receives the states at the solution.
+        First row of the block of the law states that receives the states at the solution.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
-        The rows `ROW` of the scratch array contain the load and U, V and A, and afterwards the
-        response.
+        Rows `ROW` of the scratch array: LOAD contains p (N), U, V and A contain the first iterate
+        (m, m/s, m/s^2) and receive the response.
 
     Returns
     -------
     int
-        Number of solutions of the linear system, at least 1, or NOT_CONVERGED.
+        Number of solutions of the linear system, at least 1, or NOT_CONVERGED (negative) if the
+        residuals are too large after MAX_ITERATIONS solutions.
     """
     by_u, by_v, by_a = effective
     linear_terms, modal, _, _, flags = scene
@@ -159,6 +167,7 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
             applied_fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
+        # Factorize if a tangent has changed, and solve for the correction of x.
         if is_stale:
             for i in range(n):
                 scratch[tangents, i] = scratch[ROW.TANGENT, i]
@@ -183,23 +192,27 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
 def _story_forces(effective, factors, previous, trial, scene, memory):
     """Compute story forces and tangents for the current displacements and velocities.
 
-    A power-law dashpot with the derivative s of its force contributes by_v / by_u times s to the
-    tangent stiffness, because velocity and displacement depend on the same unknown x. If by_u is 0,
-    the displacements are known and stiffnesses do not contribute. The row TANGENT then contains
-    by_v s only, and the factorization uses 1 instead of by_u.
+    The force of a story (row SUM, N) is the sum of restoring force, P-delta, linear damper and
+    power-law dashpot. The tangent (row TANGENT, N/m) is that of the restoring force. A power-law
+    dashpot with the derivative s of its force with respect to the drift rate (N s/m) adds by_v /
+    by_u times s, because velocity and displacement depend on the same unknown x: u = U + by_u x, v
+    = V + by_v x. If by_u is 0, the displacements are known and stiffnesses do not contribute. The
+    row TANGENT then contains by_v s only, and the factorization uses 1 instead of by_u.
 
     Parameters
     ----------
     effective : EffectiveCoefficients
-        Change of displacement, velocity and acceleration for a unit change of x.
+        by_u, by_v and by_a: change of displacement, velocity and acceleration for a unit change of
+        x.
     factors : int
         First scratch row of the factorization.
     previous, trial : int
-        Blocks of the law states at the start and at the end of the path.
+        First rows of the blocks of the law states at the start and at the end of the path.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
-        Law states and scratch rows, which are updated.
+        Law states and scratch rows U (m) and V (m/s); block `trial` and rows SUM, TANGENT and SIZE
+        are set.
 
     Returns
     -------
@@ -252,7 +265,11 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
 
 @inline
 def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
-    """Compute the residuals p - M a - C v - f(u), N, and return True if all are small enough.
+    """Compute the residuals p - M a - C v - f(u) of all floors (row RESIDUAL, N), and test
+    convergence.
+
+    The force f on a floor is the force of the story below minus that of the story above (row SUM,
+    N), including story dampers. C contains the floor dampers and modal damping.
 
     Parameters
     ----------
@@ -264,9 +281,15 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
     modal : ndarray
         Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Rows LOAD (p, N), V (m/s), A (m/s^2), SUM and SIZE (N) are used; row RESIDUAL is set.
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
+
+    Returns
+    -------
+    bool
+        True if each residual is at most RESIDUAL_TOLERANCE times the sum of the absolute values of
+        the terms of its equation.
     """
     n = linear_terms.shape[1] - 1
     for i in range(n):
@@ -294,12 +317,14 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
 
 @inline
 def _evaluate_laws(previous, trial, scene, memory):
-    """Evaluate the laws at the current displacements, from block `previous` to block `trial`.
+    """Evaluate the laws of all stories at the current displacements (row U, m).
+
+    The states move from block `previous` to block `trial` of the law states.
 
     Parameters
     ----------
     previous, trial : int
-        Blocks of the law states at the start and at the end of the path.
+        First rows of the blocks of the law states at the start and at the end of the path.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
@@ -322,7 +347,9 @@ def _evaluate_laws(previous, trial, scene, memory):
 
 @inline
 def _correct(fraction, row, effective, scratch, n):
-    """Add a fraction of the correction of x to x and to the response.
+    """Add a fraction of the correction of x to x and to the response of all floors.
+
+    Displacement, velocity and acceleration are u = U + by_u x, v = V + by_v x, a = A + by_a x.
 
     Parameters
     ----------
@@ -333,7 +360,7 @@ def _correct(fraction, row, effective, scratch, n):
     effective : EffectiveCoefficients
         Change of displacement, velocity and acceleration for a unit change of x.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Rows X (m/s^2), U (m), V (m/s) and A (m/s^2) are updated.
     n : int
         Number of floors.
 
