@@ -68,8 +68,9 @@ class Kernel(Compilable):
     def variant(self, variant: Variant) -> Callable[..., Any]:
         """Return the compiled kernel with the features of a variant.
 
-        The kernel is loaded, and compiled if necessary. The last result is kept because most calls
-        request the same variant.
+        The kernel is loaded, and compiled if its object file does not exist. Features that the
+        kernel does not use are ignored, so that several variants can share a compiled kernel. The
+        last result is kept because most calls request the same variant.
 
         Parameters
         ----------
@@ -79,8 +80,6 @@ class Kernel(Compilable):
         last_variant, function = self._last
         if function is not None and variant is last_variant:
             return function
-        # The same compiled kernel serves all variants that differ only in features that this kernel
-        # does not use.
         required_variant = self.required_variant(variant)
         if required_variant not in self._loaded:
             from tdint.kernels.building.load_or_compile import load_or_compile

@@ -15,7 +15,7 @@ DASHPOTS = VARIANT.dashpots
 
 @inline
 def force_value(forces, j, t):
-    """Return floor force `j` at time `t` (s), N.
+    """Return floor force `j` at time `t` (s), N: COSINE cos(OMEGA t) + SINE sin(OMEGA t).
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ def force_value(forces, j, t):
 
 @inline
 def force_rate(forces, j, t):
-    """Return the rate of floor force `j` at time `t` (s), N/s.
+    """Return the rate of floor force `j` at time `t` (s), N/s: the derivative of COSINE cos(OMEGA
+    t) + SINE sin(OMEGA t).
 
     Parameters
     ----------
@@ -56,8 +57,9 @@ def force_rate(forces, j, t):
 def force_impulse(forces, j, t, h):
     """Return the exact impulse of floor force `j` over [t, t + h], N s.
 
-    The integral of cos over the step is h sinc(omega h / 2) times cos at the middle of the step;
-    the same applies to sin. This form has no cancellation.
+    The force is COSINE cos(OMEGA t) + SINE sin(OMEGA t). The integral of the cosine over the step
+    is h sin(x) / x times its value at the middle of the step, with x = OMEGA h / 2; the same
+    applies to the sine. This form has no cancellation.
 
     Parameters
     ----------
@@ -67,7 +69,7 @@ def force_impulse(forces, j, t, h):
     j : int
         Index of the force.
     t : float
-        Time, s.
+        Time at the start of the step, s.
     h : float
         Time step, s.
     """
@@ -85,10 +87,10 @@ def force_impulse(forces, j, t, h):
 def force_moment(forces, j, t, h):
     """Return the first moment of floor force `j` over [t, t + h], N.
 
-    The first moment is twelve times the mean of s times the force. The time s is -1/2 at the start
-    and 1/2 at the end of the step. The result is exact. With the rate R of the force at the middle
-    of the step, the odd part of the force in s is R h / (2 x) sin(2 x s) with x = omega h / 2. Its
-    moment is 3 R h (sin x - x cos x) / x^3.
+    The first moment is 12 int s p ds, with the force p and the time s from -1/2 at the start to 1/2
+    at the end of the step. With the rate R of the force at the middle of the step, the odd part of
+    the force in s is R h / (2 x) sin(2 x s) with x = OMEGA h / 2. Its moment is 3 R h (sin x - x
+    cos x) / x^3. The result is exact.
 
     Parameters
     ----------
@@ -98,7 +100,7 @@ def force_moment(forces, j, t, h):
     j : int
         Index of the force.
     t : float
-        Time, s.
+        Time at the start of the step, s.
     h : float
         Time step, s.
     """
@@ -117,7 +119,9 @@ def force_moment(forces, j, t, h):
 
 @inline
 def floor_load(linear_terms, forces, t, ground, scratch, row):
-    """Store the load p = -m ag + floor forces at time `t` in a scratch row, N.
+    """Store the load of all floors at time `t` in a scratch row, N: p = -m ag + forces on floors.
+
+    m is the mass of the floor and ag the ground acceleration.
 
     Parameters
     ----------
@@ -133,7 +137,7 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     row : int
-        Row of the load.
+        Row of `scratch` that receives the load.
     """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = -linear_terms[rows.MASS, i] * ground
@@ -155,7 +159,7 @@ def _add_forces(forces, t, scratch, row):
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     row : int
-        Row of the load.
+        Row of `scratch` that contains the load.
     """
     for j in range(forces.shape[0]):
         scratch[row, int(forces[j, rows.FLOOR])] += force_value(forces, j, t)
@@ -163,9 +167,10 @@ def _add_forces(forces, t, scratch, row):
 
 @inline
 def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
-    """Store the exact impulse of the load over [t, t + h] in a scratch row, N s.
+    """Store the exact impulse of the load of all floors over [t, t + h] in a scratch row, N s.
 
-    The ground acceleration is linear within the step.
+    The load is p = -m ag + forces on floors. The ground acceleration ag is linear within the step,
+    and its impulse is -h m (ag0 + ag1) / 2.
 
     Parameters
     ----------
@@ -175,7 +180,7 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
         Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
-        Time, s.
+        Time at the start of the step, s.
     h : float
         Time step, s.
     ground_0, ground_1 : float
@@ -183,7 +188,7 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     row : int
-        Row of the impulse.
+        Row of `scratch` that receives the impulse.
     """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = -0.5 * h * linear_terms[rows.MASS, i] * (ground_0 + ground_1)
@@ -215,11 +220,11 @@ def _add_impulses(forces, t, h, scratch, row):
 
 @inline
 def mean_load(linear_terms, forces, load, h, r, scratch, row):
-    """Store the mean of the load over a step and its first moment in two consecutive scratch rows,
-    N.
+    """Store mean and first moment of the load over a step in two consecutive scratch rows, N.
 
-    The first moment is twelve times the mean of the load times s in [-1/2, 1/2]. The ground
-    acceleration is linear within the step.
+    With the load p = -m ag + forces on floors, and s from -1/2 to 1/2 over the step, the mean is
+    int p ds and the first moment 12 int s p ds. The ground acceleration ag is linear within the
+    step.
 
     With r > 0, the moment of a floor force is p1 - p0 + 12 r ((p0 + p1) / 2 - mean), with the force
     p0 and p1 at both endpoints. A part of the building that is so stiff that its mass is negligible
@@ -234,11 +239,11 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
         Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     load : ndarray
-        Start time and ground accelerations of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     h : float
         Time step, s.
     r : float
-        Coefficient of the method (see `tdint.kernels.equations.moment4`); 0 for the first moment.
+        Coefficient of numerical dissipation of the method moment4; 0 for the exact first moment.
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     row : int
@@ -259,9 +264,9 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
 def _add_means(forces, t, h, r, scratch, row):
     """Add mean and first moment of the forces on floors over a step to two scratch rows, N.
 
-    With r > 0, the first moment is replaced by p1 - p0 + 12 r ((p0 + p1) / 2 - mean) with the
-    forces p0 and p1 at both endpoints. Very stiff parts of the building then follow the force at
-    the endpoints.
+    With s from -1/2 to 1/2 over the step, they are int p ds and 12 int s p ds. With r > 0, the
+    first moment is replaced by p1 - p0 + 12 r ((p0 + p1) / 2 - mean) with the forces p0 and p1 at
+    both endpoints. Very stiff parts of the building then follow the force at the endpoints.
 
     Parameters
     ----------
@@ -269,7 +274,7 @@ def _add_means(forces, t, h, r, scratch, row):
         Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
-        Time, s.
+        Time at the start of the step, s.
     h : float
         Time step, s.
     r : float
@@ -277,7 +282,7 @@ def _add_means(forces, t, h, r, scratch, row):
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     row : int
-        Row of the mean.
+        Row of the mean; the next row is that of the first moment.
     """
     for j in range(forces.shape[0]):
         floor = int(forces[j, rows.FLOOR])
@@ -295,7 +300,11 @@ def _add_means(forces, t, h, r, scratch, row):
 
 @inline
 def add_modal_force(modal, table, x, factor, scratch, row, n):
-    """Add factor * C_modal * x to a row of `scratch`, with C_modal = W^T W.
+    """Add factor * C_modal * x to a row of `scratch`, with the matrix of modal damping C_modal =
+    W^T W.
+
+    W has one row for each damped mode. With a velocity x and the factor 1, the result is the modal
+    damping force, N. Nothing is added for a building without modal damping.
 
     Parameters
     ----------
@@ -350,9 +359,9 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
 
 @inline
 def power_damper(linear_terms, i, rate):
-    """Return the force of the power-law dashpot of story `i` at the drift rate `rate` (m/s), N, and
-    its derivative, N s/m.
+    """Return the force of the power-law dashpot of story `i` (N) and its derivative (N s/m).
 
+    The force is c v (v^2 + v0^2)^e at the drift rate v, and the derivative is with respect to v.
     Both are 0 without a dashpot.
 
     Parameters
@@ -371,8 +380,15 @@ def power_damper(linear_terms, i, rate):
 
 @outlined
 def _power_damper(linear_terms, i, rate):
-    """Return the force c v (v^2 + v0^2)^e of a power-law dashpot at the drift rate v = `rate`
-    (m/s), N, and its derivative with respect to the rate, N s/m."""
+    """Return force (N) and derivative (N s/m) of a power-law dashpot at the drift rate v = `rate`
+    (m/s).
+
+    With the coefficient c (row POWER_DAMPER), the squared threshold rate v0^2 (row THRESHOLD,
+    (m/s)^2) and the exponent e (row POWER) of story `i`,
+
+        force = c v (v^2 + v0^2)^e
+        derivative with respect to v = c (v^2 + v0^2)^e (1 + 2 e v^2 / (v^2 + v0^2))
+    """
     squared_rate = rate * rate + linear_terms[rows.THRESHOLD, i]
     if squared_rate == 0.0:
         # Zero rate and no threshold v0, which requires e >= 0. The derivative at zero rate is c for
@@ -391,6 +407,10 @@ def _power_damper(linear_terms, i, rate):
 def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, row, sums):
     """Store the internal forces C v + f(u) of all floors in a scratch row, N.
 
+    The force of a story is the sum of restoring force, P-delta, linear damper and power-law
+    dashpot. The internal force of a floor is the force of the story below minus the force of the
+    story above, plus floor damper and modal damping.
+
     Parameters
     ----------
     linear_terms : ndarray
@@ -400,15 +420,15 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
     law_state : ndarray
         States of the hysteretic laws: one row per quantity, one column per story.
     block : int
-        Block of the law states with the story forces and drifts.
+        First row of the block of the law states with the story forces (N) and drifts (m).
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     velocity : int
-        Row of the velocities, m/s.
+        Row of `scratch` with the velocities, m/s.
     row : int
-        Row of the internal forces.
+        Row of `scratch` that receives the internal forces.
     sums : int
-        Row that receives the force of each story: restoring force, P-delta and dampers, N.
+        Row of `scratch` that receives the force of each story, N.
     """
     n = linear_terms.shape[1] - 1
     velocity_below = 0.0
@@ -441,7 +461,7 @@ def finite(state, n):
     Parameters
     ----------
     state : ndarray
-        Memory of the method.
+        Memory of the method: rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2).
     n : int
         Number of floors.
     """

@@ -95,7 +95,8 @@ _ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without 
 
 @inline
 def raise_peak(peaks, row, i, value):
-    """Raise a recorded peak to the absolute value of a response.
+    """Raise a recorded peak (maximum absolute value) to the absolute value of a response, if it is
+    larger.
 
     Parameters
     ----------
@@ -116,7 +117,8 @@ def raise_peak_at_nodes(scratch, first, column, count, row, i):
     """Raise a peak by values at successive times and by the parabolas through them.
 
     The parabolas interpolate the nodes (0, 1, 2), (2, 3, 4) and so on. The middle node of each
-    parabola is at half of its time interval.
+    parabola is at half of its time interval. With x = 0, 1, 2 at the nodes, the parabola is p0 +
+    linear x + quadratic x^2, and its extremum p0 - linear^2 / (4 quadratic).
 
     Parameters
     ----------
@@ -139,8 +141,8 @@ def raise_peak_at_nodes(scratch, first, column, count, row, i):
         p2 = scratch[first + k + 2, column]
         raise_peak(scratch, row, i, p1)
         raise_peak(scratch, row, i, p2)
-        # Parabola p0 + linear x + quadratic x^2 with x = 0, 1, 2 at the nodes. Its extremum is at
-        # x = -linear / (2 quadratic), which is inside if the distance from x = 1 is less than 1.
+        # The extremum at x = -linear / (2 quadratic) is inside if its distance from x = 1 is less
+        # than 1.
         linear = 0.5 * (4.0 * p1 - 3.0 * p0 - p2)
         quadratic = 0.5 * (p0 - 2.0 * p1 + p2)
         if abs(linear + 2.0 * quadratic) < 2.0 * abs(quadratic):
@@ -149,19 +151,27 @@ def raise_peak_at_nodes(scratch, first, column, count, row, i):
 
 @inline
 def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
-    """Return True if a displacement or velocity may exceed its recorded peak.
+    """Return True if a displacement or velocity of a floor may exceed its recorded peak in a step.
 
-    Both the interior and the end of the step are covered. The function has no branches, because
-    the observer calls it for each floor in each step.
+    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end.
+    The quintic through these values does not exceed its Bezier points, for example u0 + 2 h v0 / 5
+    + h^2 a0 / 20. The bounds of displacement and velocity are
+
+        max(|u0|, |u1|) + h (V / 2 + h A / 20),   V = max(|v0|, |v1|),   A = max(|a0|, |a1|)
+        max(V + h A / 4, |middle Bezier point of the velocity|)
+
+    Both the interior and the end of the step are covered. The function has no branches, because the
+    observer calls it for each floor in each step.
 
     Parameters
     ----------
     h, by_h : float
         Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
     floor : Ends
-        Motion of floor `i` relative to the ground at both endpoints of the step.
+        Motion of floor `i` relative to the ground at both endpoints of the step: displacement (m),
+        velocity (m/s) and acceleration (m/s^2).
     peaks : ndarray
-        Recorded peaks, rows `PEAK_...` of `tdint.kernels.layout`.
+        Recorded peaks, rows PEAK_DISPLACEMENT (m) and PEAK_VELOCITY (m/s), one column per floor.
     i : int
         Floor.
     """
@@ -178,15 +188,22 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
 def story_reach(span, story, shear, stiffness):
     """Return upper bounds of the drift (m) and of the shear (N) of a story within a step.
 
-    The bounds do not include the acceleration at the end of the step, which the observer does not
-    know yet. `may_exceed_story_peaks` adds its contribution.
+    The drift and its rate are d0, r0 at the start and d1, r1 at the end of the step of length h. A
+    drift does not exceed the Bezier points of the quintic interpolant, which are at most
+    e = h (max(|r0|, |r1|) / 2 + h |a0| / 20) away from the endpoint values. The bounds are
+
+        max(|d0|, |d1|) + e,   |shear at the end| + stiffness (|d1 - d0| + e)
+
+    The bounds do not include the drift acceleration at the end of the step, which the observer does
+    not have at this time. `may_exceed_story_peaks` adds its contribution.
 
     Parameters
     ----------
     span : Span
-        Time step.
+        Time step; its length `h` (s) and the flag `on_path` (parabolic displacements) are used.
     story : Ends
-        Drift, drift rate and drift acceleration at both endpoints; a1 is not used.
+        Drift (m), drift rate (m/s) and drift acceleration a0 (m/s^2) at both endpoints; a1 is not
+        used.
     shear : float
         Restoring force of the story at the end of the step, N.
     stiffness : float
@@ -203,7 +220,10 @@ def story_reach(span, story, shear, stiffness):
 
 @inline
 def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
-    """Return True if a drift or shear may exceed its recorded peak.
+    """Return True if a drift or shear may exceed its recorded peak in a step.
+
+    The bounds of `story_reach` are increased by the effect of the drift acceleration at the end of
+    the step: `excess` for the drift, and the initial stiffness times `excess` for the shear.
 
     Parameters
     ----------
@@ -216,9 +236,9 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
     stiffness : float
         Initial stiffness of the story, N/m.
     peaks : ndarray
-        Recorded peaks, rows `PEAK_...` of `tdint.kernels.layout`.
+        Recorded peaks, rows PEAK_DRIFT (m) and PEAK_SHEAR (N), one column per story.
     i : int
-        Story.
+        Index of the story.
     """
     max_drift, max_shear = reach
     exceeds = max_drift + excess > peaks[rows.PEAK_DRIFT, i]
@@ -229,8 +249,22 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
 def _displacement_excursion(span, ends):
     """Return an upper bound of the distance of a displacement or drift from u1 within a step, m.
 
-    The bound is the largest distance of the Bezier points of the quintic, of the cubic Hermite
-    interpolant and of the parabola.
+    The displacement has u0, v0, a0 at the start and u1, v1, a1 at the end of the step of length h.
+    A polynomial does not exceed its Bezier points. The bound is the largest of three distances:
+
+        |u1 - u0| + h (2 |v0| / 5 + h |a0| / 20)    Bezier points of the quintic near the start
+        h (2 |v1| / 5 + h |a1| / 20)                Bezier points of the quintic near the end
+        |u1 - u0| / 2 + h |v1 - v0| / 4             middle Bezier point of the parabola
+
+    The first two also cover the Bezier points u0 + h v0 / 3 and u1 - h v1 / 3 of the cubic
+    interpolant.
+
+    Parameters
+    ----------
+    span : Span
+        Time step of length `span.h`, s.
+    ends : Ends
+        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints.
     """
     change = abs(ends.u1 - ends.u0)
     from_start = change + _excess_at_end(span.h, ends.v0, ends.a0)
@@ -241,10 +275,13 @@ def _displacement_excursion(span, ends):
 
 @inline
 def _excess_at_end(h, v, a):
-    """Return an upper bound of the distance of the Bezier points from the displacement at the
-    endpoint with the velocity `v` and the acceleration `a`, m.
+    """Return a bound of the distance of the Bezier points of the quintic from its value at an
+    endpoint, m.
 
-    The points next to the endpoint are at h v / 5 and at 2 h v / 5 + h^2 a / 20 from it."""
+    With velocity `v` (m/s) and acceleration `a` (m/s^2) at this endpoint of a step of length `h`
+    (s), the next two Bezier points are at the distances h v / 5 and 2 h v / 5 + h^2 a / 20
+    (absolute values are used for v and a).
+    """
     return h * (0.4 * abs(v) + 0.05 * h * abs(a))
 
 
@@ -252,12 +289,16 @@ def _excess_at_end(h, v, a):
 def may_exceed_velocity_peak(h, by_h, ends, peak):
     """Return True if a velocity or drift rate may exceed its recorded peak in a step.
 
+    It may do so at the end of the step, or within the step if the acceleration changes its sign and
+    a Bezier point of the velocity exceeds the peak.
+
     Parameters
     ----------
     h, by_h : float
         Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
     ends : Ends
-        Motion of a floor or story at both endpoints of the step.
+        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
+        step.
     peak : float
         Recorded peak, m/s.
     """
@@ -270,15 +311,17 @@ def may_exceed_velocity_peak(h, by_h, ends, peak):
 def _max_velocity_bezier_point(h, by_h, ends):
     """Return the largest absolute value of the interior Bezier points of the velocity, m/s.
 
-    The points are v0, v0 + h a0 / 4, point_2, v1 - h a1 / 4 and v1. Their mean is the mean velocity
-    (u1 - u0) / h, which determines point_2.
+    The velocity is the quartic derivative of the quintic interpolant of u0, v0, a0 and u1, v1, a1
+    at the endpoints of a step of length h. Its Bezier points are v0, v0 + h a0 / 4, p, v1 - h a1 /
+    4 and v1. Their mean is the mean velocity (u1 - u0) / h, which determines the middle point p.
 
     Parameters
     ----------
     h, by_h : float
         Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
     ends : Ends
-        Motion of a floor or story at both endpoints of the step.
+        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
+        step.
     """
     point_1 = ends.v0 + 0.25 * h * ends.a0
     point_3 = ends.v1 - 0.25 * h * ends.a1
@@ -289,15 +332,18 @@ def _max_velocity_bezier_point(h, by_h, ends):
 def _middle_velocity_bezier_point(h, by_h, ends):
     """Return the middle one of the five Bezier points of the velocity within a step, m/s.
 
-    The mean of the five points is the mean velocity (u1 - u0) / h. The other four points are v0,
-    v0 + h a0 / 4, v1 - h a1 / 4 and v1.
+    The velocity is the quartic derivative of the quintic interpolant of u0, v0, a0 and u1, v1, a1
+    at the endpoints of a step of length h. The mean of its five Bezier points is the mean velocity
+    (u1 - u0) / h. The other four points are v0, v0 + h a0 / 4, v1 - h a1 / 4 and v1. The middle
+    point is therefore 5 (u1 - u0) / h - 2 (v0 + v1) + h (a1 - a0) / 4.
 
     Parameters
     ----------
     h, by_h : float
         Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
     ends : Ends
-        Motion of a floor or story at both endpoints of the step.
+        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
+        step.
     """
     mean = 5.0 * by_h * (ends.u1 - ends.u0)
     return mean - 2.0 * (ends.v0 + ends.v1) + 0.25 * h * (ends.a1 - ends.a0)
@@ -305,11 +351,14 @@ def _middle_velocity_bezier_point(h, by_h, ends):
 
 @inline
 def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
-    """Return True if an absolute acceleration or total shear may exceed its recorded peak.
+    """Return True if an absolute acceleration or total shear may exceed its recorded peak in a
+    step.
 
-    The criterion does not need the tilt: the weights described in the module docstring limit
-    |B + D| and |B - D| to 2 |B|. The interior Bezier points (`_max_interior_bezier_point`)
-    therefore exceed the larger endpoint by at most (2 |B| - |A1 - A0|) / 3.
+    Within the step, with s from 0 to 1, the acceleration is A0 + (A1 - A0) s + s (1 - s) (B + D (1
+    - 2 s)), with the endpoint values A0 and A1, the bulge B and the tilt D. The criterion does not
+    need the tilt: `_raise_acceleration_peak` reduces both by a weight so that |B + D| and |B - D|
+    do not exceed 2 |B|. The interior Bezier points, (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D)
+    / 3, therefore exceed the larger endpoint by at most (2 |B| - |A1 - A0|) / 3.
 
     Parameters
     ----------
@@ -331,6 +380,12 @@ def find_interstep_peaks(
 ):
     """Raise the peaks of all floors and stories by the response inside a step or substep.
 
+    The motion of each floor and story between the endpoints of the step is the quintic polynomial
+    with the displacement, velocity and acceleration at both endpoints. Displacements and drifts
+    have an extremum where the velocity is zero, velocities where the acceleration is zero.
+    Accelerations and total shears (sum of mass times absolute acceleration of the floors above) are
+    searched always.
+
     The restoring force at an interior drift depends on the hysteretic law, so this function does
     not compute it. It stores reversal drifts; the caller evaluates the laws at these drifts.
 
@@ -342,7 +397,7 @@ def find_interstep_peaks(
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     passage : Passage
-        Motion at both endpoints, relative to the ground.
+        Motion of all floors at both endpoints, relative to the ground: m, m/s, m/s^2.
     law_state : ndarray
         State of the hysteretic laws at the end of the step: story drift (m) and shear (N).
     reversals : ndarray
@@ -378,6 +433,7 @@ def find_interstep_peaks(
         story = _story_ends(
             floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i]
         )
+        # Drift: extremum inside the step
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
             stiffness = scene.law_parameters[rows.STIFFNESS, i]
@@ -394,6 +450,7 @@ def find_interstep_peaks(
                 if reversal != story.u1:
                     reversals[reversal_row, i] = reversal
                     reversal_count += 1
+        # Displacement of the floor, velocity of the floor, drift rate of a story with a dashpot
         margin = peaks[first_peak + rows.PEAK_DISPLACEMENT, i] - abs(floor.u1)
         if _has_extremum(span, floor) and _displacement_excursion(span, floor) > margin:
             row = first_peak + rows.PEAK_DISPLACEMENT
@@ -412,6 +469,7 @@ def find_interstep_peaks(
             and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
         ):
             _raise_velocity_peak(span, story, peaks, first_peak + rows.PEAK_DRIFT_RATE, i)
+        # Absolute acceleration of the floor, and total shear of the story
         if not span.cornered:
             row = first_peak + rows.PEAK_ACCELERATION
             _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
@@ -427,14 +485,22 @@ def find_interstep_peaks(
 
 @inline
 def _floor_ends(has_unresolved_modes, passage, i):
-    """Return the motion of floor `i` at both endpoints as `Ends`, relative to the ground.
+    """Return the motion of floor `i` at both endpoints of a step as `Ends`, relative to the ground.
 
-    The velocity and acceleration one step earlier are read only if `has_unresolved_modes` is set,
-    because only then does the table `passage.old` contain them. Otherwise the values at the start
-    of the step are returned instead; they are not used.
+    The values are displacement (m), velocity (m/s) and acceleration (m/s^2).
+
+    Parameters
+    ----------
+    has_unresolved_modes : bool
+        True if the building has modes that the step does not resolve. Only then does the table
+        `passage.old` contain velocity and acceleration one step earlier. Otherwise the values at
+        the start of the step are returned instead; they are not used.
+    passage : Passage
+        Tables with the response at both endpoints. From row `first` of `old` on: displacement,
+        velocity and acceleration at the start, then velocity and acceleration one step earlier.
+    i : int
+        Index of the floor.
     """
-    # From row `first` on, `old` contains displacement, velocity and acceleration at the start of
-    # the step, then velocity and acceleration one step earlier.
     old, first, state, accelerations, new = passage
     v0 = old[first + 1, i]
     a0 = old[first + 2, i]
@@ -446,7 +512,11 @@ def _floor_ends(has_unresolved_modes, passage, i):
 
 @inline
 def _story_ends(floor, floor_below, link, drift):
-    """Return drift, drift rate and drift acceleration of a story at both endpoints as `Ends`.
+    """Return drift (m), drift rate (m/s) and drift acceleration (m/s^2) of a story at both
+    endpoints of a step as `Ends`.
+
+    They are the differences between the floor at the top and the floor at the base of the story.
+    The drift at the end is that of the law.
 
     Parameters
     ----------
@@ -513,8 +583,10 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
 def _has_extremum(span, ends):
     """Return True if a displacement or drift has an extremum inside the step.
 
-    The velocity changes its sign, or, for methods with parabolic displacements, the parabola with
-    the displacement increment u1 - u0 and the velocity increment v1 - v0 has an interior extremum.
+    Displacement and velocity are u0, v0 at the start and u1, v1 at the end of the step of length h.
+    The velocity changes its sign, or, for methods with parabolic displacements (`span.on_path`),
+    the parabola u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2, with s from 0 to 1, has an interior
+    extremum: 2 |u1 - u0| < h |v1 - v0|.
     """
     has_vertex = 2.0 * abs(ends.u1 - ends.u0) < span.h * abs(ends.v1 - ends.v0)
     return (span.on_path & has_vertex) | (ends.v0 * ends.v1 < 0.0)
@@ -524,8 +596,17 @@ def _has_extremum(span, ends):
 def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     """Raise the peak of a displacement or drift by its extremum inside the step.
 
-    Resolved motion uses the quintic. Unresolved motion uses the parabola of the method if it has
-    one; otherwise the extremum of the cubic Hermite interpolant is recorded as a possible peak.
+    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
+    the step of length h. With s from 0 to 1,
+
+        resolved motion      quintic with all six values
+        unresolved motion    method with parabolic displacements: the parabola
+                             u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2
+                             other methods: the cubic with u0, v0, u1 and v1; its extremum is
+                             recorded as a possible peak
+
+    The motion is resolved if the endpoint accelerations explain the change of velocity,
+    |v1 - v0 - h (a0 + a1) / 2| <= _MAX_VELOCITY_MISMATCH (|v0| + |v1|), and `_is_resolved` is True.
 
     Parameters
     ----------
@@ -555,7 +636,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         velocity_mismatch <= _MAX_VELOCITY_MISMATCH * (abs(v0) + abs(v1))
     )
     if span.on_path and not is_resolved:
-        # Parabola u0 + rise s + curvature (s^2 - s) / 2
+        # Parabola u0 + rise s + curvature (s^2 - s) / 2, extremum at s = 1/2 - rise / curvature
         rise = u1 - u0
         curvature = h * (v1 - v0)
         if 2.0 * abs(rise) >= abs(curvature):
@@ -577,11 +658,13 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     if max(start_offset + excess_0, excess_1) <= margin:
         return u1
     if not is_resolved:
+        # Cubic u0 + h v0 s + c2 s^2 + c3 s^3 with u1 and v1 at s = 1
         rise = u1 - u0
         c2 = 3.0 * rise - h * (2.0 * v0 + v1)
         extremum = _cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
         raise_peak(peaks, row + rows.PEAK_ROWS, i, extremum)
         return u1
+    # Quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5
     c3, c4, c5 = _quintic_coefficients(h, ends)
     # The zero of the velocity on the straight line between v0 and v1 is the first estimate.
     extremum = _quintic_extremum(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
@@ -593,14 +676,17 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
 def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     """Raise the peak of a velocity or drift rate by the quartic derivative of the quintic.
 
-    Call this function only if the endpoint accelerations have opposite signs.
+    The quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5, with s from 0 to 1, has the
+    displacement, velocity and acceleration of the motion at both endpoints of the step of length h.
+    The velocity is its derivative divided by h. Call this function only if the endpoint
+    accelerations have opposite signs.
 
     Parameters
     ----------
     span : Span
         Time step.
     ends : Ends
-        Displacement or drift (m), velocity and acceleration at both endpoints of the step.
+        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints.
     peaks : ndarray
         Table of the peaks, m/s.
     peak_row, i : int
@@ -621,6 +707,15 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
 @inline
 def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     """Raise the peak of an absolute acceleration or of a total shear.
+
+    Within the step, with s from 0 to 1, the acceleration (or the sum of mass times acceleration) is
+
+        A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s))
+
+    with the endpoint values A0 and A1, the bulge B and the tilt D. The tilt is not reliable if it
+    is large. Therefore B and D are multiplied by the weight min(2 - |D / B|, 1), and both are
+    ignored for
+    |D| >= 2 |B|, so that the maximum is at an endpoint.
 
     The total shear of a story is the sum of mass times absolute acceleration over the floors that
     it supports, minus the forces on these floors, with the opposite sign. Peaks do not depend on
@@ -667,8 +762,9 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
 def _add_floor_forces(span, forces, link, i, sums_above):
     """Add the forces on floor `i` to the sums over the floors above.
 
-    The deviation of a force from the straight line between its endpoint values is represented as
-    s (1 - s) (bulge + tilt (1 - 2 s)). It is matched at s = 1/4 and s = 3/4:
+    A force is a known function of time. With s from 0 to 1 over the step, its deviation from the
+    straight line between its endpoint values is represented as s (1 - s) (bulge + tilt (1 - 2 s)).
+    It is matched at s = 1/4 and s = 3/4:
 
         deviation(1/4) = 3/16 (bulge + tilt / 2)
         deviation(3/4) = 3/16 (bulge - tilt / 2)
@@ -678,7 +774,8 @@ def _add_floor_forces(span, forces, link, i, sums_above):
     span : Span
         Time step; `span.t` is its end.
     forces : ndarray
-        Harmonic forces on floors, one row each.
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     link : float
         1 if the story above is supported by floor `i`, else 0.
     i : int
@@ -712,9 +809,14 @@ def _add_floor_forces(span, forces, link, i, sums_above):
 
 @inline
 def _bulge_and_tilt(h, ends):
-    """Return bulge B and tilt D of the acceleration of the quintic, m/s^2.
+    """Return bulge B and tilt D of the acceleration of the quintic interpolant, m/s^2.
 
-    a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s)) with s in [0, 1].
+    The quintic has displacement, velocity and acceleration u0, v0, a0 at the start and u1, v1, a1
+    at the end of the step of length h (s). With s from 0 to 1, its acceleration is
+
+        a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s))
+        B = 6 (v1 - v0) / h - 3 (a0 + a1)
+        D = 60 ((u1 - u0) / h - (v0 + v1) / 2) / h + 5 (a1 - a0)
     """
     u0, v0, a0, u1, v1, a1, _, _ = ends
     by_h = 1.0 / h
@@ -724,19 +826,24 @@ def _bulge_and_tilt(h, ends):
 
 @inline
 def acceleration_bulge(by_h, ends):
-    """Return the bulge B = 6 (v1 - v0) / h - 3 (a0 + a1), m/s^2.
+    """Return the bulge B = 6 (v1 - v0) / h - 3 (a0 + a1) of the acceleration within a step, m/s^2.
 
-    `by_h` is the reciprocal 1 / h of the time step, 1/s. Displacements in `ends` are not used.
+    B is the symmetric deviation of the acceleration a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 -
+    2 s)), with s from 0 to 1, from the straight line between the endpoint values. It gives the mean
+    acceleration (v1 - v0) / h. `by_h` is the reciprocal 1 / h of the time step, 1/s. Displacements
+    in `ends` are not used.
     """
     return 6.0 * by_h * (ends.v1 - ends.v0) - 3.0 * (ends.a0 + ends.a1)
 
 
 @inline
 def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
-    """Return the larger absolute value of the two interior Bezier points of the acceleration.
+    """Return the larger absolute value of the two interior Bezier points of an acceleration.
 
-    The points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3. The cubic acceleration does
-    not exceed the maximum of these points and its endpoints.
+    The acceleration is A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)), with s from 0 to 1, the
+    endpoint values A0 = `absolute_0` and A1 = `absolute_1`, the bulge B and the tilt D, all in the
+    same unit. The points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3. The cubic
+    acceleration does not exceed the maximum of these points and its endpoints.
     """
     point_1_times_3 = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
     point_2_times_3 = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
@@ -745,10 +852,12 @@ def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
 
 @inline
 def _is_near_line(bulge, tilt, scale):
-    """Return True if the acceleration is close to the straight line between its endpoints.
+    """Return True if an acceleration is close to the straight line between its endpoint values.
 
-    The interior Bezier points deviate from this line by (B + D) / 3 and (B - D) / 3, thus by at
-    most (|B| + |D|) / 3. `scale` is the sum of the absolute endpoint values.
+    The acceleration is A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)), with s from 0 to 1, the
+    bulge B and the tilt D. Its interior Bezier points deviate from the line by (B + D) / 3 and (B -
+    D) / 3, thus by at most (|B| + |D|) / 3. This deviation is compared with
+    _MAX_ACCELERATION_DEVIATION times `scale`, the sum |A0| + |A1| of the absolute endpoint values.
     """
     return abs(bulge) + abs(tilt) <= 3.0 * _MAX_ACCELERATION_DEVIATION * scale
 
@@ -810,7 +919,11 @@ def _quintic_extremum(s, coefficients):
 
 @inline
 def _nearest_extremum(s, coefficients):
-    """Return the value of a quintic polynomial at the extremum near `s`, by Newton's method.
+    """Return the value of a quintic polynomial at the extremum near `s`, by three Newton
+    iterations.
+
+    The polynomial is p(s) = p0 + p1 s + p2 s^2 + p3 s^3 + p4 s^4 + p5 s^5, with s in [0, 1]. The
+    extremum is a maximum if p increases at s = 0 (p1 > 0), and a minimum if it decreases.
 
     Parameters
     ----------
@@ -835,8 +948,9 @@ def _nearest_extremum(s, coefficients):
 def _best_of_samples(coefficients):
     """Return the best of seven equidistant points of a quintic polynomial, and its value.
 
-    The points are 1/8, 2/8, ..., 7/8. The best point has the largest value if the polynomial
-    increases at s = 0, and the smallest value if it decreases there.
+    The polynomial is p0 + p1 s + ... + p5 s^5. The points are s = 1/8, 2/8, ..., 7/8. The best
+    point has the largest value if the polynomial increases at s = 0 (p1 > 0), and the smallest
+    value if it decreases.
 
     Parameters
     ----------
@@ -854,7 +968,9 @@ def _best_of_samples(coefficients):
 
 @inline
 def _value(s, coefficients):
-    """Return the value of a polynomial of degree 5 at `s`."""
+    """Return the value p0 + p1 s + ... + p5 s^5 of a polynomial at `s`; `coefficients` are p0 to
+    p5.
+    """
     p0, p1, p2, p3, p4, p5 = coefficients
     return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
 

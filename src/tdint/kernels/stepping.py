@@ -114,7 +114,7 @@ SEEN = (TABLE, TABLE, TABLE, VECTOR, TABLE)
 
 
 class Span(NamedTuple):
-    """Time step or substep that the observer processes.
+    """Time step or substep that the observer of the response processes.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Span(NamedTuple):
     ground_0, ground_1 : float
         Ground acceleration at both endpoints, m/s^2.
     on_path : bool
-        True if the displacements follow parabolas within the step.
+        True if the displacements follow parabolas of time within the step.
     fast : bool
         True if the building has modes that the step does not resolve.
     cornered : bool
@@ -143,14 +143,14 @@ class Span(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """Response of all floors at both endpoints of a step.
+    """Response of all floors at both endpoints of a step, relative to the ground.
 
     Attributes
     ----------
     old : ndarray
-        Table with the response at the start, relative to the ground, in consecutive rows:
-        displacement, velocity and acceleration. If the building has unresolved modes, velocity and
-        acceleration one step earlier follow.
+        Table with the response at the start in consecutive rows: displacement (m), velocity (m/s)
+        and acceleration (m/s^2). If the building has unresolved modes, velocity and acceleration
+        one step earlier follow.
     first : int
         Row of the displacement in `old`.
     state : ndarray
@@ -171,10 +171,13 @@ class Passage(NamedTuple):
 class Ends(NamedTuple):
     """Motion of one floor or story at both endpoints of a time step.
 
+    The sum of mass times motion of several floors is represented in the same way.
+
     Attributes
     ----------
     u0, v0, a0 : float
-        Displacement (or story drift), velocity and acceleration at the start of the step.
+        Displacement (or story drift, m), velocity (m/s) and acceleration (m/s^2) at the start of
+        the step.
     u1, v1, a1 : float
         The same at the end of the step.
     v_earlier, a_earlier : float
@@ -213,12 +216,14 @@ class Factors(NamedTuple):
 
 
 class EffectiveCoefficients(NamedTuple):
-    """Change of the response of a floor for a unit change of its unknown x.
+    """Change of the response of a floor for a unit change of its unknown x, an acceleration.
+
+    Displacement, velocity and acceleration are u = U + by_u x, v = V + by_v x and a = A + by_a x.
 
     Attributes
     ----------
     by_u, by_v, by_a : float
-        Change of displacement, velocity and acceleration.
+        Change of displacement (s^2), velocity (s) and acceleration (1) per unit of x.
     """
 
     by_u: float
@@ -245,13 +250,15 @@ class Integrals(NamedTuple):
 
 
 class PathSegment(NamedTuple):
-    """Part of a parabola of drift, start + rise t + bend (t^2 - t) / 2, from t = `begin` to t =
-    `end`.
+    """Part of a parabola of drift from t = `begin` to t = `end`, fractions of the step.
+
+    The drift is start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step.
 
     Attributes
     ----------
     start, rise, bend : float
-        Coefficients of the parabola, m.
+        Coefficients of the parabola, m: drift at t = 0, change of drift over the step, and change
+        over the step of the derivative with respect to t.
     begin, end : float
         Endpoints of the part, between 0 and 1.
     """
@@ -272,7 +279,9 @@ _call_step = indirect_caller(STEP)
 
 @inline
 def take_step(step, coefficients, scene, h, load, memory):
-    """Execute one step with the kernel that the time loop has received.
+    """Execute one step of the method with the compiled function that the time loop has received.
+
+    The step updates the state, the law states, the scratch array and the status in `memory`.
 
     Parameters
     ----------
@@ -292,7 +301,8 @@ def take_step(step, coefficients, scene, h, load, memory):
     Returns
     -------
     int
-        Number of iterations, or a negative error code.
+        Number of iterations, or a negative error code: NOT_CONVERGED (the state is unchanged) or
+        NOT_FINITE.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state, scratch, step_status = memory

@@ -230,10 +230,17 @@ def _store_load(linear_terms, forces, h, load, scratch):
 
 @inline
 def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
-    """Compute the story forces at the end of the step and their impulses, eqs. 14 and 46.
+    """Compute the story forces at the end of the step and their impulses, eqs. 14 and 46 of the
+    paper.
 
-    The impulse of a story force is h f0 + k_T (q - u0 h) on its drift, with the tangent k_T at the
-    end of the step. P-delta and dampers are included.
+    With the displacement and velocity u0, v0, a0 at the start, u1, v1 at the end of the step of
+    length h and the parameter beta, the integral of the displacement over the step is (eq. 14)
+
+        q = u0 h + h ((1 - 72 beta) (u1 - u0) + h ((48 beta - 1/4) v0 + (24 beta - 1/4) v1)
+            + h^2 (12 beta - 1/12) a0)
+
+    The impulse of a story force (eq. 46) is h f0 + k_T (q - u0 h) on its drift, with the force f0
+    at the start and the tangent k_T at the end of the step. P-delta and dampers are included.
 
     Parameters
     ----------
@@ -311,6 +318,16 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
 def _factor(coefficients, linear_terms, modal, h, factors):
     """Assemble and factorize the matrix of Newton's method for the current tangents.
 
+    The unknowns are (u1 - u0, v1 - v0) of each floor, the equations kinematics (times M) and
+    momentum:
+
+        M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
+        M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
+
+    with the acceleration a1 from equilibrium, M a1 = p1 - C v1 - f(u1), the tangent k_T at the end,
+    and the integral q of the displacement over the step, whose derivatives are h (1 - 72 beta) with
+    respect to u1 and h^2 (24 beta - 1/4) with respect to v1. The derivative of k_T is omitted.
+
     Parameters
     ----------
     coefficients : ndarray
@@ -346,9 +363,10 @@ def _factor(coefficients, linear_terms, modal, h, factors):
 def _limit(beta: float) -> float:
     """Return the omega h from which an undamped oscillator is unstable; inf for beta = 1/144.
 
-    The determinant of the amplification matrix is 1. The method is unstable if its trace is less
-    than -2. With W = omega h, trace + 2 is proportional to (W^2 - 12) (12 beta W^2 - 1), which is
-    negative between its two roots. The result is the smaller root.
+    omega is the circular frequency and h the time step. The amplification matrix has the
+    determinant one. The method is unstable if its trace is less than -2. With W = omega h, trace +
+    2 is proportional to (W^2 - 12) (12 beta W^2 - 1), which is negative between its two roots. The
+    result is the smaller root.
     """
     if beta == PUBLISHED:
         return math.inf

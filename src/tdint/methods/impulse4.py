@@ -85,10 +85,24 @@ def step(
 ):
     """Integrate the equations of motion over one time step of impulse4.
 
-    If some laws have branches, the step is divided into substeps at their branch changes. If no law
-    has branches, or if the division fails because of too many branch changes, the complete step is
-    solved by Newton's method. The arguments and the return value are those of every compiled step
-    (`tdint.kernels.stepping`).
+    With the state u0, v0, a0 at the start and u1, v1, a1 at the end of the step of length h, the
+    equations are
+
+        kinematics  u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
+        momentum    M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
+        equilibrium M a1 + C v1 + f(u1) = p1
+
+    with the restoring forces f, the displacement uc at an inner point, the impulse I of the load
+    and its value p1 at the end. If some laws have branches, the step is divided into substeps at
+    their branch changes. If no law has branches, or if the division fails because of too many
+    branch changes, the complete step is solved by Newton's method. The arguments are those of every
+    compiled step (`tdint.kernels.stepping`).
+
+    Returns
+    -------
+    int
+        Number of linear solutions. NOT_CONVERGED (negative) if Newton's method does not converge;
+        the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -99,6 +113,7 @@ def step(
         code = _take_substeps(coefficients, scene, h, load, memory)
         if code != rows.NOT_CONVERGED:
             return code
+    # Complete step by Newton's method, without branches
     step_status[rows.STEP_PEAKS] = 0.0
     store_load(
         linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch
@@ -108,6 +123,7 @@ def step(
         return code
     keep_negligible_kinks(scene, h, memory)
     _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
+    # The division into substeps failed: the next step needs the branches of the new states.
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         for i in range(n):
             resume(law_parameters, law_state, i)
@@ -173,6 +189,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
         # Complete time steps and substeps have separate factorizations, so that the factorization
         # of complete steps can be reused in the next step.
         factors = FACTORS if substep == h else FACTORS + factor_rows(modal.shape[0])
+        # Load of the substep, and solution on the current branches
         ground = load[rows.GROUND_0] + ground_rate * elapsed
         store_load(
             linear_terms,
@@ -197,6 +214,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
             if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
                 # The substep ends at the reversal, which is therefore not within the substep.
                 scratch[ROW.KINK, story] = 0.0
+        # Search for the first branch change, or check the end of a shortened substep.
         if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
             outcome = (
                 _compare_with_event(linear_terms, substep, state, law_state, scratch, story, event)
@@ -276,6 +294,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
             copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
             is_shortened = False
+        # Continue with the remaining step, on the new branch if the substep ended at an event.
         elapsed += substep
         if HAS_NONLINEAR_FORCE and ends_at_event:
             _change_branch(linear_terms, law_parameters, state, law_state, story, event)
@@ -293,6 +312,12 @@ def _shorten_increments(fraction, h, state, scratch, n):
     """Replace the increments over a substep by the increments over its first part.
 
     The motion between the endpoints is the cubic Hermite polynomial of displacement and velocity.
+    With x = `fraction`, y = 1 - x, the velocities v0, v1 at the endpoints of the substep of length
+    h and its increment du of displacement, the new increments are
+
+        of displacement    x^2 (3 - 2 x) du + x y h (y v0 - x v1)
+        of velocity        6 x y du / h + y (1 - 3 x) v0 + x (3 x - 2) v1 - v0
+
     The result is the first estimate of Newton's method for the shortened substep.
 
     Parameters
@@ -327,9 +352,9 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, event)
 
     Rounding and the error of the interpolant may leave the drift slightly before the limit of the
     branch, and the same event would be located again. Therefore, the law is moved to the limit,
-    changes its branch there, and returns to the actual drift. If the force changes suddenly, for
-    example because the story fails, the accelerations of the adjacent floors change by the jump of
-    the force divided by the floor mass.
+    changes its branch at this limit, and returns to the actual drift. If the force changes by a
+    jump J, for example because the story fails, the acceleration of the floor above changes by -J /
+    m, that of the floor below by J / m (m: mass of the floor).
 
     Parameters
     ----------
@@ -371,6 +396,10 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, event)
 @outlined
 def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event):
     """Compare the drifts at the end of a substep with the branch change for which it was shortened.
+
+    The tolerance of each story is _LOCATION_TOLERANCE times the length of the path of its drift in
+    the substep, estimated by h times the larger drift rate at the endpoints, or the change of
+    drift.
 
     Parameters
     ----------
@@ -433,6 +462,9 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
 def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch):
     """Move state and law states to the end of a substep that was solved on linear branches.
 
+    Displacements and velocities increase by rows DU and DV. Row A1 contains the new accelerations.
+    The force of each law changes by the stiffness of its branch times the change of drift.
+
     Parameters
     ----------
     linear_terms, law_parameters : ndarray
@@ -456,9 +488,11 @@ def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch
 def _update_state(keep_branches, linear_terms, law_parameters, state, law_state, scratch):
     """Move state and law states to the end of a step or substep that Newton's method has solved.
 
-    The laws are committed from the trial states of the last iteration. Buildings without curved
-    laws use `_advance_on_branches` instead, because this function would increase their run time by
-    20 to 50 percent.
+    Displacements and velocities increase by rows DU and DV. Row A1 contains the new accelerations.
+    The laws are committed from the trial states of the last iteration, in chronological order of
+    the drifts for which the law was evaluated. Buildings without curved laws use
+    `_advance_on_branches` instead, because this function would increase their run time by 20 to 50
+    percent.
 
     Parameters
     ----------
@@ -498,8 +532,9 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
 def _update_substep_peaks(scene, span, memory):
     """Update the peaks with the response at the end of a substep and within the substep.
 
-    The interior of the substep is not searched if the building has modes that the step does not
-    resolve (`span.fast`). The peaks are maximum absolute values.
+    The peaks are maximum absolute values. The total shear of a story is the sum of mass times
+    absolute acceleration of the floors above, minus the forces on these floors. The interior of the
+    substep is not searched if the building has modes that the step does not resolve (`span.fast`).
 
     Parameters
     ----------
@@ -608,12 +643,19 @@ def _restore_start(state, law_state, scratch, n):
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients of the step for a spectral radius `rho_inf` at infinite frequency.
 
-    The coefficients theta, alpha and beta of the kinematic equation make the linear step the Pade
-    approximation with the limit `rho_inf`. The quadrature with the weights (w0, wc, w1) at the
-    fractions 0, c and 1 of the step is exact for quadratics, and so is the displacement uc.
-    Order 3 is therefore obtained for any c. The value c = 1 / (3 - rho_inf) increases from 1/3
-    for rho_inf = 0, where the step is Radau IIA for nonlinear laws as well, to 1/2 for rho_inf = 1,
-    where the quadrature is Simpson's rule on the cubic Hermite interpolant.
+    The equations of the step of length h, with the state u0, v0, a0 at the start and u1, v1, a1 at
+    the end, are
+
+        kinematics    u1 - u0 = h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1)
+        impulse       of the restoring force f: h (w0 f(u0) + wc f(uc) + w1 f(u1))
+        inner point   uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c of the step
+
+    theta = (2 + rho_inf) / (3 (1 + rho_inf)), alpha = 1/3 - theta/2 and beta = theta/2 - 1/6 make
+    the linear step the Pade approximation with the limit `rho_inf`. The quadrature with the weights
+    (w0, wc, w1) at the fractions 0, c and 1 of the step is exact for quadratics, and so is the
+    displacement uc. Order 3 is therefore obtained for any c. The value c = 1 / (3 - rho_inf)
+    increases from 1/3 for rho_inf = 0, where the step is Radau IIA for nonlinear laws as well, to
+    1/2 for rho_inf = 1, where the quadrature is Simpson's rule on the cubic Hermite interpolant.
 
     The choice was measured on a hardening and a softening oscillator. For rho_inf = 1, Simpson's
     rule has a quarter of the error of the corrected trapezoidal rule with the tangents at the

@@ -43,7 +43,7 @@ class Parameter:
     high_allowed: bool = True
 
     def allows(self, value: float) -> bool:
-        """Return True if `value` lies in the range.
+        """Return True if `value` is finite and in the range; an end of the range can be excluded.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Integrator:
     ) -> NDArray[np.float64]:
         """Return the coefficients of the compiled step for one building and the time step h.
 
-        They depend on the building only if the family has the function `prepare`.
+        They depend on building, forces and h only if the family has the function `prepare`.
 
         Parameters
         ----------

@@ -90,12 +90,15 @@ def step(
 ):
     """Integrate the equations of motion over one time step of KR-alpha or CR.
 
-    The new q1 follows from one linear system with the matrix (1 - alpha_m) M + (1 - alpha_f) X,
-    X = gamma h C + beta h^2 K0:
+    With q, the acceleration variable of the method, and the initial stiffness K0,
 
         u1 = u0 + h v0 + h^2/2 q0,   v1 = v0 + h ((1 - gamma) q0 + gamma q1)
         (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0
         r = p - C v - f(u) - beta h^2 K0 q
+
+    where p are the loads and f(u) the restoring forces. The displacements u1 are explicit. The new
+    q1 follows from one linear system with the matrix (1 - alpha_m) M + (1 - alpha_f) (gamma h C +
+    beta h^2 K0) for the change q1 - q0.
 
     Parameters
     ----------
@@ -121,7 +124,7 @@ def step(
     Returns
     -------
     int
-        1, or NOT_FINITE if the new state is not finite.
+        1, or NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     memory = Memory(state, law_state, scratch, step_status)
@@ -152,6 +155,7 @@ def step(
             - floor_force
         )
     add_modal_force(modal, scratch, _ROW.V, -1.0, scratch, _ROW.X, n)
+    # X is now q1 - q0; v1 = v0 + h q0 + gamma h (q1 - q0).
     solve_damped(factors, modal, _ROW.X, n)
     for i in range(n):
         q = state[rows.ACCELERATION, i]
@@ -163,6 +167,9 @@ def step(
 @inline
 def _initialize_q(linear_terms, law_parameters, by_k, state, factors, n):
     """Replace the initial acceleration a0 in the state by q0, from (M + beta h^2 K0) q0 = M a0.
+
+    q is the acceleration variable of KR-alpha, M q = p - C v - f(u) - beta h^2 K0 q at the start,
+    with the initial stiffness K0. a0 is the acceleration from equilibrium, M a0 = p - C v - f(u).
 
     Parameters
     ----------
@@ -191,7 +198,10 @@ def _initialize_q(linear_terms, law_parameters, by_k, state, factors, n):
 
 @inline
 def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
-    """Store the load at the weighted point of the step in row LOAD, N.
+    """Store the load at the weighted point of the step in row LOAD, N: (1 - alpha_f) p1 + alpha_f
+    p0.
+
+    p0 and p1 are the loads at the start and at the end of the step.
 
     Parameters
     ----------
@@ -221,8 +231,15 @@ def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
 def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory):
     """Move displacements and hysteretic laws to the end of the step.
 
-    The displacement at the end, u1 = u0 + h v0 + h^2/2 q0, depends on the start of the step only.
-    The velocities and the story forces at the weighted point are stored for q1 = q0.
+    With q, the acceleration variable of the method, the displacement at the end, u1 = u0 + h v0 +
+    h^2/2 q0, depends on the start of the step only. Velocity and story forces at the weighted point
+    are stored for q1 = q0:
+
+        row V      v0 + (1 - alpha_f) h q0
+        row SUM    (1 - alpha_f) f1 + alpha_f f0 + beta h^2 k0 (q0 of the drift) + C (rate of V)
+
+    with the story force f (restoring force and P-delta) at the start (0) and at the end (1), the
+    initial stiffness k0, including P-delta, and the story damper C.
 
     Parameters
     ----------
@@ -283,7 +300,8 @@ def chang_step(
 ):
     """Integrate the equations of motion over one time step of the method of Chang (2002).
 
-    The displacement at the end of the step depends on the start of the step only:
+    The displacement at the end of the step depends on the start of the step only. With the initial
+    stiffness K0 and the acceleration a0,
 
         u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0),   D = M + h/2 C + h^2/4 K0
 
@@ -291,6 +309,8 @@ def chang_step(
     and acceleration then follow from equilibrium at u1 with average acceleration,
 
         (M + h/2 C) a1 = p1 - C (v0 + h/2 a0) - f(u1),   v1 = v0 + h/2 (a0 + a1)
+
+    with the load p1 at the end and the restoring forces f(u1).
 
     Parameters
     ----------
@@ -316,7 +336,7 @@ def chang_step(
     Returns
     -------
     int
-        1, or NOT_FINITE if the new state is not finite.
+        1, or NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     half_h = 0.5 * h
@@ -324,6 +344,7 @@ def chang_step(
     acceleration_factors = Factors(
         scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1
     )
+    # Factorizations of D and of M + h/2 C; both remain valid for the same h.
     if step_status[rows.FACTORED_STEP] != h:
         factor_combination(
             linear_terms,

@@ -79,9 +79,18 @@ def step(
 ):
     """Integrate the equations of motion over one time step of moment4.
 
-    The mean and the first moment of the load are computed, the equations are solved for the
-    parabolas of all floors, and the state is moved to the end of the step. If a story changes its
-    branch or reverses, the peaks within the step are updated.
+    With the time t from 0 to 1 over the step and s = t - 1/2, the displacement of a floor is the
+    parabola u0 + D0 t + D1 (t^2 - t) / 2, and the equations of motion are integrated with the
+    weights 1 and 12 s:
+
+        impulse         M a0 / h^2 + C D0 / h + int f dt = int p dt
+        first moment    M a1 / h^2 + C D1 / h + 12 int s f dt + r K D1 = 12 int s p dt
+        end             u1 = u0 + D0,   v1 = v0 + a0 / h
+
+    with h^2 times the mean and the change of the acceleration, a1 = (D1 / 2 - D0 + h v0) 12 / (1 +
+    6 r) and a0 = D1 - r a1, the restoring forces f, the loads p and the initial stiffness K. Three
+    stages follow: integrals of the load, solution for D0 and D1 of all floors, and update of the
+    state. If a story changes its branch or reverses, the peaks within the step are updated before.
 
     Parameters
     ----------
@@ -112,12 +121,15 @@ def step(
         Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
         then unchanged. NOT_FINITE if the new state is not finite.
     """
+    # Both integrals of the load
     mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
+    # D0 and D1; a negative code means that Newton's method does not converge.
     code = solve_step(coefficients, scene, h, memory)
     if code < 0:
         return code
+    # Peaks at branch changes and reversals, then the state at the end of the step
     if HAS_NONLINEAR_FORCE:
         update_peaks_at_corners(scene, h, load, memory)
     update_state(coefficients, scene, h, memory)
@@ -134,7 +146,11 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
 
 
 def estimating_coefficients(rho_inf: float) -> tuple[float, ...]:
-    """Return the coefficients of a run that estimates errors, with `_ESTIMATING_TOLERANCE`."""
+    """Return the coefficients of a run of moment4 that estimates the errors of another run.
+
+    They are r = (1 - rho_inf) / (6 (1 + rho_inf)), 12 / (1 + 6 r) and the tolerance of the
+    residuals, which is larger than in `coefficients` to save iterations (_ESTIMATING_TOLERANCE).
+    """
     return *coefficients(rho_inf)[:-1], _ESTIMATING_TOLERANCE
 
 

@@ -105,14 +105,20 @@ def explicit_step(
 ):
     """Advance the state by one step of an explicit Runge-Kutta method.
 
-    The first stage is the start of the step. Its acceleration is taken from the state, because it
-    was computed from equilibrium at the end of the previous step. The end of the step is treated
-    like a further stage with the node 1 and the weights b as row of A.
+    With displacement u, velocity v and acceleration a = M^-1 (p - C v - f(u)), the stages i are
+
+        u_i = u0 + h sum_(j < i) A_ij v_j,     v_i = v0 + h sum_(j < i) A_ij a_j
+
+    at the times t0 + c_i h, with the Butcher matrix A and its row sums c. The first stage is the
+    start of the step. Its acceleration is taken from the state, because it was computed from
+    equilibrium at the end of the previous step. The end of the step is treated like a further stage
+    with the node 1 and the weights b as row of A.
 
     Parameters
     ----------
     coefficients : ndarray
-        Result of `explicit_coefficients`.
+        Number of stages, then for each further stage and the end of the step the node c_i and the
+        row of A (result of `explicit_coefficients`).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
@@ -133,9 +139,10 @@ def explicit_step(
     Returns
     -------
     int
-        1, or NOT_FINITE if the new state is not finite.
+        1, or NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
+    # First stage: start of the step
     for i in range(n):
         scratch[_EXPLICIT.V, i] = state[rows.VELOCITY, i]
         scratch[_EXPLICIT.A, i] = state[rows.ACCELERATION, i]
@@ -151,11 +158,13 @@ def explicit_step(
             for i in range(n):
                 scratch[_EXPLICIT.U, i] += weight * scratch[_EXPLICIT.V + previous_stage, i]
                 scratch[_EXPLICIT.V + stage, i] += weight * scratch[_EXPLICIT.A + previous_stage, i]
+        # Restoring forces of the stories at the drifts of the stage, from the start of the step
         u_below = 0.0
         for i in range(n):
             drift = scratch[_EXPLICIT.U, i] - linear_terms[rows.LINK, i] * u_below
             restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
             u_below = scratch[_EXPLICIT.U, i]
+        # Acceleration of the stage from equilibrium
         c = coefficients[node_index]
         ground = load[rows.GROUND_0] + c * (load[rows.GROUND_1] - load[rows.GROUND_0])
         floor_load(linear_terms, forces, load[rows.TIME] + c * h, ground, scratch, _EXPLICIT.LOAD)
@@ -169,6 +178,7 @@ def explicit_step(
             unbalanced = scratch[_EXPLICIT.LOAD, i] - scratch[acceleration, i]
             scratch[acceleration, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
         node_index += stage + 1
+    # The last stage is the end of the step.
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[_EXPLICIT.U, i]
         state[rows.VELOCITY, i] = scratch[_EXPLICIT.V + stages, i]
@@ -311,15 +321,22 @@ def implicit_step(
 ):
     """Advance the state by one step of an implicit Runge-Kutta method with two stages.
 
+    With the Butcher matrix A, its row sums c and the weights b, the accelerations a_1 and a_2 of
+    the stages satisfy the equations of motion at the times t0 + c_i h:
+
+        M a_i + C v_i + f(u_i) = p(t0 + c_i h),   i = 1, 2
+        v_i = v0 + h sum_j A_ij a_j,   u_i = u0 + c_i h v0 + h^2 sum_j (A^2)_ij a_j
+        v1 = v0 + h sum_j b_j a_j,     u1 = u0 + h v0 + h^2 sum_j (b A)_j a_j
+
     Newton's method solves the equations of all floors and both stages together. The factorization
-    is reused while the time step is the same and no tangent changes by more than
-    TANGENT_TOLERANCE. After UNDAMPED_ITERATIONS corrections, a line search halves corrections that
-    do not reduce the residual (`tdint.kernels.equations.iteration`).
+    is reused while the time step is the same and no tangent changes by more than TANGENT_TOLERANCE.
+    After UNDAMPED_ITERATIONS corrections, a line search halves corrections that do not reduce the
+    residual (`tdint.kernels.equations.iteration`).
 
     Parameters
     ----------
     coefficients : ndarray
-        Result of `implicit_coefficients`.
+        c, A, A^2, b and b A (result of `implicit_coefficients`).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
@@ -341,8 +358,8 @@ def implicit_step(
     Returns
     -------
     int
-        Number of linear solves, at least 1. NOT_CONVERGED if the iteration does not converge; the
-        state is then unchanged. NOT_FINITE if the new state is not finite.
+        Number of linear solves, at least 1. NOT_CONVERGED (negative) if the iteration does not
+        converge; the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
@@ -390,10 +407,12 @@ def implicit_step(
 
 @inline
 def _predict_stages(coefficients, scene, h, load, memory):
-    """Compute the loads at both stages and the first estimate of the stage accelerations.
+    """Compute the loads p(t0 + c_i h) at both stages and the first estimate of the stage
+    accelerations.
 
-    The estimate is the acceleration in the state. In a linear building it is zero: one solve is
-    exact for any estimate, and zero leads to the smallest rounding errors.
+    c_i are the nodes of the method. The estimate is the acceleration in the state. In a linear
+    building it is zero: one solve is exact for any estimate, and zero leads to the smallest
+    rounding errors.
 
     Parameters
     ----------
@@ -406,7 +425,7 @@ def _predict_stages(coefficients, scene, h, load, memory):
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
-        Rows STAGE_LOAD and STAGE_A of the scratch array are set.
+        Rows STAGE_LOAD (N) and STAGE_A (m/s^2) of the scratch array are set.
     """
     linear_terms, _, _, forces, flags = scene
     state, _, scratch, _ = memory
@@ -422,10 +441,16 @@ def _predict_stages(coefficients, scene, h, load, memory):
 
 @inline
 def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
-    """Compute motion, story forces and tangents at both stages from the stage accelerations.
+    """Compute motion, story forces and tangents at both stages from the stage accelerations a_1 and
+    a_2.
 
+    With the nodes c and the Butcher matrix A, the motion at stage i is
+
+        u_i = u0 + c_i h v0 + h^2 sum_j (A^2)_ij a_j,   v_i = v0 + h sum_j A_ij a_j
+
+    The force of a story is the sum of restoring force, P-delta, story damper and power-law dashpot.
     The hysteretic laws follow the path from the committed state to the first stage (block
-    FIRST_TRIAL of the law states) and from there to the second stage (block SECOND_TRIAL).
+    FIRST_TRIAL of the law states) and from this state to the second stage (block SECOND_TRIAL).
 
     Parameters
     ----------
@@ -436,8 +461,9 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     h : float
         Time step, s.
     memory : Memory
-        State, law states, scratch array and step status. Rows STAGE_U, STAGE_V, STORY_FORCE,
-        FORCE_SCALE, TANGENT and DAMPER_TANGENT of the scratch array are set.
+        State, law states, scratch array and step status. Rows STAGE_A (m/s^2) are used. Rows
+        STAGE_U, STAGE_V, STORY_FORCE, FORCE_SCALE, TANGENT and DAMPER_TANGENT of the scratch array
+        are set.
 
     Returns
     -------
@@ -500,7 +526,10 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
 
 @inline
 def _compute_residuals(is_last, linear_terms, modal, scratch, step_status):
-    """Compute the residuals p - M a - C v - f(u) at both stages and check convergence.
+    """Compute the residuals p - M a - C v - f(u) at both stages (N) and check convergence.
+
+    A residual is small enough if it is at most RESIDUAL_TOLERANCE times the sum of the absolute
+    values of its terms. f is the force of the story below minus that of the story above the floor.
 
     Parameters
     ----------
@@ -510,7 +539,8 @@ def _compute_residuals(is_last, linear_terms, modal, scratch, step_status):
     linear_terms, modal : ndarray
         Linear terms and modal damping of the building.
     scratch : ndarray
-        Scratch array; the rows RESIDUAL receive the residuals, N.
+        Rows STAGE_LOAD, STAGE_A, STAGE_V, STORY_FORCE and FORCE_SCALE are used; the rows RESIDUAL
+        receive the residuals, N.
     step_status : ndarray
         RESIDUAL is reset to 0; RESIDUAL and WORST_STORY are set if `is_last`.
 
@@ -558,8 +588,10 @@ def _compute_residuals(is_last, linear_terms, modal, scratch, step_status):
 def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
     """Factor the matrix of Newton's method for the stage accelerations.
 
-    The matrix is I (x) M + h A (x) C + h^2 A^2 (x) K with the Kronecker product (x). The equations
-    of each stage use the tangents K and C of the same stage.
+    The matrix is I (x) M + h A (x) C + h^2 A^2 (x) K with the Butcher matrix A of the two stages
+    and the Kronecker product (x): the 2 x 2 block of a floor or story has the entry delta_ij m + h
+    A_ij c + h^2 (A^2)_ij k in row i and column j. The equations of each stage i use the tangents k
+    and c of the same stage.
 
     Parameters
     ----------
@@ -607,9 +639,13 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
 def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
     """Update the state and commit the hysteretic laws at the end of the step.
 
-    The displacement is u0 + h v0 + h^2 sum_j (b A)_j a_j, the velocity v0 + h sum_j b_j a_j. The
-    law of each story is evaluated at the end of the step from its state at the second stage. The
-    acceleration, the first estimate of the next step, is extrapolated linearly from both stages.
+    With the accelerations a_1, a_2 of the stages, the weights b and the Butcher matrix A,
+
+        u1 = u0 + h v0 + h^2 sum_j (b A)_j a_j,   v1 = v0 + h sum_j b_j a_j
+
+    The law of each story is evaluated at the end of the step from its state at the second stage.
+    The acceleration, the first estimate of the next step, is extrapolated linearly from both
+    stages.
 
     Parameters
     ----------

@@ -33,7 +33,8 @@ def faults_of_step(integrator: Integrator) -> list[str]:
     """Return the faults of the step function of a method, executed in plain Python.
 
     The faults are access to undeclared rows and wrong results for yielding stories. Only one
-    hysteresis model is tested because the user waits for the result (3 s).
+    hysteresis model is tested because the user waits for the result (3 s). The list is empty for a
+    correct step.
     """
     try:
         integrate_in_python("linear", integrator, 1)
@@ -45,7 +46,7 @@ def faults_of_step(integrator: Integrator) -> list[str]:
 
 
 class _Beyond(IndexError):
-    """Error for access to a row or column outside an array."""
+    """Error for an index outside an array of the check."""
 
 
 class GuardedArray(np.ndarray):
@@ -72,7 +73,11 @@ class GuardedArray(np.ndarray):
         super().__setitem__(key, value)
 
     def _check(self, key: Any) -> None:
-        """Raise `_Beyond` if an integer index is outside the array."""
+        """Raise `_Beyond` if an integer index is outside the array.
+
+        `key` is an index or a tuple of indices, one for each axis (row, column). Slices are not
+        checked.
+        """
         for axis, index in enumerate(key if isinstance(key, tuple) else (key,)):
             if (
                 isinstance(index, int | np.integer)
@@ -108,6 +113,10 @@ def integrate_in_python(
 ) -> Workspace:
     """Integrate a building of two stories in plain Python with the time step `_H` / parts.
 
+    Both stories have the same hysteresis model. The building has an initial velocity and a harmonic
+    ground motion, no forces, and the duration `_SECONDS`. The arrays of the step are guarded: an
+    index out of bounds raises an error.
+
     Parameters
     ----------
     law : str
@@ -127,6 +136,11 @@ def integrate_in_python(
     ------
     AnalysisError
         The method failed; the message contains the file, the line and the error.
+
+    Returns
+    -------
+    Workspace
+        Arrays after the last step, with the complete history.
     """
     # Build two stories of the same hysteresis model without forces and with an initial velocity.
     # The ground motion is an argument of the time loop.
@@ -202,8 +216,12 @@ def integrate_in_python(
 
 @contextmanager
 def faults_in(module: Any, name: str) -> Iterator[None]:
-    """Convert an exception in the code of a plug-in to an `AnalysisError` with the file and the
-    line number in its module."""
+    """Convert an exception in the code of a plug-in to an `AnalysisError` with file and line
+    number.
+
+    The line is the last one of the traceback in the module of the plug-in. Errors of tdint are not
+    changed.
+    """
     try:
         yield
     except TdintError:
@@ -354,8 +372,11 @@ def _energy_fault(integrator: Integrator, law: str, arrays: Workspace) -> str:
 
 
 def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, reference: Array) -> str:
-    """Return a message if the result changes when the scratch arrays of a method are cleared during
-    an integration; otherwise an empty text. A method must keep all its memory in the state.
+    """Return a message if the result depends on the scratch arrays of previous steps; otherwise an
+    empty text.
+
+    A method must keep all its memory in the state. The scratch arrays are therefore cleared during
+    a second integration, and its displacements are compared with those of the first.
 
     Parameters
     ----------
@@ -379,8 +400,11 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
 
 
 def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, reference: Array) -> str:
-    """Return a message if a halved step increases the error of a method that allows halved steps;
-    otherwise an empty text.
+    """Return a message if a halved step increases the error of the method; otherwise an empty text.
+
+    One step of a second integration is reported as not converged, so that the time loop halves it.
+    The error may then be at most twice the error without a halved step. Methods that do not allow
+    halved steps are not tested.
 
     Parameters
     ----------
@@ -411,7 +435,8 @@ def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
 def _imbalance(totals: Array) -> float:
     """Return the imbalance of the energies at the end, divided by the maximum input energy.
 
-    It is positive if energy is missing at the end.
+    It is the initial energy plus the work of the load minus all other energies (kinetic, viscous,
+    dashpots, strain, hysteretic). It is positive if energy is missing at the end.
     """
     spent = float(np.sum(totals[rows.ENERGY_INPUT + 1 : rows.ENERGY_TERMS]))
     received = float(totals[rows.ENERGY_INITIAL] + totals[rows.ENERGY_INPUT])
@@ -419,9 +444,11 @@ def _imbalance(totals: Array) -> float:
 
 
 def _displacements(arrays: Workspace, parts: int) -> Array:
-    """Return the displacements of all floors at the times of the largest step `_H`, one row each.
+    """Return the displacements of all floors at the times of the largest step `_H`, m: one row per
+    time.
 
-    `parts` is the number of time steps of the history in `_H`.
+    `parts` is the number of time steps of the history in `_H`. Column 0 of the history is the
+    ground acceleration, and the displacements follow.
     """
     floors = arrays.state.shape[1] - 1
     return np.asarray(arrays.history[::parts, 1 : 1 + floors])

@@ -166,10 +166,11 @@ def history_width(building: Building) -> int:
 
 
 def state_jumps(integrator: Integrator, h: float) -> Array:
-    """Return the change of each row of the state for a unit jump of the ground acceleration between
-    two time steps of length h (s).
+    """Return the change of each row of the state for a unit jump of the floor accelerations.
 
-    Such jumps occur if a time step is longer than the sampling interval of the ground motion.
+    Such jumps occur between two time steps of length h (s) if a time step is longer than the
+    sampling interval of the ground motion. A row with the unit of the derivative of order k of the
+    displacement changes by its factor `Family.shifts` times h^(2 - k).
     """
     family = integrator.family
     return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))

@@ -50,20 +50,31 @@ class Target:
 
     @property
     def text(self) -> str:
-        """Text that identifies the processor in a file name."""
+        """Text that identifies the processor in the names of object files.
+
+        The name of a level of x86-64 or of AARCH64 is sufficient. For other processors, such as the
+        processor of this machine, the text is the LLVM name and a hash of the features.
+        """
         if self.cpu in LEVELS or self.cpu == AARCH64:
             return self.cpu
         return f"{self.cpu}-{hashlib.sha256(self.features.encode()).hexdigest()[:8]}"
 
     @property
     def optimized_for(self) -> tuple[str, str]:
-        """Processor name and features for the optimization by numba, which only supports those of
-        this machine."""
+        """Processor name and features that numba is given for its optimization.
+
+        Numba optimizes either for this machine or, on x86-64, for any of the levels. The result is
+
+            the target is this machine              its LLVM name and its features
+            x86-64, the target is a level           the name of the level, without features
+            x86-64, other target (ARM)              x86-64-v2, without features, because its vectors
+                                                    have the length of ARM vectors
+            this machine is not x86-64              "generic", without features
+        """
         if self == native():
             return self.cpu, self.features
         if _family() != "x86_64":
             return "generic", ""
-        # For ARM processors: vectors of the level x86-64-v2 have the length of ARM vectors.
         return self.cpu if self.cpu in LEVELS else "x86-64-v2", ""
 
     def machine(self) -> Any:

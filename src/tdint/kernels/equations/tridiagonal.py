@@ -67,7 +67,10 @@ class ModalBlocks(NamedTuple):
 
 @inline
 def factor(factors, n):
-    """Compute the L D L^T factorization of a symmetric tridiagonal matrix in place.
+    """Compute the factorization T = L D L^T of a symmetric tridiagonal matrix in place.
+
+    L has ones on the diagonal, and D is diagonal. With the diagonal t_i and the entries c_i at
+    (i, i - 1), L has the entries c_i / D_(i-1) and D_i = t_i - c_i^2 / D_(i-1).
 
     Parameters
     ----------
@@ -87,14 +90,15 @@ def factor(factors, n):
 
 @inline
 def solve(factors, x, n):
-    """Solve a linear system with the factorization of `factor`.
+    """Solve the linear system L D L^T x = b with the factorization of `factor`.
 
     Parameters
     ----------
     factors : Factors
-        Factorization.
+        Factorization: row `pivot` contains the inverses of D, row `coupling` the entries (i, i - 1)
+        of L.
     x : int
-        Row of the right side in the same table; it receives the solution.
+        Row of the right side b in the same table; it receives the solution x.
     n : int
         Number of floors.
     """
@@ -143,7 +147,10 @@ def invert(scratch, first, size):
 
 @outlined
 def factor_damped(factors, modal, scale, n):
-    """Factorize T + scale * W^T W for `solve_damped`, with a symmetric tridiagonal matrix T.
+    """Factorize T + scale W^T W for `solve_damped`, with a symmetric tridiagonal matrix T.
+
+    W has one row for each damped mode. The second term is modal damping; the Woodbury formula
+    avoids a dense matrix.
 
     Parameters
     ----------
@@ -207,7 +214,9 @@ def _store_woodbury(factors, modal, scale, n):
 
 @inline
 def solve_damped(factors, modal, x, n):
-    """Solve a linear system with the factorization of `factor_damped`.
+    """Solve (T + s W^T W) x = b with the factorization of `factor_damped`, including modal damping.
+
+    T is a symmetric tridiagonal matrix; s is the factor of the modal damping matrix W^T W.
 
     Parameters
     ----------
@@ -264,10 +273,12 @@ def _apply_woodbury(scratch, modal, store, x, n):
 
 @inline
 def assemble_combination(linear_terms, law_state, row, combination, factors, n):
-    """Assemble the tridiagonal matrix by_m M + by_c C + by_k K.
+    """Assemble the tridiagonal matrix by_m M + by_c C + by_k K in the form that `factor` expects.
 
-    The result is in the form that `factor` expects. K is the sum of tangent and geometric
-    stiffnesses. Modal damping is not included in C.
+    M is the mass matrix, C contains floor and story dampers, and K is the sum of tangent and
+    geometric stiffnesses of the stories. A story with the contribution k = by_k (stiffness) + by_c
+    (damper) adds k to the diagonal entries of the floors above and below, and -k to the entry
+    between them. Modal damping is not included in C.
 
     Parameters
     ----------
@@ -278,9 +289,9 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
     row : int
         Row of the tangent stiffness in `law_state`, N/m, without the geometric stiffness.
     combination : Combination
-        Coefficients.
+        Coefficients by_m, by_c and by_k.
     factors : Factors
-        Rows that receive the diagonal and the couplings.
+        Table that receives the diagonal (row `pivot`) and the entries (i, i - 1) (row `coupling`).
     n : int
         Number of floors.
     """
@@ -329,9 +340,15 @@ def factor_combination(linear_terms, modal, law_state, row, combination, factors
 def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     """Assemble the matrix of Newton's method for the unknowns (u1 - u0, v1 - v0) of each floor.
 
-    The equations are kinematics (multiplied by the mass) and momentum of each floor. The
-    accelerations a1 are eliminated by equilibrium. The contributions of the masses and of the floor
-    dampers are added to those of the stories. Couplings of stories on the ground are set to zero.
+    Displacement and velocity are u0, v0 at the start and u1, v1 at the end of the step. The
+    equations of each floor are kinematics (times its mass) and momentum. With the coefficients by_v
+    and by_a, the mass m, the floor damper c and the coefficients of the stories (...),
+
+        m (u1 - u0) - (by_v m + by_a c) (v1 - v0) + ... = ...          kinematics
+        c (u1 - u0) + m (v1 - v0) + ... = ...                          momentum
+
+    The accelerations a1 are eliminated by equilibrium. Couplings of stories on the ground are set
+    to zero.
 
     Parameters
     ----------
@@ -342,7 +359,7 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
         force and dampers), entry by entry. The four rows from `pivot` on receive the diagonal
         blocks.
     by_v, by_a : float
-        Coefficients of v1 and -a1 in the kinematic equation u1 - u0 = ...
+        Coefficients of v1 (s) and -a1 (s^2) in the kinematic equation u1 - u0 = ...
     n : int
         Number of floors.
     """
@@ -359,17 +376,19 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
 
 @outlined
 def link_blocks(linear_terms, factors, n):
-    """Add the block of each story to the diagonal block of the floor below.
+    """Add the 2 x 2 block of each story to the diagonal block of the floor below.
 
-    The coupling block of a story on the ground is set to zero before, because it has no floor
-    below.
+    The four rows of a table contain the entries of a block, row by row, one column per floor or
+    story. The coupling block of a story on the ground is set to zero before, because it has no
+    floor below.
 
     Parameters
     ----------
     linear_terms : ndarray
         Row LINK is used.
     factors : Factors
-        Rows of the blocks and couplings.
+        Table, first row of the diagonal blocks (`pivot`) and of the blocks of the stories
+        (`coupling`).
     n : int
         Number of floors.
     """
@@ -451,9 +470,12 @@ def factor_blocks(factors, damping, n):
 
 @inline
 def solve_blocks(factors, x, y, n):
-    """Solve a block tridiagonal system with the factorization of `factor_blocks`.
+    """Solve a block tridiagonal system with 2 x 2 blocks with the factorization of `factor_blocks`.
 
-    Modal damping is not included.
+    The unknowns of a floor are (x, y). Forward substitution adds B_i A_(i-1) times the result of
+    the floor below; backward substitution computes A_i (result) + A_i B_(i+1) (solution of the
+    floor above), with the inverse block pivots A and the coupling blocks B. Modal damping is not
+    included.
 
     Parameters
     ----------
@@ -502,7 +524,10 @@ def solve_blocks(factors, x, y, n):
 def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     """Factorize the tridiagonal matrix M + l C + l^2 K with a complex number l.
 
-    K contains the stiffnesses of the current branches of all stories.
+    M are the masses, C the floor and story dampers, and K contains the stiffnesses of the current
+    branches of all stories. The elimination proceeds from the ground upwards: the pivot of floor i
+    is its diagonal entry minus b^2 / (pivot of floor i - 1), where -b is the entry between both
+    floors.
 
     No pivot is zero if 1 / l has a positive real part and is not real, even if stiffnesses are
     negative. Proof: if a leading block were singular, x* block x = 0 for a vector x would make
@@ -575,7 +600,9 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
 def solve_pairs(factors, x, y, n):
     """Solve a complex tridiagonal system with the factorization of `factor_pairs`.
 
-    Modal damping is not included.
+    Forward substitution subtracts multiplier times the result of the floor below. Backward
+    substitution computes (inverse pivot) (result) - multiplier (solution of the floor above). Modal
+    damping is not included.
 
     Parameters
     ----------
@@ -682,16 +709,22 @@ _store_pairs_woodbury = _woodbury_storing_function(solve_pairs)
 
 @outlined
 def _apply_pairs_woodbury(factors, damping, x, y, n):
-    """Correct a solution for modal damping by the Woodbury formula, for pairs of unknowns.
+    """Correct a solution for modal damping by the Woodbury formula, for pairs of unknowns (x, y)
+    per floor.
+
+    With z = T^-1 b, the solution of (T + U^T D U) z' = b is z' = z - T^-1 U^T (I + D U T^-1 U^T)^-1
+    D U z. U applies the damped modes W to x and to y, and D contains the coefficients xx, xy, yx
+    and yy.
 
     Parameters
     ----------
     factors : Factors
-        Factorization.
+        Table with the terms of the formula from row `store` on: T^-1 U^T, the inverse of the small
+        matrix, and a temporary row.
     damping : ModalBlocks
         Modal damping.
     x, y : int
-        Rows of the solution.
+        Rows of the solution z, which receive z'.
     n : int
         Number of floors.
     """
@@ -721,6 +754,9 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
 def solve_blocks_damped(factors, damping, x, y, n):
     """Solve a linear system with the factorization of `factor_blocks`, including modal damping.
 
+    The matrix is block tridiagonal with 2 x 2 blocks for the unknowns (x, y) of each floor, plus
+    modal damping.
+
     Parameters
     ----------
     factors : Factors
@@ -740,6 +776,8 @@ def solve_blocks_damped(factors, damping, x, y, n):
 @inline
 def solve_pairs_damped(factors, damping, x, y, n):
     """Solve a linear system with the factorization of `factor_pairs`, including modal damping.
+
+    The matrix M + l C + l^2 K is complex, with the unknown x + i y of each floor.
 
     Parameters
     ----------

@@ -28,9 +28,10 @@ def _functions() -> LawFunctions:
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force f = a k d + z at the drift d; return the tangent stiffness, N/m.
 
-        The force z of the plastic spring (row INTERNAL) changes by (1 - a) k times the change of
-        drift and is limited to (1 - a) Fy. FORCE and INTERNAL are written to block `trial`. The
-        tangent is k, or a k if the story yields.
+        k is the initial stiffness, a the hardening ratio and Fy the yield force. The force z of the
+        plastic spring (row INTERNAL) changes by (1 - a) k times the change of drift and is limited
+        to (1 - a) Fy. FORCE and INTERNAL are written to block `trial`. The tangent is k, or a k if
+        the story yields.
 
         Parameters
         ----------
@@ -82,7 +83,9 @@ def _functions() -> LawFunctions:
         """Compute the energy dissipated until the state in block `trial`, J.
 
         A path that ends at the strength (1 - a) Fy of the plastic spring dissipates its force |z|
-        times the plastic part of the change of drift. The sum is stored in row DISSIPATED.
+        times the plastic part of the change of drift, dd - dz / ((1 - a) k), with the changes dd of
+        the drift and dz of the force z, the hardening ratio a and the stiffness k. The sum is
+        stored in row DISSIPATED.
 
         Parameters
         ----------
@@ -113,8 +116,9 @@ def _functions() -> LawFunctions:
     def enter(law_parameters, law_state, i):
         """Set the limits of the elastic branch of the committed state: its two yield drifts.
 
-        The plastic spring with the force z reaches its strength +-(1 - a) Fy at the drift
-        d + (+-(1 - a) Fy - z) / ((1 - a) k).
+        The plastic spring with the force z (row INTERNAL) reaches its strength +-(1 - a) Fy at the
+        drift d + (+-(1 - a) Fy - z) / ((1 - a) k), with the current drift d, the hardening ratio a,
+        the yield force Fy and the initial stiffness k.
         """
         plastic_share = 1.0 - law_parameters[_HARDENING, i]
         strength = plastic_share * law_parameters[_YIELD_FORCE, i]
@@ -130,9 +134,10 @@ def _functions() -> LawFunctions:
     def advance(law_parameters, law_state, i, block, step, mean_force):
         """Update the law state in `block` after a change of drift along one branch.
 
-        On an elastic branch (RATE_SIGN 0), the force z of the plastic spring, row INTERNAL, follows
-        from the force of the story. On a yielding branch, z is constant and the dissipated energy
-        increases by |z| times the change of drift.
+        The force of the story is f = a k d + z, with the hardening ratio a, the initial stiffness
+        k, the drift d and the force z of the plastic spring, row INTERNAL. On an elastic branch
+        (RATE_SIGN 0), z follows from the force of the story. On a yielding branch, z is constant
+        and the dissipated energy increases by |z| times the change of drift.
 
         Parameters
         ----------
@@ -142,7 +147,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         step : float
             Change of drift, m.
         mean_force : float
@@ -162,8 +168,10 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows: elastic after a reversal, yielding after a yield drift.
 
-        After a reversal, the story is elastic until it yields on the other side, at a drift that
-        differs by 2 Fy / k. A yielding branch has the stiffness a k and ends at a reversal.
+        The force is f = a k d + z with |z| <= (1 - a) Fy: hardening ratio a, initial stiffness k,
+        drift d, force z of the plastic spring (row INTERNAL) and yield force Fy. After a reversal,
+        the story is elastic until it yields on the other side, at a drift that differs by 2 Fy / k.
+        A yielding branch has the stiffness a k and ends at a reversal.
 
         Parameters
         ----------
@@ -173,7 +181,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

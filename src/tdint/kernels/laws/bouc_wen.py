@@ -272,7 +272,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-        """Do nothing: the law computes the dissipated energy together with the force.
+        """Do nothing: the function `force` of this law computes the dissipated energy together with
+        the force.
 
         Parameters
         ----------
@@ -292,9 +293,10 @@ def _functions() -> LawFunctions:
     def kink(law_parameters, law_state, i, block, side):
         """Return the drift change after which w changes its sign, m; infinite if it does not.
 
-        The force has a sharp bend there for small exponents n. With u = |w| during unloading, the
-        drift change is the integral of du / (1 + q u^n) from 0 to |w|, times Fy / k. It is computed
-        with Gauss points in the square root of u / |w|.
+        w is the dimensionless hysteretic force (row INTERNAL), and the force has a sharp bend at w
+        = 0 for small exponents n. With u = |w| during unloading and q = 2 beta - 1, the drift
+        change is the integral of du / (1 + q u^n) from 0 to |w|, times Fy / k. It is computed with
+        Gauss points in the square root of u / |w|.
 
         Parameters
         ----------
@@ -304,7 +306,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -322,6 +325,9 @@ def _functions() -> LawFunctions:
     @outlined
     def limit_branch(law_parameters, law_state, i, previous, block):
         """Limit the branch in `block` at the drift where w changes its sign, if it does.
+
+        w is the dimensionless hysteretic force (row INTERNAL). At w = 0 the force has a sharp bend
+        for small exponents.
 
         Parameters
         ----------
@@ -353,7 +359,8 @@ def _functions() -> LawFunctions:
     def keep(law_parameters, law_state, i, previous, trial):
         """Commit the branch of a trial state: its direction and, for exponents below 2, its limit.
 
-        The limit is the drift where w changes its sign and the force has a sharp bend.
+        The limit is the drift where the dimensionless hysteretic force w (row INTERNAL) changes its
+        sign and the force has a sharp bend.
 
         Parameters
         ----------
@@ -378,8 +385,8 @@ def _functions() -> LawFunctions:
         """Set the branch that follows the current branch at its end.
 
         At a reversal of the drift, where the tangent stiffness is discontinuous, the direction of
-        the branch is reversed. Otherwise w has changed its sign, and the branch continues without
-        limits.
+        the branch is reversed. Otherwise the dimensionless hysteretic force w (row INTERNAL) has
+        changed its sign, and the branch continues without limits.
 
         Parameters
         ----------
@@ -389,7 +396,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -403,8 +411,11 @@ def _functions() -> LawFunctions:
             law_state[block + rows.LOWER, i] = -math.inf
 
     @inline
-    def points(law_parameters, law_state, i, way):
+    def points(law_parameters, law_state, i, drift_change):
         """Return the number of Gauss points for an integration error of about 1e-6 Fy on a path.
+
+        Fy is the yield force, k the initial stiffness and n the exponent of the law. The number 1.9
+        + 4 (n + 1) (change of drift) k / Fy was determined by numerical experiments.
 
         Parameters
         ----------
@@ -413,7 +424,7 @@ def _functions() -> LawFunctions:
             story.
         i : int
             Index of the story.
-        way : float
+        drift_change : float
             Change of drift along the path, m.
         """
         n = law_parameters[_EXPONENT, i]
@@ -421,7 +432,7 @@ def _functions() -> LawFunctions:
             1.9
             + 4.0
             * (n + 1.0)
-            * way
+            * drift_change
             * law_parameters[rows.STIFFNESS, i]
             / law_parameters[_YIELD_FORCE, i]
         )

@@ -22,7 +22,7 @@ reversals."""
 
 @inline
 def no_operation(law_parameters, law_state, i, block, step, mean_force):
-    """Do nothing: function `advance` of a law whose state consists of drift and force only.
+    """Do nothing: function `advance` of a law with a state that consists of drift and force only.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ def no_operation(law_parameters, law_state, i, block, step, mean_force):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     step : float
         Change of drift, m.
     mean_force : float
@@ -40,7 +41,9 @@ def no_operation(law_parameters, law_state, i, block, step, mean_force):
 
 
 def add_work(law_parameters, law_state, i, block, step, mean_force):
-    """Add the work of a path to row WORK of a law state: default function `advance` of a law.
+    """Add the work of a path, mean force times change of drift, to row WORK of a law state, J.
+
+    This is the default function `advance` of a law.
 
     Parameters
     ----------
@@ -51,9 +54,10 @@ def add_work(law_parameters, law_state, i, block, step, mean_force):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     step : float
-        Change of drift, m.
+        Change of drift on the path, m.
     mean_force : float
         Mean force on the path, N.
     """
@@ -62,16 +66,21 @@ def add_work(law_parameters, law_state, i, block, step, mean_force):
 
 @inline
 def extra_rows(law_state, block):
-    """Return the first of the extra rows that belong to the state in `block`.
+    """Return the first of the extra rows of the table `law_state` that belong to the state in
+    `block`.
+
+    A law with more variables than a block has rows uses extra rows. They follow all blocks: those
+    of the committed state first, then those of the trial states, with equal numbers of rows.
 
     Parameters
     ----------
     law_state : ndarray
         States of the hysteretic laws: one row per quantity, one column per story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     """
-    # The extra rows of all blocks (committed state and trial states) follow each other.
+    # Index of the block times the number of extra rows per block
     return rows.EXTRA_ROWS + block // rows.LAW_STATE_ROWS * (
         (law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
     )
@@ -79,8 +88,8 @@ def extra_rows(law_state, block):
 
 @inline
 def copy_extra_rows(law_state, i, previous, trial):
-    """Copy the extra rows of story `i` from block `previous` to block `trial`, if the table has
-    extra rows.
+    """Copy the extra rows of story `i` from block `previous` to block `trial`, if there are extra
+    rows.
 
     Parameters
     ----------
@@ -89,9 +98,9 @@ def copy_extra_rows(law_state, i, previous, trial):
     i : int
         Index of the story.
     previous : int
-        First row of the block of `law_state` with the state at the start of the path.
+        First row of the block of `law_state` with the extra rows that are copied.
     trial : int
-        First row of the block of `law_state` with the state at the end of the path.
+        First row of the block of `law_state` with the extra rows that are replaced.
     """
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
         law_state[extra_rows(law_state, trial) + row, i] = law_state[
@@ -113,7 +122,8 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     slope : float
         Tangent stiffness of the branch, N/m; infinite for a curved branch.
     lower, upper : float
@@ -141,7 +151,8 @@ def fail(law_state, i, block, failed):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     failed : float
         Value of INTERNAL after the failure.
     """
@@ -152,10 +163,11 @@ def fail(law_state, i, block, failed):
 
 @inline
 def branch_owner(law_state, i, block):
-    """Return the first row of the law state that contains the branch of the state in `block`.
+    """Return the first row of the block that contains the branch of the state in `block`.
 
-    A trial state that is on the branch of another state does not contain a copy of the branch. Its
-    row BRANCH_OFFSET contains the offset to that state, otherwise 0.
+    A trial state on the branch of another state does not contain a copy of the branch (stiffness,
+    limits, direction and further rows). Its row BRANCH_OFFSET contains the number of rows from
+    `block` to that state, otherwise 0. The committed state always contains its branch.
     """
     return (
         block if block == rows.COMMITTED else block + int(law_state[block + rows.BRANCH_OFFSET, i])
@@ -303,7 +315,8 @@ def advancing(move: Any) -> Any:
     def advance(law_parameters, law_state, i, block, drift):
         """Move a law state to a drift on its current linear branch.
 
-        The force changes by the stiffness of the branch times the change of drift.
+        The force (row FORCE) changes by the stiffness of the branch (row SLOPE) times the change of
+        drift (row DRIFT). The function `move` of the law then updates the other rows.
 
         Parameters
         ----------
@@ -313,7 +326,8 @@ def advancing(move: Any) -> Any:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         drift : float
             Drift, m.
         """
@@ -411,7 +425,9 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
 
     @inline
     def hysteretic_energy(law_parameters, law_state, i):
-        """Return the dissipated energy, J: the work done on the story minus the strain energy."""
+        """Return the dissipated energy of the committed state, J: the work done on the story minus
+        the strain energy.
+        """
         return law_state[rows.WORK, i] - strain_energy(law_parameters, law_state, i)
 
     @inline

@@ -127,7 +127,10 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
 
 @inline
 def _strain_energy(law_parameters, law_state, i):
-    """Return the strain energy of the separately compiled law of story `i`, J."""
+    """Return the strain energy of the separately compiled law of story `i`, J.
+
+    The law is called at the address in row ADDRESS of the table of law states.
+    """
     return _call(
         law_state[rows.ADDRESS, i], _STRAIN_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
     )
@@ -135,7 +138,10 @@ def _strain_energy(law_parameters, law_state, i):
 
 @inline
 def _hysteretic_energy(law_parameters, law_state, i):
-    """Return the dissipated energy of the separately compiled law of story `i`, J."""
+    """Return the dissipated energy of the separately compiled law of story `i`, J.
+
+    The law is called at the address in row ADDRESS of the table of law states.
+    """
     return _call(
         law_state[rows.ADDRESS, i], _HYSTERETIC_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
     )
@@ -163,7 +169,10 @@ def _keep(law_parameters, law_state, i, previous, trial):
 
 @inline
 def _enter(law_parameters, law_state, i):
-    """Set the first branch of story `i` with a separately compiled law."""
+    """Set the first branch of story `i` with a separately compiled law.
+
+    The law is called at the address in row ADDRESS of the table of law states.
+    """
     _call(law_state[rows.ADDRESS, i], _ENTER, law_parameters, law_state, i, 0, 0, 0.0)
 
 
@@ -178,7 +187,8 @@ def _switch(law_parameters, law_state, i, block, event):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).

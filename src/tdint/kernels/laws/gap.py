@@ -23,10 +23,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Compute the force at a drift; return the tangent stiffness, N/m.
+        """Compute the force f at the drift d; return the tangent stiffness, N/m.
 
-        The force is k d within the gap. Beyond it, the force of the stop,
-        stop_stiffness (|d| - gap), is added. The force is written to block `trial`.
+        f = k d for |d| <= gap, and f = k d + stop_stiffness (|d| - gap) sgn(d) in contact with a
+        stop. The force is written to block `trial`.
 
         Parameters
         ----------
@@ -68,7 +68,8 @@ def _functions() -> LawFunctions:
     def set_contact(law_parameters, law_state, i, block, side):
         """Set force and branch of a law state within the gap or in contact with a stop.
 
-        The stiffness of the branch is k, in contact k + stop_stiffness.
+        The force at the drift d is k d within the gap and k d + stop_stiffness (d - side gap) in
+        contact. The stiffness of the branch is k, in contact k + stop_stiffness.
 
         Parameters
         ----------
@@ -78,7 +79,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         side : float
             0 within the gap, 1 or -1 in contact with the stop on the positive or negative side.
         """
@@ -98,7 +100,9 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the branch of the committed state: within the gap, or in contact with a stop."""
+        """Set the branch of the committed state: within the gap (|d| < gap), or in contact with a
+        stop.
+        """
         drift = law_state[rows.DRIFT, i]
         is_within_gap = abs(drift) < law_parameters[_GAP, i]
         side = 0.0 if is_within_gap else math.copysign(1.0, drift)
@@ -116,7 +120,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

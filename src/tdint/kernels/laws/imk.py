@@ -86,8 +86,9 @@ def _functions() -> LawFunctions:
     def side_row(side, row):
         """Return the row of a law state that contains a quantity for one side of the story.
 
-        Quantities with separate values for both sides have a row for the positive side, `row`, and
-        a row for the negative side two rows later. The values of both sides are positive.
+        Quantities with separate values for both sides have a row for the positive side (`side` 1),
+        `row`, and a row for the negative side (`side` -1) two rows later. The values of both sides
+        are positive.
         """
         return row if side > 0.0 else row + 2
 
@@ -102,7 +103,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         parameter : int
             Row of the parameter of the positive side.
         """
@@ -112,9 +114,9 @@ def _functions() -> LawFunctions:
     def plastic_line(law_parameters, law_state, i, block, side):
         """Return the current hardening line of a side: its force at zero drift, N, and slope, N/m.
 
-        The line leads through the yield point. Its slope is (Fc - Fy) / (plastic drift), with the
-        yield force Fy and the capping force Fc. Both forces are reduced by the deterioration of
-        strength.
+        The line leads through the yield point. Its slope is s = r (Fc - Fy) / (plastic drift), and
+        its force at zero drift r Fy (1 - s / k), with the yield force Fy, the capping force Fc, the
+        initial stiffness k, and the fraction r of the strength that remains after deterioration.
 
         Parameters
         ----------
@@ -124,9 +126,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         k = law_parameters[rows.STIFFNESS, i]
         yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
@@ -144,7 +148,8 @@ def _functions() -> LawFunctions:
         """Return the current capping line of a side: its force at zero drift, N, and slope, N/m.
 
         The line falls from the initial capping point with the slope -Fc / (post-capping drift),
-        with the capping force Fc. Deterioration reduces its force at zero drift, not its slope.
+        with the capping force Fc. Deterioration multiplies its force at zero drift by the remaining
+        fraction (row _CAPPING) and does not change its slope.
 
         Parameters
         ----------
@@ -154,9 +159,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
         capping_force = side_parameter(law_parameters, i, side, _CAPPING_RATIO) * yield_force
@@ -189,9 +196,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         drift : float
             Drift above the yield drift, m, positive on this side.
         """
@@ -247,7 +256,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         """
         first = extra_rows(law_state, block)
         force = law_state[block + rows.FORCE, i]
@@ -275,9 +285,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         branch_type : float
             Type of the branch for row INTERNAL, a positive constant of this module.
         slope : float
@@ -311,9 +323,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         # Forces of both lines at zero drift, and their slopes; they intersect at the capping drift.
@@ -370,9 +384,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
@@ -410,9 +426,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -450,9 +468,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -499,9 +519,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
 
         Returns
         -------
@@ -541,9 +563,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         law_state[block + rows.FORCE, i] = 0.0
@@ -610,9 +634,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -651,7 +677,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -681,7 +708,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, J: F^2 / (2 Ku), which unloading to zero force releases.
+        """Return the stored energy, J: F^2 / (2 Ku), which unloading to zero force F releases.
 
         On a loading branch, Ku is the unloading stiffness after the deterioration that a reversal
         at the current state would cause.

@@ -79,8 +79,9 @@ def _functions() -> LawFunctions:
     def side_row(side, row):
         """Return the row of a law state that contains a quantity for one side of the story.
 
-        Quantities with separate values for both sides have a row for the positive side, `row`, and
-        a row for the negative side two rows later. The values of both sides are positive.
+        Quantities with separate values for both sides have a row for the positive side (`side` 1),
+        `row`, and a row for the negative side (`side` -1) two rows later. The values of both sides
+        are positive.
         """
         return row if side > 0.0 else row + 2
 
@@ -95,7 +96,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         point : int
             Number of the point, 1 to 4.
         """
@@ -112,7 +114,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         point : int
             Number of the point, 1 to 4.
         """
@@ -133,7 +136,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         index : int
             Index of the parameter.
         """
@@ -141,12 +145,19 @@ def _functions() -> LawFunctions:
 
     @inline
     def stiffness(law_parameters, i, side):
-        """Return the stiffness of the first line of the backbone curve, N/m."""
+        """Return the stiffness of the first line of the backbone curve of a side, N/m.
+
+        It is the force of the first point divided by its drift; `side` is 1 or -1.
+        """
         return point_force(law_parameters, i, side, 1) / point_drift(law_parameters, i, side, 1)
 
     @inline
     def last_slope(law_parameters, i, side):
-        """Return the slope beyond the last point of the backbone curve, N/m, at least 0."""
+        """Return the slope of a side beyond the last point of the backbone curve, N/m, at least 0.
+
+        It is the slope between the third and the fourth point, if it is positive; `side` is 1 or
+        -1.
+        """
         rise = point_force(law_parameters, i, side, 4) - point_force(law_parameters, i, side, 3)
         return max(rise, 0.0) / (
             point_drift(law_parameters, i, side, 4) - point_drift(law_parameters, i, side, 3)
@@ -163,7 +174,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         drift : float
             Drift, m.
         """
@@ -178,7 +190,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def area(law_parameters, i, side):
-        """Return the area below the backbone curve up to its last point, J."""
+        """Return the area below the backbone curve of a side from zero drift to its last point, J.
+
+        `side` is 1 or -1.
+        """
         start, start_force, total = 0.0, 0.0, 0.0
         for point in range(1, 5):
             end = point_drift(law_parameters, i, side, point)
@@ -245,7 +260,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         """
         side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
         is_on_backbone = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
@@ -275,7 +291,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
 
         Returns
         -------
@@ -382,7 +399,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         strength_factor : float
             Remaining fraction of the strength.
         k : float
@@ -427,7 +445,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         start_drift, start_force : float
             Drift (m) and force (N) at the reversal.
         previous_max_drift : float
@@ -506,9 +525,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         branch_type : float
             Type of the branch for row INTERNAL, a positive constant of this module.
         slope : float
@@ -542,9 +563,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         strength_factor = 1.0 - law_state[extra_rows(law_state, block) + _STRENGTH_LOSS, i]
@@ -593,9 +616,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -624,9 +649,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
@@ -670,7 +697,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -701,7 +729,8 @@ def _functions() -> LawFunctions:
     def released_energy(start_drift, start_force, points):
         """Return the energy that the story releases from a negative force to zero force, J.
 
-        It is the area between the path and the drift axis.
+        It is the area between the path, which consists of up to three linear parts, and the drift
+        axis.
 
         Parameters
         ----------

@@ -45,7 +45,8 @@ def _functions() -> LawFunctions:
     def unloading_stiffness(law_parameters, law_state, i, block, side):
         """Return the unloading stiffness ku of one side, N/m.
 
-        It is k (dy / maximum drift)^unloading, but at least the stiffness of the line from the
+        It is k (dy / dmax)^unloading, with the initial stiffness k, the yield drift dy and the
+        maximum drift dmax of the side, but at least F / dmax, the stiffness of the line from the
         point of maximum drift to the origin, and at least k min(1, hardening / (1 - unloading /
         2)).
 
@@ -57,7 +58,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side.
         """
@@ -82,7 +84,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force releases.
+        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force F releases.
 
         The unloading stiffness ku belongs to the side of the force F.
         """
@@ -119,7 +121,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

@@ -50,10 +50,10 @@ def _functions() -> LawFunctions:
         return energy * d * d
 
     @inline
-    def points(law_parameters, law_state, i, way):
+    def points(law_parameters, law_state, i, drift_change):
         """Return the number of Gauss points that integrate the force exactly over a path.
 
-        If the force is a polynomial of degree q of the drift, and the drift is quadratic in the
+        If the force is a polynomial of degree q of the drift, and the drift is a parabola of the
         time s, then the force times s is a polynomial of degree 2 q + 1 of s. The Gauss rule with q
         + 1 points integrates it exactly.
 
@@ -64,8 +64,8 @@ def _functions() -> LawFunctions:
             story.
         i : int
             Index of the story.
-        way : float
-            Change of drift along the path, m.
+        drift_change : float
+            Change of drift along the path, m; the number does not depend on this value.
         """
         # The table can have more rows than this story has coefficients; they are zero.
         degree = law_parameters.shape[0] - rows.FIRST_PARAMETER

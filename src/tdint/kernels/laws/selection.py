@@ -22,7 +22,7 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 def _functions(law: DriftLaw) -> LawFunctions:
     """Return the compiled functions of a law.
 
-    For a separately compiled law, the result contains functions that call it by address.
+    For a separately compiled law, the result contains functions that call the law by its address.
     """
     return SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
 
@@ -43,8 +43,11 @@ class _Codes:
 
 
 def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
-    """Return a container of the numbers of the laws for which `has_property` is True, for tests
-    with `in`."""
+    """Return a container of the numbers of all laws for which `has_property` is True.
+
+    Kernels test with `in` whether the law of a story has the property. Compiled kernels need a
+    tuple of constants.
+    """
     if not COMPILES:
         return _Codes(has_property)
     return tuple(float(code) for code, law in enumerate(LAWS) if has_property(law))

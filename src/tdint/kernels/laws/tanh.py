@@ -16,7 +16,8 @@ def _functions() -> LawFunctions:
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force F tanh(k d / F) at the drift d; return the tangent stiffness, N/m.
 
-        The tangent is k (1 - tanh^2(k d / F)). The force is written to block `trial`.
+        F is the strength and k the initial stiffness. The tangent is k (1 - tanh^2(k d / F)). The
+        force is written to block `trial`.
 
         Parameters
         ----------
@@ -39,7 +40,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the elastic energy F^2 / k ln cosh(k d / F) of the committed state, J."""
+        """Return the elastic energy F^2 / k ln cosh(k d / F) of the committed state, J.
+
+        F is the strength, k the initial stiffness and d the drift.
+        """
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         x = abs(law_parameters[rows.STIFFNESS, i] * law_state[rows.DRIFT, i] / strength)
         # ln cosh x = x + ln(1 + exp(-2 x)) - ln 2 does not overflow.
@@ -51,11 +55,13 @@ def _functions() -> LawFunctions:
         )
 
     @inline
-    def points(law_parameters, law_state, i, way):
-        """Return the number of Gauss points for an integration error of about 1e-10 of F.
+    def points(law_parameters, law_state, i, drift_change):
+        """Return the number of Gauss points for an integration error of about 1e-10 of the strength
+        F.
 
-        The number increases with the change of k d / F along the path. Convergence is limited by
-        the poles of tanh x at +-i pi / 2, which are the nearest to the real axis.
+        The force is F tanh(k d / F). The number increases with the change of k d / F along the
+        path. Convergence is limited by the poles of tanh x at +-i pi / 2, which are the nearest to
+        the real axis.
 
         Parameters
         ----------
@@ -64,13 +70,13 @@ def _functions() -> LawFunctions:
             story.
         i : int
             Index of the story.
-        way : float
+        drift_change : float
             Change of drift along the path, m.
         """
         return (
             3.0
             + 3.2
-            * way
+            * drift_change
             * law_parameters[rows.STIFFNESS, i]
             / law_parameters[rows.FIRST_PARAMETER, i]
         )

@@ -47,8 +47,11 @@ def _functions() -> LawFunctions:
 
     @inline
     def hardening(law_parameters, i):
-        """Return the slope of the backbone curve between yield and ultimate point of a side,
-        N/m."""
+        """Return the slope of the backbone curve between yield and ultimate point of a side, N/m.
+
+        It is (Fu - Fy) / (ultimate drift - Fy / k), with the forces Fy and Fu and the initial
+        stiffness k.
+        """
         strength = law_parameters[_YIELD_FORCE, i]
         return (law_parameters[_ULTIMATE_FORCE, i] - strength) / (
             law_parameters[_ULTIMATE_DRIFT, i] - strength / law_parameters[rows.STIFFNESS, i]
@@ -79,9 +82,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         reached = (
             law_state[block + rows.HIGH_DRIFT, i]
@@ -94,7 +99,9 @@ def _functions() -> LawFunctions:
 
     @outlined
     def unloading_stiffness(law_parameters, law_state, i, block, side):
-        """Return k (dy / maximum drift on side `side`)^unloading, N/m.
+        """Return the unloading stiffness k (dy / dmax)^unloading of a side, N/m.
+
+        k is the initial stiffness, dy the yield drift and dmax the maximum drift on this side.
 
         Parameters
         ----------
@@ -104,9 +111,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         k = law_parameters[rows.STIFFNESS, i]
         return (
@@ -126,9 +135,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         branch_type : float
             Type of the branch for row INTERNAL, a positive constant of this module.
         slope : float
@@ -158,9 +169,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         slope : float
             Unloading stiffness, N/m.
         end : float
@@ -189,9 +202,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         target, force : float
             Maximum drift (m) and its force (N) on this side.
         slope : float
@@ -205,9 +220,9 @@ def _functions() -> LawFunctions:
     def continue_loading(law_parameters, law_state, i, block, side):
         """Set the loading branch that starts at the current point.
 
-        It is the first or second part of reloading up to the point of maximum drift. From this
-        point on, it is the hardening part of the backbone curve, and above the ultimate drift its
-        constant part.
+        Reloading towards the point of maximum drift has two parts; the first (pinched) part is
+        flatter. From the point of maximum drift on, the branch is the hardening part of the
+        backbone curve, and above the ultimate drift its constant part.
 
         Parameters
         ----------
@@ -217,13 +232,16 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the committed
+            state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         current_force = side * law_state[block + rows.FORCE, i]
         target = max_drift(law_state, i, block, side)
+        # Reloading: first (pinched) or second part
         if drift < target * (1.0 - _REACHED_TOLERANCE):
             target_force = backbone(law_parameters, i, target)
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
@@ -248,6 +266,7 @@ def _functions() -> LawFunctions:
                     target,
                     side,
                 )
+        # Backbone curve
         else:
             law_state[block + rows.FORCE, i] = side * backbone(law_parameters, i, drift)
             ultimate = law_parameters[_ULTIMATE_DRIFT, i]
@@ -281,9 +300,11 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
+            side are positive in its direction.
         """
         zero_drift = side * law_state[block + rows.DRIFT, i]
         law_state[block + rows.FORCE, i] = 0.0
@@ -344,7 +365,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state.
+            First row of the block of `law_state` that contains the state: 0 for the
+            committed state, otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -376,7 +398,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force releases."""
+        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force F releases.
+
+        ku is the unloading stiffness of the side of the force.
+        """
         force = law_state[rows.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, side)

@@ -94,18 +94,21 @@ def rise(vibration):
 
 @inline
 def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
-    """Return True if q can have an extremum above `best` between the endpoints of a step.
+    """Return True if a quantity q can have an extremum above `best` between the endpoints of a
+    step.
 
-    q'' changes its sign at most once. Therefore q' has one zero if its signs at the endpoints
-    differ, and otherwise two or no zeros. If q' starts at zero (from rest), the sign of q'' is
-    used.
+    q'' is a free vibration and changes its sign at most once in a step. Therefore q' has one zero
+    if its signs at the endpoints differ, and otherwise two or no zeros. If q' starts at zero (from
+    rest), the sign of q'' is used. q exceeds its endpoint values by at most `rise` times the larger
+    |q''| at the endpoints.
 
     Parameters
     ----------
     best : float
-        Maximum until now.
+        Maximum of |q| until now.
     rise : float
-        Result of `rise`.
+        Maximum excess of q over its endpoint values, divided by the larger |q''| at the endpoints,
+        s^2 (result of the function `rise`).
     q0, d0, e0 : float
         q, q' and q'' at the start of the step.
     q1, d1, e1 : float
@@ -120,13 +123,16 @@ def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
 
 @outlined
 def largest_between(q, rates, d1, vibration, n, series):
-    """Return the maximum absolute value of q at its extrema within a step; 0 if there is no
-    extremum.
+    """Return the maximum absolute value of a quantity q at its extrema within a step; 0 if there is
+    none.
 
-    With x = t / h in [0, 1], the Taylor series in x represent q, h q' and h^2 q''. As q'' is a free
-    vibration, y = q'' satisfies y'' = -(2 xi omega y' + omega^2 y), which gives the coefficients of
-    h^2 q'' one after another. The other two series follow by integration. The extrema are at the
-    zeros of q'.
+    With x = t / h from 0 to 1, power series in x represent q, h q' and h^2 q''. As q'' is a free
+    vibration of the oscillator, y = q'' satisfies y'' = -(2 xi omega y' + omega^2 y), which gives
+    the coefficients of h^2 q'' in succession:
+
+        c_k = -(2 xi omega h c_(k-1) + (omega h)^2 c_(k-2) / (k - 1)) / k
+
+    The other two series follow by integration. The extrema are at the zeros of q'.
 
     Parameters
     ----------
@@ -156,6 +162,7 @@ def largest_between(q, rates, d1, vibration, n, series):
             )
             * _INVERSE[k]
         )
+    # Integrals of the series: h q', then q
     rate_series[0], q_series[0] = d * h, q
     for k in range(1, n - 1):
         rate_series[k] = curvature_series[k - 1] * _INVERSE[k]
@@ -167,7 +174,7 @@ def largest_between(q, rates, d1, vibration, n, series):
         return abs(
             _value(q_series, n, _root(rate_series, n - 2, 0.0, 1.0, rate_series[0], d1 * h))[0]
         )
-    if d * d1 < 0.0:
+    if d * d1 < 0.0:  # q' has one zero
         return abs(_value(q_series, n, _root(rate_series, n - 1, 0.0, 1.0, d * h, d1 * h))[0])
     # q' has the same sign at both endpoints. It has two zeros if its sign is opposite at the zero
     # of q'' in between, and otherwise no zero.
@@ -189,10 +196,12 @@ def largest_between(q, rates, d1, vibration, n, series):
 
 @outlined
 def terms(vibration):
-    """Return the number of terms of the series of q that are needed for an oscillator.
+    """Return the number of terms of the power series of a quantity q that are needed for an
+    oscillator.
 
-    From the third derivative on, each derivative is about omega times the previous derivative. The
-    third derivative contains the slope of the ground acceleration.
+    The series represents q within a step of length h. From the third derivative on, each derivative
+    is about omega times the previous derivative, so that term n is about omega h / n times the
+    previous term. The third derivative contains the slope of the ground acceleration.
     """
     by_u, by_v, h = vibration
     scale = h * max(math.sqrt(by_u), by_v)
@@ -205,7 +214,9 @@ def terms(vibration):
 
 @outlined
 def _root(coefficients, n, low, high, at_low, at_high):
-    """Return the zero of a power series between `low` and `high`, by bracketed Newton's method.
+    """Return the zero of a power series c_0 + c_1 x + c_2 x^2 + ... between `low` and `high`.
+
+    The method is Newton's method, bracketed by bisection, from the zero of the secant.
 
     Parameters
     ----------
@@ -241,7 +252,11 @@ def _root(coefficients, n, low, high, at_low, at_high):
 
 @inline
 def _value(coefficients, n, x):
-    """Return a power series with `n` terms at x and its derivative, by Horner's scheme."""
+    """Return a power series c_0 + c_1 x + ... with `n` terms at `x`, and its derivative, by
+    Horner's scheme.
+
+    `coefficients` contains c_0, c_1, ...
+    """
     value = slope = 0.0
     for k in range(n - 1, -1, -1):
         slope = slope * x + value

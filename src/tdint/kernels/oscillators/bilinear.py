@@ -72,16 +72,22 @@ class _Hysteretic(NamedTuple):
 def _taylor(series, u, v, load, slope, k, c, t):
     """Compute the Taylor coefficients of the solution of u'' + c u' + k u = load + slope t.
 
+    With u(t) = sum of s_j t^j, the coefficients are s_0 = u(0), s_1 = u'(0) and, by comparison of
+    powers,
+
+        s_2 = (load - c s_1 - k s_0) / 2,   s_3 = (slope - 2 c s_2 - k s_1) / 6
+        s_j = -(c (j - 1) s_(j-1) + k s_(j-2)) / (j (j - 1))   for j >= 4
+
     Parameters
     ----------
     series : ndarray
-        Receives the coefficients.
+        Receives the coefficients s_j.
     u, v : float
-        Displacement and velocity at t = 0.
+        Displacement (m) and velocity (m/s) at t = 0.
     load, slope : float
-        Load at t = 0 and its rate, over the mass.
+        Load at t = 0 and its rate, over the mass: m/s^2 and m/s^3.
     k, c : float
-        Stiffness and damping over the mass.
+        Stiffness (1/s^2) and damping coefficient (1/s) over the mass.
     t : float
         Maximum time for which the series is evaluated, s.
 
@@ -109,7 +115,10 @@ def _taylor(series, u, v, load, slope, k, c, t):
 
 @inline
 def _displacement(series, terms, t):
-    """Return the displacement at time `t` from a series with `terms` terms."""
+    """Return the displacement s_0 + s_1 t + s_2 t^2 + ... at time `t` (s), m.
+
+    `series` contains the coefficients s_j, of which the first `terms` are used.
+    """
     value = 0.0
     for j in range(terms - 1, -1, -1):
         value = value * t + series[j]
@@ -118,7 +127,11 @@ def _displacement(series, terms, t):
 
 @inline
 def _velocity(series, terms, t):
-    """Return the velocity at time `t` from a series with `terms` terms."""
+    """Return the velocity s_1 + 2 s_2 t + 3 s_3 t^2 + ... at time `t` (s), m/s.
+
+    The displacement is s_0 + s_1 t + s_2 t^2 + ... `series` contains the coefficients s_j, of which
+    the first `terms` are used.
+    """
     value = 0.0
     for j in range(terms - 1, 0, -1):
         value = value * t + j * series[j]
@@ -127,7 +140,11 @@ def _velocity(series, terms, t):
 
 @inline
 def _acceleration(series, terms, t):
-    """Return the acceleration at time `t` from a series with `terms` terms."""
+    """Return the acceleration 2 s_2 + 6 s_3 t + 12 s_4 t^2 + ... at time `t` (s), m/s^2.
+
+    The displacement is s_0 + s_1 t + s_2 t^2 + ... `series` contains the coefficients s_j, of which
+    the first `terms` are used.
+    """
     value = 0.0
     for j in range(terms - 1, 1, -1):
         value = value * t + j * (j - 1) * series[j]
@@ -136,12 +153,15 @@ def _acceleration(series, terms, t):
 
 @outlined
 def _derivative(series, terms, order, t):
-    """Return the derivative of order `order` (0 to 2) of a series with `terms` terms at time `t`.
+    """Return a derivative of the displacement s_0 + s_1 t + s_2 t^2 + ... at time `t`.
+
+    The result is the displacement (order 0, m), the velocity (1, m/s) or the acceleration (2,
+    m/s^2).
 
     Parameters
     ----------
     series : ndarray
-        Coefficients.
+        Coefficients s_j.
     terms : int
         Number of coefficients.
     order : int
@@ -158,22 +178,23 @@ def _derivative(series, terms, order, t):
 
 @outlined
 def _root(series, terms, order, level, left, right):
-    """Return the time at which a derivative of the series crosses a level.
+    """Return the time (s) at which displacement, velocity or acceleration crosses a level.
 
-    The method is regula falsi with halved weights (Illinois), with bisection in every fourth
-    iteration. If the values at both times are not on different sides of the level, the result is
-    `left`.
+    The quantity is the derivative of order `order` (0, 1 or 2) of the displacement s_0 + s_1 t +
+    s_2 t^2 + ... The method is regula falsi with halved weights (Illinois), with bisection in every
+    fourth iteration. If the values at both times are not on different sides of the level, the
+    result is `left`.
 
     Parameters
     ----------
     series : ndarray
-        Coefficients.
+        Coefficients s_j.
     terms : int
         Number of coefficients.
     order : int
         Order of the derivative, 0 to 2.
     level : float
-        Level.
+        Level, m, m/s or m/s^2.
     left, right : float
         Times that bracket the crossing, s.
     """
@@ -199,14 +220,16 @@ def _root(series, terms, order, level, left, right):
 
 @outlined
 def _velocity_zero(series, terms, start, end):
-    """Return the time at which the velocity changes its sign between `start` and `end`, or `end`.
+    """Return the time (s) at which the velocity changes its sign between `start` and `end`, or
+    `end`.
 
-    The velocity must be monotonic between both times.
+    The displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... The velocity must be monotonic
+    between both times.
 
     Parameters
     ----------
     series : ndarray
-        Coefficients.
+        Coefficients s_j.
     terms : int
         Number of coefficients.
     start : float
@@ -221,14 +244,15 @@ def _velocity_zero(series, terms, start, end):
 
 @outlined
 def _end_of_yielding(series, terms, side, middle, remaining):
-    """Return the time at which yielding ends within a step, s, or NEVER.
+    """Return the time (s) at which yielding ends within a step, or NEVER (-1).
 
-    Yielding ends when the velocity changes to the sign opposite to the direction of yielding.
+    Yielding ends when the velocity changes to the sign opposite to the direction of yielding. The
+    displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the yielding branch.
 
     Parameters
     ----------
     series : ndarray
-        Coefficients.
+        Coefficients s_j.
     terms : int
         Number of coefficients.
     side : float
@@ -250,18 +274,20 @@ def _end_of_yielding(series, terms, side, middle, remaining):
 
 @outlined
 def _end_of_elastic_branch(series, terms, state, middle, remaining):
-    """Return the time at which the displacement exceeds a limit of the elastic branch, s, or NEVER.
+    """Return the time (s) at which the displacement exceeds a limit of the elastic branch, or NEVER
+    (-1).
 
-    The peak displacement in the state is updated by the extrema before this time.
+    The displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the elastic branch. The
+    peak displacement in the state is updated by the extrema before this time.
 
     Parameters
     ----------
     series : ndarray
-        Coefficients.
+        Coefficients s_j.
     terms : int
         Number of coefficients.
     state : ndarray
-        State; PEAK is updated.
+        State: limits UPPER and LOWER of the branch (m); PEAK (m) is updated.
     middle, remaining : float
         Times at which the monotonic parts of the velocity end; `remaining` is the end of the
         step, s.
@@ -287,8 +313,10 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
 def _end_yielding(state, oscillator):
     """Set the elastic branch that follows yielding, at a reversal of the velocity.
 
-    The oscillator yields again at the current displacement, or on the other side after a change of
-    displacement of twice the yield displacement.
+    The force over the mass is hardening k u + side strength during yielding, and k u + OFFSET on
+    the elastic branch. Both are equal at the reversal. The oscillator yields again at the current
+    displacement, or on the other side after a change of displacement of twice the yield
+    displacement, 2 strength / ((1 - hardening) k).
 
     Parameters
     ----------
@@ -311,6 +339,8 @@ def _end_yielding(state, oscillator):
 def _start_yielding(state, strength):
     """Set the yielding branch that follows the elastic branch at one of its limits.
 
+    The force over the mass is then hardening k u + OFFSET, with OFFSET = side strength.
+
     Parameters
     ----------
     state : ndarray
@@ -330,9 +360,10 @@ def _start_yielding(state, strength):
 def _integrate_step(state, series, oscillator, g, slope, h):
     """Integrate a bilinear oscillator over one step and through all branch changes within it.
 
-    On each branch, the response is the Taylor series of the exact solution. If the oscillator
-    yields or unloads within the step, the time of this event is computed, the branch is changed,
-    and the integration continues from this time.
+    The equation of motion on a branch is u'' + c u' + k' u = -(g + slope t) - OFFSET, with the
+    stiffness k' = k (elastic) or hardening k (yielding) over the mass. Its response is the Taylor
+    series of the exact solution. If the oscillator yields or unloads within the step, the time of
+    this event is computed, the branch is changed, and the integration continues from this time.
 
     Parameters
     ----------
@@ -350,7 +381,7 @@ def _integrate_step(state, series, oscillator, g, slope, h):
     Returns
     -------
     int
-        Number of changes of branch, or TOO_MANY_EVENTS.
+        Number of changes of branch, or TOO_MANY_EVENTS (-1).
     """
     k, c, hardening, strength = oscillator
     t = 0.0
@@ -368,7 +399,8 @@ def _integrate_step(state, series, oscillator, g, slope, h):
             c,
             remaining,
         )
-        # The velocity is monotonic from 0 to `middle`, and from `middle` to `remaining`.
+        # The velocity is monotonic from 0 to `middle`, and from `middle` to `remaining`, because
+        # the acceleration has at most one zero.
         middle = remaining
         if series[2] * _acceleration(series, terms, remaining) < 0.0:
             middle = _root(series, terms, 2, 0.0, 0.0, remaining)
@@ -376,6 +408,7 @@ def _integrate_step(state, series, oscillator, g, slope, h):
             event = _end_of_elastic_branch(series, terms, state, middle, remaining)
         else:
             event = _end_of_yielding(series, terms, side, middle, remaining)
+        # Move to the event or to the end of the step, and change the branch at the event.
         end = remaining if event == NEVER else event
         state[U] = _displacement(series, terms, end)
         state[V] = _velocity(series, terms, end)
@@ -395,16 +428,23 @@ def _coefficients(steps, first, series, k, c, h):
     """Compute the recursion of a branch: u1 and v1 from u0, v0 and minus the loads at both
     endpoints.
 
+    With the equation of motion u'' + c u' + k u = -p, and p linear from p0 to p1 within a step of
+    length h, displacement and velocity at the end of the step are
+
+        u1 = s_0 u0 + s_1 v0 + s_2 p0 + s_3 p1,   v1 = s_4 u0 + s_5 v0 + s_6 p0 + s_7 p1
+
+    The coefficients s are the responses to unit values of u0, v0, p0 and p1.
+
     Parameters
     ----------
     steps : ndarray
-        Receives the eight coefficients from `first` on.
+        Elements `first` to `first` + 7 receive s_0 to s_7.
     first : int
         First element.
     series : ndarray
         Scratch array for the Taylor coefficients.
     k, c : float
-        Stiffness and damping over the mass.
+        Stiffness (1/s^2) and damping coefficient (1/s) over the mass.
     h : float
         Length of the step, s.
     """
@@ -423,7 +463,11 @@ def _coefficients(steps, first, series, k, c, h):
 
 @outlined
 def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
-    """Integrate from rest over the complete ground motion.
+    """Integrate a bilinear oscillator from rest over the complete ground motion.
+
+    On a branch, the equation of motion is u'' + c u' + k' u = -(ag + offset), with the stiffness k'
+    over the mass, and the step is an exact recursion. A step in which a change of branch or a new
+    peak between the endpoints is possible is repeated with `_integrate_step`.
 
     Parameters
     ----------
@@ -441,12 +485,13 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     series : ndarray
         Scratch array for the Taylor coefficients.
     state : ndarray
-        State with the limits of the elastic branch.
+        State with the limits of the elastic branch, UPPER and LOWER (m); receives the state at the
+        end and the peak displacement, PEAK (m).
 
     Returns
     -------
     int
-        Number of changes of branch, or TOO_MANY_EVENTS.
+        Number of changes of branch, or TOO_MANY_EVENTS (-1).
     """
     k, c, hardening, _ = oscillator
     # e: elastic branch, y: yielding branch; first digit: 0 for the displacement and 1 for the
@@ -494,6 +539,7 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
                 peak = max(peak, abs(u))
                 g0 += increment
                 continue
+            # The step is not simple: integrate through its events.
             state[U], state[V], state[SIDE], state[OFFSET] = u, v, side, offset
             state[UPPER], state[LOWER], state[PEAK] = upper, lower, peak
             count = _integrate_step(state, series, oscillator, g0, increment / h, h)
@@ -513,8 +559,9 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
 def _residual_displacement(state, series, oscillator):
     """Return the displacement after the decay of the free vibration, m.
 
-    For an undamped free vibration on the elastic branch the result is its center; NaN if a step has
-    too many changes of branch.
+    The oscillator is integrated without ground motion until its vibration remains within the
+    elastic branch. The result is the center of this vibration, -OFFSET / k, also for an undamped
+    oscillator. It is NaN if a step has too many changes of branch.
     """
     k = oscillator.k
     h = 1.0 / math.sqrt(k)
@@ -538,6 +585,10 @@ def _residual_displacement(state, series, oscillator):
 def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, results):
     """Compute the response of a bilinear oscillator from rest to a ground motion.
 
+    The equation of motion is u'' + 2 xi omega u' + f = -ag, with the ground acceleration ag, linear
+    between its samples, and the bilinear restoring force f over the mass with the initial stiffness
+    omega^2. The integration is exact up to rounding.
+
     Parameters
     ----------
     ground : ndarray, shape (samples,)
@@ -550,12 +601,13 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     yield_displacement : float
         Displacement at first yield, m, positive; infinite for an elastic oscillator.
     results : ndarray, shape (RESULTS,)
-        Receives LARGEST and RESIDUAL.
+        Receives LARGEST, the maximum absolute displacement, and RESIDUAL, the displacement after
+        the decay of the free vibration, m.
 
     Returns
     -------
     int
-        Number of changes of branch, or TOO_MANY_EVENTS.
+        Number of changes of branch, or TOO_MANY_EVENTS (-1).
     """
     steps, series, state = local(16), local(_MAX_TERMS), local(STATE_ROWS)
     state[:] = 0.0

@@ -114,8 +114,16 @@ def peaks(
     """Integrate oscillators from rest over a ground motion and store their maximum absolute
     responses.
 
-    Displacement and velocity are relative to the ground. The acceleration is absolute, 2 xi omega v
-    + omega^2 u.
+    The equation of motion is u'' + 2 xi omega u' + omega^2 u = -ag, with the ground acceleration
+    ag, linear within a step of length h. Displacement u and velocity v = u' are relative to the
+    ground; the absolute acceleration is -(2 xi omega v + omega^2 u). The step is exact (Nigam and
+    Jennings 1969):
+
+        u1 = A11 u0 + A12 v0 - B10 ag0 - B11 ag1,   v1 = A21 u0 + A22 v0 - B20 ag0 - B21 ag1
+
+    First, all oscillators of a group are integrated together, and the maxima at the steps are
+    stored for each interval of INTERVAL_STEPS steps. Then the intervals that can contain a maximum
+    between the steps are searched for each oscillator (`_search`).
 
     Parameters
     ----------
@@ -126,15 +134,16 @@ def peaks(
     parts : int
         Steps per sampling interval.
     oscillators : ndarray, shape (COEFFICIENTS, multiple of `lanes`)
-        Table of oscillators.
+        Table of oscillators, one column each: rows A11 to B21, coefficients of the step, then
+        BY_DISPLACEMENT, omega^2 (1/s^2), and BY_VELOCITY, 2 xi omega (1/s).
     lanes : int
         Number of oscillators that are integrated together.
     between_steps : int
         1 to include maxima between the steps (omega h must not exceed 1), 0 for maxima at the steps
         only.
     result : ndarray, shape (PEAKS, k)
-        Receives the peaks of the first k oscillators. The remaining oscillators only complete the
-        last group.
+        Receives the peaks of the first k oscillators: displacement (m), velocity (m/s) and absolute
+        acceleration (m/s^2). The remaining oscillators only complete the last group.
     ground, starts, maxima, ground_maxima : ndarray
         Scratch arrays from `scratch`.
 
@@ -158,6 +167,7 @@ def peaks(
     for c in range(intervals):
         _measure_ground(ground, h, c, ground_maxima)
     for group in range(0, oscillators.shape[1], lanes):
+        # Coefficients of the group, and rest
         for i in range(lanes):
             a11[i], a12[i] = oscillators[A11, group + i], oscillators[A12, group + i]
             b10[i], b11[i] = oscillators[B10, group + i], oscillators[B11, group + i]
@@ -168,6 +178,7 @@ def peaks(
                 oscillators[BY_VELOCITY, group + i],
             )
             us[i] = vs[i] = 0.0
+        # Integrate the group; store start and maxima of each interval. `size_...` are maxima.
         for c in range(intervals):
             for i in range(lanes):
                 starts[i, c, 0], starts[i, c, 1] = us[i], vs[i]
@@ -191,6 +202,7 @@ def peaks(
                     us[i], vs[i], max_u[i], max_v[i], max_a[i] = u, v, size_u, size_v, size_a
             for i in range(lanes):
                 maxima[i, c, 0], maxima[i, c, 1], maxima[i, c, 2] = max_u[i], max_v[i], max_a[i]
+        # Search each oscillator of the group for the maxima between the steps.
         for i in range(min(lanes, result.shape[1] - group)):
             starts[i, intervals, 0], starts[i, intervals, 1] = us[i], vs[i]
             best[:] = 0.0
@@ -205,7 +217,10 @@ def peaks(
 
 @outlined
 def _measure_ground(ground, h, interval, ground_maxima):
-    """Store the maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in an interval.
+    """Store the maximum absolute ground acceleration (m/s^2) and its maximum rate (m/s^3) in an
+    interval.
+
+    An interval has INTERVAL_STEPS steps; the ground acceleration is linear within a step.
 
     Parameters
     ----------
@@ -216,7 +231,7 @@ def _measure_ground(ground, h, interval, ground_maxima):
     interval : int
         Index of the interval.
     ground_maxima : ndarray
-        Receives both values.
+        One row per interval; columns 0 and 1 receive both values.
     """
     begin = interval * INTERVAL_STEPS
     size, slope = abs(ground[begin]), 0.0
@@ -261,7 +276,9 @@ class _TableOscillator(NamedTuple):
 
 @inline
 def _vibration(oscillator):
-    """Return the properties of the oscillator and the length of its steps."""
+    """Return omega^2 (1/s^2) and 2 xi omega (1/s) of an oscillator of the table, and the length of
+    its steps (s).
+    """
     oscillators, column = oscillator.oscillators, oscillator.column
     return Vibration(
         oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], oscillator.h
@@ -270,18 +287,30 @@ def _vibration(oscillator):
 
 @outlined
 def _search(oscillator, maxima, ground_maxima):
-    """Compute the maxima of one oscillator from its maxima at the samples of each interval.
+    """Compute the maxima of one oscillator from its maxima at the steps of each interval.
+
+    Between two steps of length h, a quantity q exceeds the larger of its values at the steps by at
+    most about h^2/8 times the maximum of |q''| (`rise`). Intervals in which this bound does not
+    exceed the maximum of the run are skipped; the others are integrated again with
+    `_integrate_interval`. The quantities are displacement u, velocity v and absolute acceleration,
+    with the bounds
+
+        |u''| <= max |p| + max |ag|,   |v''| <= 2 xi omega |u''| + omega^2 |v| + max |ag'|
+        |p''| <= 2 xi omega |v''| + omega^2 |u''|,   p = 2 xi omega v + omega^2 u
+
+    where -p is the absolute acceleration and ag the ground acceleration.
 
     Parameters
     ----------
     oscillator : _TableOscillator
         Oscillator; `best` is updated.
     maxima : ndarray
-        Maximum displacement, velocity and acceleration at the steps of each interval (one row per
-        interval).
+        Maximum absolute displacement, velocity and acceleration at the steps of each interval
+        (columns 0 to 2; one row per interval).
     ground_maxima : ndarray
         Maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in each interval.
     """
+    # Interval with the maximum of each quantity; `intervals` if there is no complete interval
     best = oscillator.best
     intervals = maxima.shape[0]
     interval_u = interval_v = interval_a = intervals
@@ -310,8 +339,7 @@ def _search(oscillator, maxima, ground_maxima):
     for c in range(intervals):
         if c in (interval_u, interval_v, interval_a):
             continue
-        # Bounds of the second derivatives of displacement, velocity and acceleration at the steps.
-        # The equation of motion gives u'' = -(by_v u' + by_u u) - ag.
+        # Bounds of the second derivatives of displacement, velocity and acceleration at the steps
         bound_u = maxima[c, 2] + ground_maxima[c, 0]
         bound_v = by_v * bound_u + by_u * maxima[c, 1] + ground_maxima[c, 1]
         bound_a = by_v * bound_v + by_u * bound_u
@@ -325,8 +353,15 @@ def _search(oscillator, maxima, ground_maxima):
 
 @outlined
 def _integrate_interval(oscillator, interval):
-    """Integrate one oscillator over an interval (or the steps after the last complete interval) and
-    update its maxima."""
+    """Integrate one oscillator over an interval of steps and update its maxima.
+
+    The interval with the index `interval` has INTERVAL_STEPS steps, or the remaining steps after
+    the last complete interval. At each step, displacement u and velocity v follow from the exact
+    recursion. p is 2 xi omega v + omega^2 u, minus the absolute acceleration, and a = -p - ag the
+    acceleration relative to the ground. If `between_steps` of the oscillator is 1, extrema of u, v
+    and p within a step are included: `may_exceed` tests whether an extremum can exceed the maximum,
+    and `largest_between` computes it from the first three derivatives at the start of the step.
+    """
     ground, h, oscillators, column, starts, between_steps, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
     b10, b11 = oscillators[B10, column], oscillators[B11, column]

@@ -22,8 +22,10 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     """Integrate oscillators from rest over a ground motion that is linear between its samples, and
     store the extrema of their displacements.
 
-    An extremum is stored if its pseudo-acceleration exceeds the level of the oscillator and if the
-    table has a free column. The largest extremum of each oscillator is recorded in any case.
+    The equation of motion is u'' + 2 xi omega u' + omega^2 u = -ag. The step from sample to sample
+    (or to a part of a sampling interval) is exact. An extremum is stored if its pseudo-acceleration
+    omega^2 |u| exceeds the level of the oscillator and if the table has a free column. The largest
+    extremum of each oscillator is recorded in any case.
 
     Parameters
     ----------
@@ -38,9 +40,11 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     level : ndarray, shape (k,)
         Pseudo-acceleration above which an extremum is stored, m/s^2.
     extrema : ndarray, shape (3, capacity)
-        Receives the extrema, rows OSCILLATOR, TIME and VALUE.
+        Receives the extrema: rows OSCILLATOR (index), TIME (s) and VALUE (omega^2 u with its sign,
+        m/s^2).
     largest : ndarray, shape (2, k)
-        Receives the maximum of each oscillator and its column in `extrema`, -1 if it is not stored.
+        Receives the maximum omega^2 |u| of each oscillator (m/s^2) and its column in `extrema`, -1
+        if it is not stored.
 
     Returns
     -------
@@ -114,8 +118,9 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
     """Integrate oscillators under two horizontal components of a ground motion from rest, and store
     the local maxima of the distance from the origin.
 
-    The distance is the square root of the sum of the squared displacements along both components.
-    It has a maximum where its rate changes from positive to negative.
+    The equation of motion of each component is u'' + 2 xi omega u' + omega^2 u = -ag. The distance
+    is the square root of the sum of the squared displacements along both components. It has a
+    maximum where its rate changes from positive to negative.
 
     Parameters
     ----------
@@ -124,7 +129,9 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
     dt : float
         Sampling interval, s.
     parts, oscillators, level, largest : ndarray
-        As for `extremes`, for the square root of the sum of the squared components.
+        Steps per sampling interval, table of oscillators, level above which a maximum is stored
+        (m/s^2), and largest maxima, as for `extremes`. The pseudo-acceleration is omega^2 times the
+        distance.
     extrema : ndarray, shape (4, capacity)
         Receives the maxima, rows OSCILLATOR, TIME, and VALUE and VALUE + 1 with the
         pseudo-accelerations of both components, m/s^2.

@@ -75,7 +75,8 @@ class _Sum(NamedTuple):
 
 
 class _Steps(NamedTuple):
-    """Steps of a chunk, one row for each step.
+    """Steps of a chunk, one row for each step: modal coordinates, ground acceleration and drift
+    ratios.
 
     Attributes
     ----------
@@ -100,6 +101,11 @@ class _Steps(NamedTuple):
 def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
     """Integrate the modes from row 0 of `q` and `rate` to the following rows.
 
+    A mode with the circular frequency omega and the damping ratio xi has the equation of motion q''
+    + 2 xi omega q' + omega^2 q = -ag, with the ground acceleration ag, linear within a step. The
+    step is exact: q1 = A11 q0 + A12 q0' - B10 ag0 - B11 ag1, q1' = A21 q0 + A22 q0' - B20 ag0 - B21
+    ag1.
+
     Parameters
     ----------
     ground : ndarray
@@ -111,7 +117,7 @@ def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
     rows : int
         Number of rows.
     modes : ndarray
-        Table of modes.
+        Table of modes, one column each, with the coefficients A11 to B21.
     q, rate : ndarray
         Modal coordinates and their rates; one row per step.
     motion : ndarray
@@ -203,6 +209,9 @@ def _superpose(q, shapes, static, motion, drift):
 def _update_maxima(drift, rows, column_maxima, column_bends):
     """Store the maximum absolute value and the maximum absolute second difference of each column.
 
+    The second difference of three successive steps, d0 - 2 d1 + d2, bounds the excess of the drift
+    ratio between the steps.
+
     Parameters
     ----------
     drift : ndarray
@@ -210,7 +219,7 @@ def _update_maxima(drift, rows, column_maxima, column_bends):
     rows : int
         Number of rows.
     column_maxima, column_bends : ndarray
-        Receive the maxima.
+        Receive the maxima of the values and of the second differences, one element per column.
     """
     columns = drift.shape[1]
     for c in range(columns):
@@ -229,6 +238,10 @@ def _update_maxima(drift, rows, column_maxima, column_bends):
 @inline
 def _rate(sums, steps, row, slope, c):
     """Return the rate of the drift ratio of column `c` at step `row`, 1/s.
+
+    The drift ratio is the sum of modal coordinate times `shapes` over the modes, minus `static`
+    times the ground acceleration. The rate is the same sum with the rates of the modal coordinates
+    and of the ground acceleration.
 
     Parameters
     ----------
@@ -253,9 +266,15 @@ def _rate(sums, steps, row, slope, c):
 def _column_at(sums, steps, row, slope, t, c):
     """Return the drift ratio of column `c` and its rate (1/s) at the time `t` after step `row`.
 
-    They follow from the closed form of each mode: for a ground acceleration that is linear in time,
-    the modal coordinate is a particular solution that is linear in time, plus a damped free
-    vibration y.
+    The drift ratio is the sum of modal coordinate times `shapes` over the modes, minus `static`
+    times the ground acceleration g0 + slope t. A modal coordinate q with q'' + 2 xi omega q' +
+    omega^2 q = -(g0 + slope t) is the sum of a particular solution and a damped free vibration,
+
+        particular   -g0 / omega^2 + 2 xi slope / omega^3 - slope t / omega^2
+        vibration    exp(-xi omega t) (y cos(wd t) + (y' + xi omega y) / wd sin(wd t))
+
+    with wd = omega sqrt(1 - xi^2); y and y' are the values of q and q' minus the particular
+    solution and its rate at t = 0.
 
     Parameters
     ----------
@@ -301,8 +320,9 @@ def _column_at(sums, steps, row, slope, t, c):
 def _maximum_after(sums, steps, row, c, size):
     """Return the maximum absolute drift ratio of column `c` between step `row` and the next step.
 
-    If the rate changes its sign between both steps, its zero is located by regula falsi
-    (`narrow_bracket`). All values of the iteration are considered.
+    The drift ratio is a superposition of modes (`_column_at`). If its rate changes its sign between
+    both steps, the zero of the rate is located by regula falsi (`narrow_bracket`). All values of
+    the iteration are considered.
 
     Parameters
     ----------
@@ -311,9 +331,9 @@ def _maximum_after(sums, steps, row, c, size):
     steps : _Steps
         Steps of the chunk.
     row : int
-        Step.
+        Index of the step in the chunk.
     c : int
-        Column.
+        Column: index of the story; the last column is the roof.
     size : float
         Absolute value at the step; the result if there is no larger extremum between both steps.
     """
@@ -345,6 +365,9 @@ def _maximum_after(sums, steps, row, c, size):
 def _refine(sums, steps, first, last, threshold, best):
     """Return the maximum absolute drift ratio of some columns in a chunk, including the time
     between the steps, and its column.
+
+    The columns are stories; the last column of the table is the roof. Only the intervals next to a
+    step with a value above `threshold` are searched.
 
     Parameters
     ----------

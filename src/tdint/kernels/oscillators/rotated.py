@@ -129,6 +129,12 @@ def rotated_peaks(
     """Integrate oscillators from rest over two ground motions and store their maximum absolute
     displacements in all directions.
 
+    The equation of motion along each axis is u'' + 2 xi omega u' + omega^2 u = -ag. With the
+    displacements x and y along both axes, the displacement in the direction of the angle theta is x
+    cos(theta) + y sin(theta). First, the oscillators of a group are integrated together, and the
+    maxima along AXES directions are stored for each interval of steps. Then the intervals that can
+    contain a maximum are searched for each oscillator (`_search`).
+
     Parameters
     ----------
     first, second : ndarray
@@ -166,11 +172,13 @@ def rotated_peaks(
         scratch[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
     series = local_table(3, TERMS)
     for group in range(0, oscillators.shape[1], LANES):
+        # Coefficients of the oscillators of the group, and rest
         for k in range(COEFFICIENTS):
             for i in range(LANES):
                 lane[k * LANES + i] = oscillators[k, group + i]
         for i in range(_STATE * LANES, _MAXIMA * LANES):
             lane[i] = 0.0
+        # Integrate the group; store start and maxima of each interval.
         for c in range(intervals + 1):
             for i in range(LANES):
                 for k in range(4):
@@ -185,6 +193,7 @@ def rotated_peaks(
                 for k in range(AXES):
                     maxima[i, c, k] = lane[(_MAXIMA + k) * LANES + i]
                 maxima[i, c, _ACCELERATION] = math.sqrt(lane[(_MAXIMA + _ACCELERATION) * LANES + i])
+        # Search each oscillator of the group in all directions.
         for i in range(min(LANES, result.shape[0] - group)):
             best[:] = 0.0
             column = group + i
@@ -203,6 +212,11 @@ def rotated_peaks(
 @outlined
 def _advance(ground, s, lane):
     """Integrate LANES oscillators over a block of steps and update the maxima at the steps.
+
+    Along each axis, the step is exact: u1 = A11 u0 + A12 v0 - B10 g0 - B11 g1 and v1 = A21 u0 + A22
+    v0 - B20 g0 - B21 g1, with displacement u, velocity v and ground acceleration g. The maxima are
+    those of the displacement along the axes at 0, 30, ..., 150 degrees and of the relative
+    acceleration.
 
     Parameters
     ----------
@@ -340,14 +354,14 @@ def _interpolate(axis_maxima, scratch):
     """Store bounds of the displacements of an interval along the edges of the sectors.
 
     The unit vector of a direction between two axes is a sum of both axes with positive factors. The
-    same sum bounds the displacement.
+    same sum of the maximum displacements along both axes bounds the displacement in this direction.
 
     Parameters
     ----------
     axis_maxima : ndarray
-        Maximum displacements along the axes.
+        Maximum displacements in the interval along the AXES axes, m.
     scratch : ndarray
-        Table of the sectors.
+        Table of the sectors; rows _AT_START and _AT_END receive the bounds, one column per edge.
     """
     for k in range(AXES):
         axis_maximum, next_axis_maximum = axis_maxima[k], axis_maxima[(k + 1) % AXES]
@@ -362,9 +376,11 @@ def _interpolate(axis_maxima, scratch):
 
 @outlined
 def _lowest(best, sector):
-    """Return the smallest of the maximum displacements `best` in the directions of a sector.
+    """Return the smallest of the maximum displacements in the directions of a sector, m.
 
-    A step can only change a maximum in this sector if its displacement exceeds this value.
+    `best` contains the maximum displacement until now in each of the ANGLES directions; a sector
+    has _SECTOR of them. A step can only change a maximum in the sector if its displacement exceeds
+    the result.
     """
     low = best[sector * _SECTOR]
     for k in range(sector * _SECTOR + 1, (sector + 1) * _SECTOR):
@@ -374,8 +390,12 @@ def _lowest(best, sector):
 
 @outlined
 def _integrate_interval(oscillator, interval, margin, coarse):
-    """Integrate one oscillator over an interval (or the steps after the last complete interval) and
-    update its maxima.
+    """Integrate one oscillator over an interval of steps and update its maxima in all directions.
+
+    The interval has INTERVAL_STEPS steps, or the remaining steps after the last complete interval.
+    x, v and a are displacement, velocity and relative acceleration along the first axis, y, w and b
+    along the second axis; p and q are the rates of a and b. The displacement in a direction with
+    the cosine c and the sine d is c x + d y.
 
     Parameters
     ----------
@@ -384,7 +404,9 @@ def _integrate_interval(oscillator, interval, margin, coarse):
     interval : int
         Index of the interval.
     margin : float
-        Result of `rise`; 0 if maxima between the steps are not required.
+        Maximum excess of a displacement between two steps over its values at the steps, divided by
+        the larger relative acceleration, s^2 (result of `rise`); 0 if maxima between the steps are
+        not required.
     coarse : bool
         True to use only the values at the steps, in all directions. False to include maxima between
         the steps where they can be larger.
@@ -415,6 +437,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
                 size = abs(directions[0, k] * x1 + directions[1, k] * y1)
                 best[k] = size if size > best[k] else best[k]
         else:
+            # Displacements along the edges of the sectors at the end, and excess between the steps
             _project(x1, y1, scratch, end_values)
             excess = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
             # Relative jerk along both axes at the start of the step
@@ -444,16 +467,17 @@ def _integrate_interval(oscillator, interval, margin, coarse):
 
 @outlined
 def _project(x, y, scratch, sizes):
-    """Store the absolute displacements along the edges of the sectors.
+    """Store the absolute displacements |x cos(theta) + y sin(theta)| along the edges of the
+    sectors, m.
 
     Parameters
     ----------
     x, y : float
         Displacements along both axes, m.
     scratch : ndarray
-        Table of the sectors.
+        Table of the sectors with the cosines and sines of the directions of the edges.
     sizes : ndarray
-        Receives the absolute displacements.
+        Receives the absolute displacements, one element per edge.
     """
     for k in range(_SECTORS + 1):
         sizes[k] = abs(scratch[_COSINES, k] * x + scratch[_SINES, k] * y)
@@ -463,12 +487,16 @@ def _project(x, y, scratch, sizes):
 def _count_higher(scratch, excess):
     """Return the number of sectors in which the displacement of a step can exceed a maximum.
 
+    The displacement in a sector is at most the largest displacement along its edges at both
+    endpoints of the step (`_top`) times _SPREAD, plus the excess between the endpoints. It is
+    compared with the smallest of the maxima in the sector (row _LOWEST).
+
     Parameters
     ----------
     scratch : ndarray
         Table of the sectors.
     excess : float
-        Maximum excess between the steps, m.
+        Maximum excess of a displacement between the endpoints of the step, m.
     """
     count = 0
     for k in range(_SECTORS):
@@ -478,8 +506,12 @@ def _count_higher(scratch, excess):
 
 @inline
 def _top(scratch, k):
-    """Return the maximum displacement at both endpoints of a step along both edges of sector
-    `k`."""
+    """Return the largest displacement along both edges of sector `k` at both endpoints of a step,
+    m.
+
+    Rows _AT_START and _AT_END of the table of the sectors contain the absolute displacements along
+    the edges; column k is the first edge of the sector and column k + 1 the second edge.
+    """
     return max(
         max(scratch[_AT_START, k], scratch[_AT_END, k]),
         max(scratch[_AT_START, k + 1], scratch[_AT_END, k + 1]),

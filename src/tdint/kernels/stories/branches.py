@@ -51,7 +51,8 @@ def advance_outlined(law_parameters, law_state, i, block, drift):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     drift : float
         Drift, m.
     """
@@ -80,7 +81,8 @@ def _keep_branch_after(law_parameters, law_state, i, block, event):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -122,7 +124,8 @@ def switch(law_parameters, law_state, i, block, event):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).

@@ -163,7 +163,8 @@ def _no_sharp_bend(law_parameters, law_state, i, block, side):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     side : float
         Direction of loading, 1 or -1.
     """
@@ -777,7 +778,8 @@ def _add_on_branch(law_state, i, block, segment, results):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` that contains the state: 0 for the
+        committed state, otherwise the first row of a trial state.
     segment : PathSegment
         Part of the path.
     results : Integrals

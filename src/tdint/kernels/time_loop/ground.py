@@ -8,7 +8,9 @@ from tdint.kernels.compiling import inline, outlined
 
 @inline
 def _sample(ground, position):
-    """Return the sample of the ground acceleration at an index; 0 after the last sample."""
+    """Return the sample of the ground acceleration with the index `position`, m/s^2; 0 after the
+    last sample.
+    """
     return ground[position] if position < ground.shape[0] else 0.0
 
 
@@ -28,8 +30,8 @@ def ground_between(ground, position):
 def ground_at(ground, step, per_sample, stride):
     """Return the ground acceleration at the start of a step, m/s^2.
 
-    A step can be a fraction of a sampling interval (`stride` 1), one or several sampling intervals
-    (`per_sample` 1), or a ratio of both.
+    It is linear between the samples. A step can be a fraction of a sampling interval (`stride` 1),
+    one or several sampling intervals (`per_sample` 1), or a ratio of both.
 
     Parameters
     ----------
@@ -53,18 +55,25 @@ def ground_at(ground, step, per_sample, stride):
 
 @outlined
 def fitted_line(ground, begin, end):
-    """Fit a straight line to the ground acceleration over a time step; return its end values.
+    """Fit a straight line to the ground acceleration over a time step; return its end values,
+    m/s^2.
 
-    The line has the same impulse and the same first moment as the ground acceleration, which is
-    linear between samples. It is therefore the least-squares fit. Within one sampling interval it
-    is equal to the ground acceleration.
+    The line has the same impulse I = int a dt and the same first moment J = int (t - t_m) a dt
+    about the middle t_m of the step as the ground acceleration a, which is linear between samples.
+    It is therefore the least-squares fit. With the duration T, the end values are I / T -+ 6 J /
+    T^2. Within one sampling interval the line is equal to the ground acceleration.
 
     Parameters
     ----------
     ground : ndarray
         Samples, m/s^2.
     begin, end : float
-        Positions of the endpoints in units of the sampling interval.
+        Times of the endpoints divided by the sampling interval.
+
+    Returns
+    -------
+    float, float
+        Values of the line at the start and at the end of the step, m/s^2.
     """
     # The time step consists of pieces between two samples (or an endpoint of the step and a
     # sample). Sum the impulse and the first moment about the middle of the step over these pieces.
@@ -98,10 +107,13 @@ def fitted_line(ground, begin, end):
 
 @inline
 def fitted_line_between_samples(ground, first, last):
-    """Fit a straight line to the ground acceleration between two samples; return its end values.
+    """Fit a straight line to the ground acceleration between two samples; return its end values,
+    m/s^2.
 
-    The result is that of `fitted_line` for a step that starts at the sample with the index `first`
-    and ends at the sample with the index `last`; this function is faster.
+    The line has the impulse I and the first moment J of the ground acceleration, which is linear
+    between samples; with T sampling intervals, its end values are I / T -+ 6 J / T^2. The result is
+    that of `fitted_line` for a step that starts at the sample with the index `first` and ends at
+    the sample with the index `last`; this function is faster.
     """
     middle = 0.5 * (first + last)
     impulse = 0.0

@@ -84,7 +84,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
 
     The laws move to the initial drifts, the initial accelerations follow from equilibrium, and the
     initial energies are stored. The collapse limits are checked, because the initial drifts can
-    exceed them.
+    exceed them. Displacements and velocities in the state are the initial values of the run.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
 
 @inline
 def has_diverged(state, n):
-    """Return True if the absolute displacement of a floor is at least RUNAWAY, or nan."""
+    """Return True if the absolute displacement of a floor is at least RUNAWAY (m), or nan."""
     # A comparison with nan is False. The loop has no branches, so that it is fast.
     is_bounded = True
     for i in range(n):
@@ -137,7 +137,7 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
     span : Span
         Step or substep: end time, length and ground acceleration.
     slope : float
-        Rate of the ground acceleration, m/s^3.
+        Rate of the ground acceleration in the span, m/s^3.
     memory : Memory
         State, law states, scratch array and status of the step.
     seen : Seen
@@ -153,6 +153,9 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
 @inline
 def check_limits(sum_law_energies, scene, memory, steps, seen):
     """Record the collapse if a story exceeds its limit for the first time in the run.
+
+    A story exceeds its limit if its peak drift exceeds a multiple of the story height, or if its
+    law has failed.
 
     Parameters
     ----------
@@ -221,7 +224,9 @@ def integrate(
     """Integrate the equations of motion over the steps `first_step` to `last_step` - 1 of a run.
 
     A run starts with `first_step` 0. A further call continues from the memory of the previous call.
-    The caller can therefore interrupt a run between calls.
+    The caller can therefore interrupt a run between calls. A step consists of four stages: load of
+    the step, integration by the kernel of the method, observation (peaks, energies, collapse), and
+    a row of the history.
 
     If a step is longer than a sampling interval, the ground acceleration within the step is
     replaced by the straight line with the same impulse and first moment. The lines of successive
@@ -256,7 +261,8 @@ def integrate(
     coefficients : ndarray
         Coefficients of the method.
     shifts : ndarray
-        Fraction of a jump of the ground acceleration that is added to each row of the state.
+        Change of each row of the state per unit jump of the accelerations at a discontinuity of the
+        ground acceleration.
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building and forces on its floors (fields of `Scene`).
     state, law_state, scratch, step_status : ndarray
@@ -269,7 +275,8 @@ def integrate(
     Returns
     -------
     int
-        0, or the error code of the step that failed.
+        0, or the negative error code of the step that failed: NOT_CONVERGED after `max_halvings`
+        halvings, NOT_FINITE if the response is not finite or exceeds RUNAWAY.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -326,6 +333,7 @@ def integrate(
                 totals[rows.HALVINGS] += 1.0
                 step_status[rows.STEPS_DONE] = 0.0  # multi-step methods restart
                 continue
+            # Observe the response of the step or substep.
             completed_fraction += substep_fraction
             totals[rows.ITERATIONS] += code
             step_status[rows.STATE_GROUND] = load[rows.GROUND_1]
@@ -341,6 +349,7 @@ def integrate(
                 has_step_peaks,
             )
             observe_span(update_shear_peaks, scene, span, ground_rate, memory, seen)
+        # The step is complete: count it, check divergence and collapse, and store the history.
         step_status[rows.STEPS_DONE] = (
             step_status[rows.STEPS_DONE] + 1.0 if substep_fraction == 1.0 else 0.0
         )
@@ -476,6 +485,8 @@ def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory,
     """Call `integrate` for the steps of one run from `first_step` to `last_step`, without a
     history.
 
+    The kernel is called by its address with plain arrays.
+
     Parameters
     ----------
     kernels : _Kernels
@@ -492,6 +503,11 @@ def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory,
         State, law states, scratch array and status of the step.
     seen : Seen
         Arrays of the observer.
+
+    Returns
+    -------
+    int
+        Return value of `integrate`: 0, or a negative error code.
     """
     return _call_integrate(
         kernels.integrate, kernels.step, kernels.initialize_laws,
@@ -562,10 +578,11 @@ def integrate_many(
 ):
     """Integrate several runs of one building, one after the other, with different ground motions.
 
-    After its last step, a run continues in free vibration until the building is at rest, in windows
-    of `window_steps` steps and for at most `max_windows` windows. The building is at rest if the
-    maximum velocity in a window is at most `velocity_limit` times the maximum displacement of the
-    run.
+    For each run, the ground motion is scaled, the memory is reset to its initial values, and the
+    equations of motion are integrated over the specified number of steps. After its last step, a
+    run continues in free vibration until the building is at rest, in windows of `window_steps`
+    steps and for at most `max_windows` windows. The building is at rest if the maximum velocity in
+    a window is at most `velocity_limit` times the maximum displacement of the run.
 
     Parameters
     ----------
@@ -578,11 +595,13 @@ def integrate_many(
     samples : ndarray
         Samples of all ground motions, m/s^2.
     runs : ndarray
-        Table of the runs.
+        Table of the runs, one row per run, with the columns GROUND_START and GROUND_SIZE (first
+        sample and number of samples), SCALE (scale factor), STEPS, PER_SAMPLE and STRIDE
+        (PER_SAMPLE steps have the length of STRIDE sampling intervals).
     coefficients, shifts : ndarray
-        As for `integrate`.
+        Coefficients of the method, and changes of its state at a jump of the ground acceleration.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `Scene`.
+        Building and forces on its floors (fields of `Scene`).
     state_0, law_state_0, scratch_0, step_status_0, totals_0 : ndarray
         Initial memory and totals. The scratch array is cleared instead.
     state, law_state, scratch, step_status, load, ground, observer_state : ndarray
@@ -599,8 +618,9 @@ def integrate_many(
         Maximum velocity in a window in which the building is at rest, divided by the maximum
         displacement of the run, 1/s.
     peaks, drifts, totals, run_ends : ndarray
-        Results of the runs: peaks, residual drifts, totals, and in `run_ends` the return value of
-        `integrate`, the number of completed steps and the state of rest.
+        Results, first axis or row by run: peaks, residual drifts (m), totals, and in the columns
+        CODE, STEPS_COMPLETED and AT_REST of `run_ends` the return value of `integrate`, the number
+        of completed steps, and 1 if the building is at rest or this is not required.
 
     Returns
     -------
@@ -615,6 +635,7 @@ def integrate_many(
     failed_count = 0
     n = linear_terms.shape[1] - 1
     for run_index in range(runs.shape[0]):
+        # Scaled ground motion and initial memory of the run
         first_sample = int(runs[run_index, GROUND_START])
         sample_count = int(runs[run_index, GROUND_SIZE])
         for i in range(ground.size):
@@ -638,6 +659,7 @@ def integrate_many(
                 if step_status[rows.RUN_PEAKS] != 0.0:
                     scratch[int(step_status[rows.RUN_PEAKS]) + rows.PEAK_VELOCITY, i] = 0.0
             code = _continue(kernels, common, step_ratio, last_step, completed, scene, memory, seen)
+            # Maxima of the window for the criterion of rest, and peak velocities of the run
             max_velocity = 0.0
             max_displacement = 0.0
             for i in range(n):
@@ -655,6 +677,7 @@ def integrate_many(
             if window_index > 0 and max_velocity <= velocity_limit * max_displacement:
                 at_rest = 1.0
                 break
+        # Results of the run
         if code < 0:
             failed_count += 1
         for i in range(n):

@@ -40,7 +40,7 @@ from tdint.kernels.stories.law_state import (
 
 
 class _PowerValues(NamedTuple):
-    """Power of the load and of the dampers at one time, their rates, and the total momentum.
+    """Power of the load and of the dampers at a time, their rates, and the total momentum.
 
     Attributes
     ----------
@@ -67,12 +67,20 @@ class _PowerValues(NamedTuple):
 def observe(scene, span, slope, memory, seen):
     """Update energies and peaks with the response at the end of a step.
 
-    The accelerations are computed from equilibrium, floor by floor from the roof downwards, and do
-    not depend on the method. For each quantity, an upper bound over the step is compared with the
-    recorded peak. In most steps no bound exceeds a peak; only in the other steps the peaks are
-    updated. The bounds are combined without branches (`|=`), because this is faster.
+    The relative acceleration a of each floor is computed from equilibrium, from the roof downwards,
+    and does not depend on the method:
 
-    At the start of a run, the function is called with a span of zero length.
+        m (a + ag) = p - c v - V + V_above,   V = f + g d + C d' + F
+
+    with the ground acceleration ag, the force p on the floor (minus modal damping), the floor
+    damper c, and the force V of a story: restoring force f, P-delta (geometric stiffness g), story
+    damper C and power-law dashpot F, at the drift d and the drift rate d'. The total shear of a
+    story is V plus all viscous floor forces c v above.
+
+    For each quantity, an upper bound over the step is compared with the recorded peak. In most
+    steps no bound exceeds a peak; only in the other steps the peaks are updated. The bounds are
+    combined without branches (`|=`), because this is faster. At the start of a run, the function is
+    called with a span of zero length.
 
     Parameters
     ----------
@@ -83,9 +91,10 @@ def observe(scene, span, slope, memory, seen):
     slope : float
         Rate of the ground acceleration in the step, m/s^3.
     memory : Memory
-        State, law states and status of the step.
+        State, law states and status of the step, at the end of the step.
     seen : Seen
-        Arrays of the observer.
+        Arrays of the observer: response at the start of the step (rows U_PREVIOUS, V_PREVIOUS and
+        A_PREVIOUS), peaks and totals of the run.
 
     Returns
     -------
@@ -103,6 +112,7 @@ def observe(scene, span, slope, memory, seen):
     # Forces on floors within the step are not evaluated here; with such forces, all steps are
     # searched.
     may_exceed = FORCES and forces.shape[0] > 0
+    # Sums over all floors
     momentum = 0.0
     total_inertia = 0.0
     viscous_power = 0.0
@@ -130,6 +140,7 @@ def observe(scene, span, slope, memory, seen):
         a_0_below = observer_state[rows.A_PREVIOUS, below]
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         mass = linear_terms[rows.MASS, i]
+        # Force of story `i`
         drift = law_state[rows.DRIFT, i]
         shear = law_state[rows.FORCE, i]
         rate = v - link * v_below
@@ -151,11 +162,13 @@ def observe(scene, span, slope, memory, seen):
             - ground
         )
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
+        # Total shear: force of the story plus the viscous forces of this floor and of those above
         floor_damping_above += floor_damping
         if MODAL:
             floor_damping_above += observer_state[rows.MODAL_FORCE, i]
         total_shear = story_force + floor_damping_above
         observer_state[rows.TOTAL_SHEAR, i] = total_shear
+        # Bounds of the displacement and velocity of the floor, then of the story above
         floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
         may_exceed |= may_exceed_story_peaks(
@@ -177,6 +190,7 @@ def observe(scene, span, slope, memory, seen):
         )
         reach_above = story_reach(span, story_ends, shear, law_parameters[rows.STIFFNESS, i])
         a_above, link_above = a, link
+        # Bounds of the absolute acceleration and of the total shear
         bulge = acceleration_bulge(by_h, floor_ends)
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
@@ -186,6 +200,7 @@ def observe(scene, span, slope, memory, seen):
         may_exceed |= may_exceed_acceleration_peak(
             inertia_above, -total_shear, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
         )
+        # Sums for the powers of the load and of the dampers
         momentum += mass * v
         total_inertia += mass * a
         viscous_power += floor_damping * v + (story_damping + dashpot_force) * rate
@@ -194,6 +209,7 @@ def observe(scene, span, slope, memory, seen):
         story_damping += 0.5 * (dashpot_force + dashpot_tangent * rate)
         viscous_rate += (floor_damping + story_damping - story_damping_above) * a
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
+        # Values for the floor below
         story_force_above = link * story_force
         floor_damping_above *= link
         inertia_above *= link
@@ -204,6 +220,7 @@ def observe(scene, span, slope, memory, seen):
     # The drift acceleration of the lowest story is the acceleration of floor 1.
     stiffness = law_parameters[rows.STIFFNESS, 0]
     may_exceed |= may_exceed_story_peaks(reach_above, excess * abs(a_above), stiffness, peaks, 0)
+    # Energies: work of the load and of the dampers in the step
     if flags[rows.OWN_WORK] == 0.0:
         power = -ground * momentum
         rate = -ground * total_inertia
@@ -238,8 +255,11 @@ def observe(scene, span, slope, memory, seen):
 def _observe_dashpots(span, linear_terms, state, seen):
     """Update the work of the dashpots and the peaks of the drift rates.
 
-    The work of the dashpots is included in the work of all dampers. It is subtracted there and
-    reported separately.
+    The force F of a dashpot, linear or of a power law, depends on the drift rate v of its story
+    only. Its power F v has the rate (F + F' v) a, with the drift acceleration a. The work over the
+    step follows from both at the start and at the end (`_work`). The work of the dashpots is
+    included in the work of all dampers (ENERGY_VISCOUS). It is subtracted there and reported
+    separately (ENERGY_DASHPOTS).
 
     Parameters
     ----------
@@ -248,9 +268,11 @@ def _observe_dashpots(span, linear_terms, state, seen):
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     state : ndarray
-        State of the method.
+        State of the method at the end of the step: displacements (m) and velocities (m/s).
     seen : Seen
-        Arrays of the observer.
+        Arrays of the observer: response of the floors at the start of the step (rows U_PREVIOUS,
+        V_PREVIOUS, A_PREVIOUS), accelerations at its end (row OBSERVED_ACCELERATION), peaks and
+        totals.
 
     Returns
     -------
@@ -304,18 +326,21 @@ def _observe_dashpots(span, linear_terms, state, seen):
 
 @outlined
 def _update_peaks(ground, state, law_state, seen):
-    """Update the peaks with the response at the end of the step.
+    """Raise the peaks (maximum absolute values) by the response at the end of the step.
+
+    The quantities are drift, restoring force and total shear of the stories, displacement, velocity
+    and absolute acceleration of the floors.
 
     Parameters
     ----------
     ground : float
         Ground acceleration, m/s^2.
     state : ndarray
-        State of the method.
+        State of the method: displacements (m) and velocities (m/s) relative to the ground.
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
+        States of the hysteretic laws: drifts (m) and restoring forces (N).
     seen : Seen
-        Arrays of the observer.
+        Arrays of the observer, with the relative accelerations (m/s^2) and total shears (N).
     """
     observer_state, peaks, _, _, _ = seen
     for i in range(observer_state.shape[1] - 1):
@@ -333,6 +358,10 @@ def _update_peaks(ground, state, law_state, seen):
 def _additional_powers(modal, forces, t, state, observer_state, n):
     """Compute the power of the forces on floors and of modal damping, and their rates.
 
+    A force p on a floor with the velocity v and the acceleration a has the power p v and its rate p
+    a + p' v. A damped mode with the row w of the modal damping matrix C = sum of w w^T has the
+    power (w^T v)^2 and its rate 2 (w^T v) (w^T a).
+
     Parameters
     ----------
     modal : ndarray
@@ -343,9 +372,9 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
     t : float
         Time, s.
     state : ndarray
-        State of the method.
+        State of the method with the velocities, m/s.
     observer_state : ndarray
-        Memory of the observer.
+        Memory of the observer with the accelerations, m/s^2.
     n : int
         Number of floors.
 
@@ -382,8 +411,10 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
 def _change_per_acceleration(modal, forces, t, state, n):
     """Compute the change of the rates of power for a unit increase of the floor accelerations.
 
-    The rates are those of `_additional_powers`. They change if the ground acceleration jumps
-    between two steps and the relative accelerations of all floors change by the same value.
+    A force p on a floor contributes p a to the rate of its power, a damped mode with the row w
+    contributes (w^T v) (w^T a) to half of the rate of its power. If the acceleration a of all
+    floors increases by 1 m/s^2, these terms increase by p and by (w^T v) (sum of w). This happens
+    if the ground acceleration jumps between two steps.
 
     Parameters
     ----------
@@ -420,7 +451,7 @@ def _change_per_acceleration(modal, forces, t, state, n):
 
 @inline
 def observe_within_step(may_exceed, scene, span, memory, seen):
-    """Update the peaks with the response within the last step.
+    """Update the peaks with the response within the last step, and store its end as the next start.
 
     If the step has computed peaks within the step, these are used: for parabolic displacements only
     the peaks that depend on discontinuities, otherwise all peaks. The remaining peaks are computed
@@ -429,7 +460,7 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     Parameters
     ----------
     may_exceed : bool
-        Result of `observe`.
+        True if a peak may be exceeded in the step: result of `observe`.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
@@ -459,6 +490,7 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
         reversals = find_interstep_peaks(
             span, scene, passage, law_state, observer_state, rows.REVERSAL_DRIFT, peaks, 0
         )
+    # Store the response at the end as the start of the next step.
     if span.fast:
         for i in range(n):
             observer_state[rows.V_EARLIER, i] = observer_state[rows.V_PREVIOUS, i]
@@ -495,6 +527,8 @@ def _merge_step_peaks(first, scratch, peaks, n):
 def store_previous(state, observer_state, n):
     """Store displacements, velocities and accelerations as the start of the next observed step.
 
+    Rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS of the memory of the observer are set.
+
     Parameters
     ----------
     state : ndarray
@@ -516,8 +550,9 @@ def shift_ground(scene, load, shifts, memory, seen):
 
     If a step is longer than the sampling interval, the ground acceleration is a straight line in
     each step, and the lines are not continuous. A jump changes the relative accelerations of all
-    floors by the same value with the opposite sign. Velocities and displacements do not change. The
-    rates of the powers are updated as well.
+    floors by the same value with the opposite sign: a increases by `shift` = old minus new ground
+    acceleration. Velocities and displacements do not change. The power of the load, -ag (sum of m
+    v), and the rates of the powers, which are linear in ag and a, change accordingly.
 
     Parameters
     ----------
@@ -526,11 +561,11 @@ def shift_ground(scene, load, shifts, memory, seen):
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     shifts : ndarray
-        Fraction of the jump that is added to each row of the state.
+        Change of each row of the state per unit increase of the accelerations.
     memory : Memory
         State and status of the step.
     seen : Seen
-        Arrays of the observer.
+        Arrays of the observer: accelerations of the floors and totals of the run are changed.
     """
     linear_terms, modal, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
@@ -597,6 +632,9 @@ def _store_additional_forces(modal, forces, t, state, observer_state, n):
 def _work(h, power_0, power_1, change):
     """Return the work over a step, J, by the corrected trapezoidal (Hermite) rule of order 4.
 
+    With power P and its rate P' at the start (0) and at the end (1) of the step of length h, the
+    work is h (P0 + P1) / 2 + h^2 (P0' - P1') / 12.
+
     Parameters
     ----------
     h : float
@@ -613,12 +651,16 @@ def _work(h, power_0, power_1, change):
 def _add_work(span, slope, current, totals):
     """Add the work of the load and of the dampers in a step to the energies of the run.
 
+    The work is h (P0 + P1) / 2 + h^2 (P0' - P1') / 12 with the powers P and their rates P' at the
+    start (in `totals`) and at the end (`current`). The powers at the end are stored for the next
+    step.
+
     Parameters
     ----------
     span : Span
         Step.
     slope : float
-        Rate of the ground acceleration, m/s^3.
+        Rate of the ground acceleration in the step, m/s^3.
     current : _PowerValues
         Powers at the end of the step.
     totals : ndarray
@@ -643,7 +685,7 @@ def _add_work(span, slope, current, totals):
 
 @inline
 def initialize_energies(linear_terms, totals):
-    """Store the initial energies and the total mass of the building in `totals`.
+    """Store the initial energies (J) and the total mass of the building (kg) in `totals`.
 
     The kernel `sum_law_energies` must have stored the energies of the initial state before. The
     energy dissipated until then is subtracted from all later values.
@@ -697,8 +739,9 @@ def store(ground, fitted_ground, memory, seen, row):
 def exceeds_limits(law_state, seen):
     """Return True if the peak drift of a story exceeds its limit or a story has failed.
 
-    Stories without a limit have the height nan, and stories without a failure the value nan in row
-    FAILED: the comparisons are then False.
+    The limit is the drift ratio LIMIT times the story height HEIGHT (m). A story has failed if row
+    INTERNAL of its law state has the value FAILED. Stories without a limit have the height nan, and
+    stories without a failure the value nan in row FAILED: the comparisons are then False.
     """
     limits = seen.limits
     is_exceeded = False
@@ -714,8 +757,9 @@ def exceeds_limits(law_state, seen):
 def record_collapse(law_state, steps, seen):
     """Store the story and the step of the collapse, and the energies at this time, in `totals`.
 
-    It is the first story that has failed; if no story has failed, the story with the largest excess
-    of its drift ratio over its limit. The energies must have been updated before.
+    The story is the first one that has failed. If no story has failed, it is the story with the
+    largest excess of its peak drift ratio (peak drift / height) over its limit. The energies must
+    have been updated before.
 
     Parameters
     ----------
@@ -759,7 +803,8 @@ _call_update_shear_peaks = indirect_caller(UPDATE_SHEAR_PEAKS)
 def call_initialize_laws(initialize_laws, scene, memory):
     """Move the laws of all stories to the initial drifts, by the kernel `initialize_laws`.
 
-    `initialize_laws` is the address of the kernel. The law states in `memory` are set.
+    `initialize_laws` is the address of the kernel. The law states in `memory` are set. The kernel
+    receives plain arrays, because a named tuple cannot be an argument of a call by address.
     """
     _call_initialize_laws(
         initialize_laws, scene.linear_terms, scene.law_parameters, memory.state, memory.law_state
@@ -768,7 +813,8 @@ def call_initialize_laws(initialize_laws, scene, memory):
 
 @inline
 def update_law_energies(sum_law_energies, scene, memory, seen):
-    """Update the kinetic, strain and hysteretic energy, by the kernel `sum_law_energies`.
+    """Update the kinetic, strain and hysteretic energy in `totals`, J, by the kernel
+    `sum_law_energies`.
 
     Parameters
     ----------
@@ -795,6 +841,8 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
 def update_reversal_shears(update_shear_peaks, scene, memory, seen):
     """Update the peak shears at reversals within the last step, by the kernel `update_shear_peaks`.
 
+    The drifts of the reversals are in row REVERSAL_DRIFT of the memory of the observer.
+
     Parameters
     ----------
     update_shear_peaks : Kernel
@@ -818,7 +866,9 @@ def update_reversal_shears(update_shear_peaks, scene, memory, seen):
 
 @kernel(INITIALIZE_LAWS, parts=("laws",))
 def initialize_laws(linear_terms, law_parameters, state, law_state):
-    """Move all stories from zero drift to their initial drifts.
+    """Move the hysteretic laws of all stories from zero drift to their initial drifts.
+
+    The drift of a story is the difference of the displacements of the floors above and below.
 
     Parameters
     ----------
@@ -851,6 +901,11 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
 @kernel(SUM_LAW_ENERGIES, parts=("laws",))
 def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     """Store the kinetic, strain and hysteretic energy of the current state in `totals`, J.
+
+    The kinetic energy is the sum of m v^2 / 2 over the floors, with velocities relative to the
+    ground. The strain energy is the sum of the energies stored by the laws and of the energy g d^2
+    / 2 of P-delta (geometric stiffness g, drift d). The hysteretic energy is the dissipated energy
+    since the start of the run.
 
     Parameters
     ----------
