@@ -58,14 +58,15 @@ def step(
 ):
     """Integrate the equations of motion over one time step of the Bathe method.
 
-    The step consists of two substeps with equilibrium at the end of each,
+    The step of length h from t0 consists of two substeps with equilibrium M a + C v + f(u) = p at
+    the end of each,
 
         t0 + gamma h:  vg = v0 + gamma h (a0 + ag) / 2      ug = u0 + gamma h (v0 + vg) / 2
         t0 + h:        v1 = v0 + h (q0 a0 + q1 ag + q2 a1)  u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
 
     The unknown of a substep is the change of the acceleration of each floor. The hysteretic laws
-    follow the path from the committed state to the inner point (block FIRST_TRIAL) and from there
-    to the end (SECOND_TRIAL).
+    follow the path from the committed state to the inner point (block FIRST_TRIAL) and from this
+    state to the end (SECOND_TRIAL).
 
     Parameters
     ----------
@@ -91,8 +92,8 @@ def step(
     Returns
     -------
     int
-        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
-        then unchanged. NOT_FINITE if the new state is not finite.
+        Number of linear solutions. NOT_CONVERGED (negative) if Newton's method does not converge;
+        the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -132,6 +133,7 @@ def step(
         if code < 0:
             return code
         iterations += code
+    # Response at the end of the step, and laws at the end of both parts of the path
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
         state[rows.VELOCITY, i] = scratch[ROW.V, i]
@@ -143,12 +145,15 @@ def step(
 
 @inline
 def _guess_inner(half_length, state, scratch, n):
-    """Store the first guess of the first substep: a constant acceleration.
+    """Store the first guess of the first substep: a constant acceleration a0.
+
+    With the length 2 d of the substep, the guess is v = v0 + 2 d a0 and u = u0 + d (v0 + v) at its
+    end.
 
     Parameters
     ----------
     half_length : float
-        Half of the length of the substep, s.
+        Half of the length of the substep, d, s.
     state : ndarray
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
@@ -168,7 +173,11 @@ def _guess_inner(half_length, state, scratch, n):
 
 @inline
 def _guess_end(coefficients, h, state, scratch, n):
-    """Store the first guess of the second substep: the acceleration of the inner point.
+    """Store the first guess of the second substep: the acceleration ag of the inner point.
+
+    With the velocity vg at the inner point, the guess at the end of the step of length h is
+
+        v = v0 + h (q0 a0 + (q1 + q2) ag),   u = u0 + h (q0 v0 + q1 vg + q2 v)
 
     Parameters
     ----------
@@ -211,8 +220,13 @@ def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
     """Return the coefficients gamma, q0, q1 and q2 of Noh and Bathe (2019).
 
     gamma is the length of the first substep as a fraction of the step, and rho_inf the spectral
-    radius at infinite frequency. If q2 equals gamma / 2 up to rounding, it is set to exactly this
-    value, by which `step` recognizes that both substeps have the same matrix.
+    radius at infinite frequency:
+
+        q1 = (1 + rho_inf) / (4 - 2 gamma (1 - rho_inf)),   q0 = 1/2 - (1 - gamma) q1
+        q2 = 1/2 - gamma q1
+
+    If q2 equals gamma / 2 up to rounding, it is set to exactly this value, by which `step`
+    recognizes that both substeps have the same matrix.
     """
     q1 = (1.0 + rho_inf) / (4.0 - 2.0 * gamma * (1.0 - rho_inf))
     q0 = 0.5 - (1.0 - gamma) * q1

@@ -65,7 +65,10 @@ def _methods_of(family: str) -> tuple[Method, ...]:
 
 @cache
 def _known() -> dict[str, Method]:
-    """Return the built-in methods by name; registered methods are added to this dictionary."""
+    """Return the built-in methods by name; registered methods are added to this dictionary.
+
+    The result is cached, so that all callers use the same dictionary.
+    """
     return {method.name: method for family in FAMILIES for method in _methods_of(family)}
 
 

@@ -53,7 +53,7 @@ def step(
 
     The response (u1, v1) of n floors is the matrix of `prepare` times the vector of u0, v0, the
     loads at the start and the loads at the end. The loads are the ground acceleration and the
-    forces on floors.
+    forces on floors, which are linear within the step.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def step(
     Returns
     -------
     int
-        1, or NOT_FINITE if the new state is not finite.
+        1, or NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     loads = 1 + forces.shape[0]
@@ -105,6 +105,7 @@ def step(
             scratch[0, i] += factor * coefficients[column_start + i]
         for i in range(n):
             scratch[1, i] += factor * coefficients[column_start + n + i]
+    # Store the new state, and move the (linear) laws to the new drifts.
     u_below = 0.0
     for i in range(n):
         u = scratch[0, i]
@@ -174,6 +175,11 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
 def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> Array:
     """Assemble the matrices of `oscillator` for a step of unit length.
 
+    An oscillator u'' + 2 xi w u' + w^2 u = p has the impulse response g(t). With its first and
+    second integral i1, i2 over the step, a load that is linear from p0 to p1 causes the
+    displacement (i1 - i2) p0 + i2 p1 and the velocity (g - i1) p0 + i1 p1. Row 0 of a matrix is
+    that of the displacement, row 1 that of the velocity; the columns are u0, v0, p0 and p1.
+
     Parameters
     ----------
     w : ndarray, shape (k,)
@@ -192,8 +198,12 @@ def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Ar
 def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     """Return the exact step of u'' + c u' + k u = P p(t) over unit time, by Van Loan (1978).
 
-    The load p is linear over the step. The matrix exponential of a block matrix, which includes the
-    load and its increase as additional state variables, gives the response to all of them.
+    The load p = p0 + (p1 - p0) t is linear over the step. The load p and its increase are
+    additional state variables of the first-order system
+
+        u' = v,   v' = -k u - c v + P p,   p' = p1 - p0,   (p1 - p0)' = 0
+
+    The matrix exponential of its block matrix gives the response to all of them.
 
     Parameters
     ----------
@@ -227,6 +237,10 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
 
 def prepare(building: Building, forces: Array, h: float) -> Array:
     """Return the matrix of one step of a linear building, for the coefficients of `step`.
+
+    The equation of motion is M u'' + C u' + K u = -M ag + forces on floors, with the ground
+    acceleration ag and forces that are linear within the step. For classical damping, the steps of
+    the modes are superposed (`oscillator`); otherwise the matrix is computed by `_van_loan`.
 
     Parameters
     ----------

@@ -78,14 +78,16 @@ def step(
     """Integrate the equations of motion over one time step of Houbolt's or Park's method.
 
     With the mean velocities w1, w0, w_ and mean accelerations b1, b0, b_ of this step and of the
-    last two steps, the formulas are
+    last two steps, each of length h, the formulas are
 
+        w1 = (u1 - u0) / h,   b1 = (v1 - v0) / h
         v1 = V . (w1, w0, w_),   a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
         M a1 + C v1 + f(u1) = p1
 
-    The first START steps use average acceleration instead. In both cases, the response at the end
-    is a linear function of one unknown x per floor (`solve_equilibrium`): the correction of the
-    first guess, which is proportional to the correction of the mean velocity.
+    with three weights of the method in each of V, W and B, the restoring forces f and the load p1
+    at the end. The first START steps use average acceleration instead. In both cases, the response
+    at the end is a linear function of one unknown x per floor (`solve_equilibrium`): the correction
+    of the first guess, which is proportional to the correction of the mean velocity.
 
     Parameters
     ----------
@@ -112,14 +114,14 @@ def step(
     Returns
     -------
     int
-        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
-        then unchanged. NOT_FINITE if the new state is not finite.
+        Number of linear solutions. NOT_CONVERGED (negative) if Newton's method does not converge;
+        the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
     weights = coefficients
-    # by_w, by_v, by_a: change of mean velocity, velocity and acceleration per unit of x
+    # First guess. by_w, by_v, by_a: change of mean velocity, velocity, acceleration per unit of x
     if step_status[rows.STEPS_DONE] < START:
         by_w = 0.25 * h
         by_v = 0.5 * h
@@ -141,6 +143,7 @@ def step(
     )
     if code < 0:
         return code
+    # Shift the means by one step, and store the response at the end.
     for i in range(n):
         state[OLDER_MEAN_VELOCITY, i] = state[MEAN_VELOCITY, i]
         state[OLDER_MEAN_ACCELERATION, i] = state[MEAN_ACCELERATION, i]
@@ -155,9 +158,10 @@ def step(
 
 @inline
 def _guess_average_acceleration(h, state, scratch, n):
-    """Store the first guess of a step with average acceleration: a constant acceleration.
+    """Store the first guess of a step with average acceleration: a constant acceleration a.
 
-    The unknown x of the step is the change of the acceleration.
+    The guess is w = v + h a / 2 for the mean velocity, u + h w for the displacement and v + h a for
+    the velocity at the end. The unknown x of the step is the change of the acceleration.
 
     Parameters
     ----------
@@ -182,11 +186,15 @@ def _guess_average_acceleration(h, state, scratch, n):
 
 @inline
 def _guess_multi_step(coefficients, h, state, scratch, n):
-    """Store the first guess of a multi-step method: the mean velocity w is extrapolated linearly.
+    """Store the first guess of a multi-step method: the mean velocity w1 is extrapolated linearly.
 
-    The guess is w1 = 2 w0 - w_, with the mean velocities w0 and w_ of the last two steps. Velocity
-    and acceleration follow from the formulas of the method. The unknown x of the step is the
-    correction of w1, divided by h.
+    With the mean velocities w0 and w_ and the mean accelerations b0 and b_ of the last two steps,
+    and the weights V, W and B of the method, the guess is
+
+        w1 = 2 w0 - w_,   u1 = u0 + h w1,   v1 = V . (w1, w0, w_),   b1 = (v1 - v0) / h
+        a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
+
+    The unknown x of the step is the correction of w1, divided by h.
 
     Parameters
     ----------
@@ -232,8 +240,9 @@ def _family(*memory: int) -> Family:
     """Return the family of the multi-step methods with `memory` as the independent rows of the
     state.
 
-    `shifts` are the changes of the state for a unit jump of the ground acceleration: a motion
-    t^2 / 2 has the mean velocities -h/2 and -3 h/2 over the last two steps.
+    `shifts` are the changes of the state for a unit jump of the accelerations between two steps.
+    The motion before the jump is then replaced by t^2 / 2, with t = 0 at the jump. Its mean
+    velocities are -h/2 and -3 h/2 over the last two steps, and its mean accelerations are 1.
     """
     return Family(
         "multi-step",

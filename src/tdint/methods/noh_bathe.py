@@ -82,13 +82,22 @@ def step(
 ):
     """Advance the state by one step of two explicit substeps.
 
-    The hysteretic laws follow the path from the committed state to the end of the first substep
-    (block FIRST_TRIAL of the law states) and from there to the end of the step (SECOND_TRIAL).
+    With accelerations from M a = p - C v - f(u), the substep to t0 + p h (suffix c) and the step of
+    length h from t0 are
+
+        uc = u0 + p h v0 + (p h)^2 / 2 a0,   ac from uc and the velocity v0 + p h a0
+        u1 = u0 + h v0 + h^2 (b0 a0 + bc ac)
+        w1 = v0 + h (c0 a0 + cc ac),   a1 from u1 and the velocity w1
+        v1 = v0 + h (d0 a0 + dc ac + d1 a1)
+
+    with the weights b, c and d of the method. The hysteretic laws follow the path from the
+    committed state to the end of the first substep (block FIRST_TRIAL of the law states) and from
+    this state to the end of the step (SECOND_TRIAL).
 
     Parameters
     ----------
     coefficients : ndarray
-        Result of `coefficients_of`.
+        p, b0, bc, c0, cc, d0, dc and d1 (result of `coefficients_of`).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
@@ -109,7 +118,7 @@ def step(
     Returns
     -------
     int
-        1, or NOT_FINITE if the new state is not finite.
+        1, or NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     # First substep: displacement and predicted velocity from the state alone
@@ -161,8 +170,9 @@ def step(
 
 @inline
 def _accelerate(linear_terms, modal, law_state, trial, scratch):
-    """Compute the accelerations M^-1 (p - C v - f) of all floors; they replace the internal forces
-    C v + f in row INNER_FORCE.
+    """Compute the accelerations M^-1 (p - C v - f) of all floors from equilibrium, m/s^2.
+
+    They replace the internal forces C v + f in row INNER_FORCE.
 
     Parameters
     ----------
@@ -173,7 +183,7 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
     trial : int
         First row of the block of law states that contains the story forces.
     scratch : ndarray
-        Rows LOAD and V are read, row INNER_FORCE receives the accelerations, m/s^2.
+        Rows LOAD (p, N) and V (m/s) are used, row INNER_FORCE receives the accelerations, m/s^2.
     """
     force_row = _ROW.INNER_FORCE
     internal_forces(
@@ -186,6 +196,11 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
 
 def coefficients_of(p: float) -> tuple[float, ...]:
     """Return the coefficients of `step`.
+
+    With r = 1 - p, the accelerations a0, ac and a1 have the weights p/2 and r/2 in u1 (times h^2),
+    1 - 1/(2 p) and 1/(2 p) in w1 (times h), and p/2 + r q0, p/2 + r (1/2 + q1) and r q2 in v1
+    (times h), where q1 = (1 - 2 p) / (2 p r), q2 = 1/2 - p q1 and q0 = 1/2 - q1 - q2 (Noh and Bathe
+    2013).
 
     Parameters
     ----------

@@ -70,12 +70,14 @@ def step(
     """Integrate the equations of motion over one time step of a generalized single-step method.
 
     The increment da of the acceleration of each floor follows from equilibrium at a weighted point
-    of the step, by Newton's method:
+    of the step of length h, by Newton's method (Zhou and Tamma 2004, with their symbols for the
+    coefficients):
 
         M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
             + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
 
-    The response at the end of the step is
+    with displacement u0, velocity v0 and acceleration a0 at the start, the restoring forces f and
+    the loads p0, p1 at both endpoints. The response at the end of the step is
 
         u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
 
@@ -103,8 +105,8 @@ def step(
     Returns
     -------
     int
-        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
-        then unchanged. NOT_FINITE if the new state is not finite.
+        Number of linear solutions. NOT_CONVERGED (negative) if Newton's method does not converge;
+        the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -120,6 +122,7 @@ def step(
     code = solve_equilibrium(effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
+    # Response at the end of the step, and laws at its drifts
     u_below = 0.0
     for i in range(n):
         da = scratch[ROW.X, i]
@@ -145,6 +148,12 @@ def step(
 @inline
 def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, scratch):
     """Store the load and the response at the weighted point of the step for da = 0.
+
+    With the coefficients W1 and L2W2 of the method, and the response and loads at the start (0) and
+    at the end (1) of the step,
+
+        load p = (1 - W1) p0 + W1 p1
+        u = u0 + W1 h v0 + L2W2 h^2 a0,   v = v0 + W1 h a0,   a = a0
 
     Parameters
     ----------
@@ -183,7 +192,12 @@ FAMILY = Family("single-step", step, lambda modes: _FACTORS + factor_rows(modes)
 
 
 def newmark(beta: float, gamma: float) -> tuple[float, ...]:
-    """Return the coefficients of Newmark's method (1959) for its parameters beta and gamma."""
+    """Return the coefficients of Newmark's method (1959) for its parameters beta and gamma.
+
+    The method is u1 = u0 + h v0 + h^2 ((1/2 - beta) a0 + beta a1), v1 = v0 + h ((1 - gamma) a0 +
+    gamma a1) with equilibrium at the end. The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5
+    of `step`.
+    """
     return (1.0, 0.5, beta, gamma, 1.0, beta, gamma)
 
 
@@ -192,13 +206,16 @@ def generalized_alpha(
 ) -> tuple[float, ...]:
     """Return the coefficients of the generalized-alpha method (Chung and Hulbert 1993).
 
+    The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of `step`.
+
     Parameters
     ----------
     alpha_m, alpha_f : float
         Fractions of the step, counted from its end, at which the inertial force (alpha_m) and the
         other forces (alpha_f) are evaluated.
     beta, gamma : float
-        Parameters of Newmark's formulas for displacement and velocity.
+        Parameters of Newmark's formulas u1 = u0 + h v0 + h^2 ((1/2 - beta) a0 + beta a1) and
+        v1 = v0 + h ((1 - gamma) a0 + gamma a1).
     """
     w1 = 1.0 - alpha_f
     return (w1, w1 / 2.0, w1 * beta, w1 * gamma, 1.0 - alpha_m, beta, gamma)
@@ -207,8 +224,9 @@ def generalized_alpha(
 def dissipative(alpha_m: float, alpha_f: float) -> tuple[float, ...]:
     """Return the coefficients of a generalized-alpha method of order 2 with maximum dissipation.
 
-    gamma = 1/2 - alpha_m + alpha_f gives order 2. beta = (1 - alpha_m + alpha_f)^2 / 4 maximizes
-    the dissipation at high frequencies.
+    alpha_m and alpha_f are the fractions of the step, counted from its end, where the inertial
+    force and the other forces are evaluated. gamma = 1/2 - alpha_m + alpha_f gives order 2. beta =
+    (1 - alpha_m + alpha_f)^2 / 4 maximizes the dissipation at high frequencies.
     """
     excess = alpha_f - alpha_m
     return generalized_alpha(alpha_m, alpha_f, 0.25 * (1.0 + excess) ** 2, 0.5 + excess)
@@ -217,14 +235,17 @@ def dissipative(alpha_m: float, alpha_f: float) -> tuple[float, ...]:
 def collocation(beta: float, theta: float) -> tuple[float, ...]:
     """Return the coefficients of the collocation method (Hilber and Hughes 1978), gamma = 1/2.
 
-    Equilibrium is satisfied at theta h, beyond the end of the step. With beta = 1/6 this is
-    Wilson's theta method.
+    Equilibrium is satisfied at theta h, beyond the end of the step, with Newmark's formulas over
+    theta h. With beta = 1/6 this is Wilson's theta method. The result contains W1, L2W2, L3W3,
+    L5W2, L6W1, l3 and l5 of `step`.
     """
     return (theta, 0.5 * theta**2, beta * theta**3, 0.5 * theta**2, theta, beta, 0.5)
 
 
 def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
     """Return the coefficients of the U0 methods of Zhou and Tamma (2004).
+
+    The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of `step`.
 
     Parameters
     ----------
@@ -243,10 +264,10 @@ def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
 def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
     """Return the amplification matrix of (u, h v, h^2 a) for omega h to infinity.
 
-    The restoring force dominates at infinite frequency. The increment da of the acceleration
-    therefore follows from a weighted displacement of zero:
-    u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da = 0. `row` contains the seven coefficients of the
-    method, from W1 to L5.
+    The matrix multiplies this vector in each step of length h of an oscillator with the circular
+    frequency omega. The restoring force dominates at infinite frequency. The increment da of the
+    acceleration therefore follows from a weighted displacement of zero: u0 + W1 h v0 + L2W2 h^2 a0
+    + L3W3 h^2 da = 0. `row` contains the seven coefficients of the method, from W1 to l5.
     """
     da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
     # Response at the end of the step for da = 0, then the effect of da
@@ -266,10 +287,11 @@ def _rho_inf(row: tuple[float, ...]) -> float:
 
 
 def _newmark_limit(beta: float, gamma: float) -> float:
-    """Return the largest stable omega h of Newmark's method without damping.
+    """Return the largest stable omega h of Newmark's method without damping, for beta and gamma.
 
-    See Hughes (1987), section 9.1. The result is inf for unconditional stability and 0 for
-    gamma < 1/2, for which the method is unstable at every step.
+    With gamma >= 1/2, the limit is 1 / sqrt(gamma / 2 - beta), or inf (unconditional stability) for
+    2 beta >= gamma (Hughes 1987, section 9.1). The result is 0 for gamma < 1/2, because the method
+    is then unstable at every step.
     """
     if gamma < 0.5:
         return 0.0
