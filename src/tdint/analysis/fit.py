@@ -9,7 +9,7 @@ fitted from the result (Levenberg 1944, Marquardt 1963; trust regions: Branch, C
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -158,31 +158,8 @@ def fit(
     """
     free_values = _free_values(model, names)
     problem = _Problem(model, event, free_values, progress)
-    bounds = np.log([value.bounds for value in free_values]).T
-    model_logarithms = np.clip(np.log([value.start for value in free_values]), *bounds)
-    spectral_fits = []
-    for start in _start_values(
-        problem, model_logarithms, bounds, any(name.startswith("stiffness") for name in names)
-    ):
-        solution = _minimize(
-            problem.spectral_differences, start, bounds, xtol=1e-4, ftol=1e-4, max_nfev=15
-        )
-        spectral_fits.append((solution.cost, solution.x))
-    best = None
-    for _, start in sorted(spectral_fits, key=lambda candidate: float(candidate[0]))[
-        :_CONTINUED_FITS
-    ]:
-        problem.determine_shift(start)
-        # A sum of n squares within d standard errors of its minimum exceeds it by d^2 / n.
-        cost_tolerance = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
-        # The gradient is not used as a criterion: for a recording without noise it is small long
-        # before the minimum.
-        solution = _minimize(
-            problem.history_differences, start, bounds, xtol=1e-12, ftol=cost_tolerance, gtol=None
-        )
-        if best is None or solution.cost < best.cost:
-            best = solution
-    assert best is not None
+    is_stiffness_fitted = any(name.startswith("stiffness") for name in names)
+    best = _best_solution(problem, is_stiffness_fitted)
     # The cost is half the sum of squares. A failed run has a cost of 0.5 _FAILED_DIFFERENCE^2, far
     # above this limit.
     if not best.cost < 0.5 * _FAILED_DIFFERENCE:
@@ -203,6 +180,65 @@ def fit(
             free_values, best.x, relative_errors, strict=True
         )
     )
+    notes = _notes(values, relative_errors)
+    return Fit(problem.model(best.x), values, problem.runs, tuple(notes))
+
+
+def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResult:
+    """Return the solution of least squares with the smallest difference of the histories.
+
+    The histories have many minima. Their fits therefore start from the best fits of the spectra,
+    which converge from distant start values.
+
+    Parameters
+    ----------
+    problem : _Problem
+        Differences between the event and the model.
+    is_stiffness_fitted : bool
+        True if a value is a stiffness; see `_start_values`.
+
+    Returns
+    -------
+    scipy.optimize.OptimizeResult
+    """
+    event, free_values = problem.event, problem.free_values
+    bounds = np.log([value.bounds for value in free_values]).T
+    model_logarithms = np.clip(np.log([value.start for value in free_values]), *bounds)
+    # Fit the spectra from all starts.
+    spectral_fits = []
+    for start in _start_values(problem, model_logarithms, bounds, is_stiffness_fitted):
+        solution = _minimize(
+            problem.spectral_differences, start, bounds, xtol=1e-4, ftol=1e-4, max_nfev=15
+        )
+        spectral_fits.append((solution.cost, solution.x))
+    # Continue the best of them with the histories.
+    spectral_fits.sort(key=lambda candidate: float(candidate[0]))
+    best = None
+    for _, start in spectral_fits[:_CONTINUED_FITS]:
+        problem.determine_shift(start)
+        # A sum of n squares within d standard errors of its minimum exceeds it by d^2 / n.
+        cost_tolerance = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
+        # The gradient is not used as a criterion: for a recording without noise it is small long
+        # before the minimum.
+        solution = _minimize(
+            problem.history_differences, start, bounds, xtol=1e-12, ftol=cost_tolerance, gtol=None
+        )
+        if best is None or solution.cost < best.cost:
+            best = solution
+    assert best is not None
+    return best
+
+
+def _notes(values: Sequence[FittedValue], relative_errors: Iterable[float]) -> list[str]:
+    """Return notes on poorly determined values and on values on a bound of the fit.
+
+    Parameters
+    ----------
+    values : sequence of FittedValue
+        Fitted values.
+    relative_errors : iterable of float
+        Standard error of each value relative to the value.
+    """
     notes = [
         f"{_label(value)} is poorly determined by the recording: its standard error is "
         + (f"{100.0 * relative_error:.0f} %" if math.isfinite(relative_error) else "infinite")
@@ -215,7 +251,7 @@ def fit(
         for value in values
         if value.on_bound
     ]
-    return Fit(problem.model(best.x), values, problem.runs, tuple(notes))
+    return notes
 
 
 class _Problem:
@@ -228,12 +264,10 @@ class _Problem:
         free_values: Sequence[_FreeValue],
         progress: Callable[[int], None],
     ) -> None:
-        self._model, self._event, self.free_values, self._progress = (
-            model,
-            event,
-            free_values,
-            progress,
-        )
+        self._model = model
+        self.event = event
+        self.free_values = free_values
+        self._progress = progress
         self._method = "exact" if compare.is_linear(model) else None
         requested_shift = event.recording.shift
         self._shift = 0.0 if requested_shift == AUTO else float(requested_shift)
@@ -258,9 +292,9 @@ class _Problem:
         self.runs += 1
         self._progress(self.runs)
         try:
-            case = compare.case_under(self.model(logarithms), self._event, self._method)
+            case = compare.case_under(self.model(logarithms), self.event, self._method)
             return compare.computed_floors(
-                compare.respond(case, dt=None, band=self._event.recording.band), self._event
+                compare.respond(case, dt=None, band=self.event.recording.band), self.event
             )
         except AnalysisError:
             return None
@@ -269,7 +303,7 @@ class _Problem:
         """Determine the shift of the recordings with fitted values, if the shift is automatic."""
         computed = self.computed(logarithms) if self._has_automatic_shift else None
         if computed is not None:
-            self._shift = compare.best_shift(self._event, computed)
+            self._shift = compare.best_shift(self.event, computed)
 
     def history_differences(self, logarithms: Array) -> Array:
         """Return the differences between computed and recorded histories, all floors in a row.
@@ -280,8 +314,8 @@ class _Problem:
         """
         computed = self.computed(logarithms)
         if computed is None:
-            return np.full(self._event.count, _FAILED_DIFFERENCE / math.sqrt(self._event.count))
-        floors = compare.compared_floors(self._event, computed, self._shift)
+            return np.full(self.event.count, _FAILED_DIFFERENCE / math.sqrt(self.event.count))
+        floors = compare.compared_floors(self.event, computed, self._shift)
         scales = [
             math.sqrt(len(floors)) * (float(np.linalg.norm(floor.recorded)) or 1.0)
             for floor in floors
@@ -300,9 +334,9 @@ class _Problem:
         """
         computed = self.computed(logarithms)
         if computed is None:
-            return np.full(len(self._event.floors) * _FREQUENCIES, _FAILED_DIFFERENCE)
-        floors = compare.compared_floors(self._event, computed, self._shift)
-        dt, band = self._event.base.dt, self._event.recording.band
+            return np.full(len(self.event.floors) * _FREQUENCIES, _FAILED_DIFFERENCE)
+        floors = compare.compared_floors(self.event, computed, self._shift)
+        dt, band = self.event.base.dt, self.event.recording.band
         return np.concatenate(
             [
                 _smoothed(floor.computed, dt, band) - _smoothed(floor.recorded, dt, band)

@@ -437,9 +437,8 @@ def _match_seed(
 ) -> Match:
     """Match a seed to target spectra.
 
-    The factor of the scaled seed minimizes the squares of ln(spectrum / target). In each stage, a
-    matching problem with the present periods is solved. The best motion of all stages is returned,
-    or the scaled seed if no stage reduces the misfit.
+    The factor of the scaled seed minimizes the squares of ln(spectrum / target). The best motion of
+    all stages is returned, or the scaled seed if no stage reduces the misfit.
 
     Parameters
     ----------
@@ -455,50 +454,10 @@ def _match_seed(
     checked, dampings = match_target.checked, match_target.dampings
     target_psa = match_target.at(checked)
     factor = float(np.exp(np.mean(np.log(target_psa / seed_spectra))))
-    records = components(seed)
-    scaled_seed = factor * np.array([record.acceleration for record in records])
-    # Match at the first periods. Then add periods with the largest misfits until all are small.
-    matched_periods = [np.geomspace(checked[0], checked[-1], _FIRST_PERIODS)] * len(dampings)
-    samples, row_sum, best_samples, best_score = (
-        scaled_seed,
-        np.zeros(scaled_seed.size, np.float32),
-        scaled_seed,
-        np.inf,
-    )
-    for stage in range(_STAGES + 1):
-        report_stage(stage)
-        problem = MatchingProblem.of(
-            scaled_seed,
-            records[0].dt,
-            np.concatenate(matched_periods),
-            wanted=np.concatenate(
-                [
-                    target.at(periods)
-                    for target, periods in zip(match_target.targets, matched_periods, strict=True)
-                ]
-            ),
-            damping=np.repeat(dampings, [periods.size for periods in matched_periods]),
-        )
-        if stage == 0:
-            check_peaks(problem, seed, scaled_seed)
-        samples, row_sum = problem.rounds(
-            samples, row_sum, _MAX_ROUNDS[stage], is_first_stage=stage == 0
-        )
-        del problem  # the next stage must not need the memory of two sets of free vibrations
-        misfit = np.abs(
-            _spectra(_with_samples(seed, samples), checked, dampings) / target_psa - 1.0
-        )
-        if (score := float(np.max(misfit) + _MEAN_WEIGHT * np.mean(misfit))) < best_score:
-            best_samples, best_score = samples, score
-        if np.max(misfit) < SMALL_MISFIT:
-            break
-        matched_periods = [
-            _with_worst(periods, checked, misfit_of_ratio)
-            for periods, misfit_of_ratio in zip(matched_periods, misfit, strict=True)
-        ]
+    scaled_seed = factor * np.array([record.acceleration for record in components(seed)])
+    best_samples, best_score = _solve_stages(seed, match_target, scaled_seed, report_stage)
     # Return the scaled seed if it is better than the matched motion.
-    seed_misfit = np.abs(factor * seed_spectra / target_psa - 1.0)
-    if not best_score < np.max(seed_misfit) + _MEAN_WEIGHT * np.mean(seed_misfit):
+    if not best_score < _score(np.abs(factor * seed_spectra / target_psa - 1.0)):
         best_samples = scaled_seed
     percentages = ", ".join(f"{100.0 * ratio:g}" for ratio in dampings)
     description = (
@@ -508,6 +467,7 @@ def _match_seed(
     motion = _with_samples(seed, best_samples, description)
     matched_spectra = _spectra(motion, checked, dampings)
     report_stage(_STAGES + 1)
+    # One result per damping ratio; the first contains the others.
     results = [
         Match(motion, seed, factor, target, checked, psa, factor * seed_psa, ratio)
         for target, psa, seed_psa, ratio in zip(
@@ -515,6 +475,72 @@ def _match_seed(
         )
     ]
     return replace(results[0], further=tuple(results[1:]))
+
+
+def _solve_stages(
+    seed: GroundMotion,
+    match_target: _MatchTarget,
+    scaled_seed: Array,
+    report_stage: Callable[[int], None],
+) -> tuple[Array, float]:
+    """Return the samples of the best motion of all stages, and its score.
+
+    The first stage matches few periods. Each further stage adds the periods with the largest
+    misfits, until all misfits are small.
+
+    Parameters
+    ----------
+    seed : Record or Horizontals
+        Motion to be matched.
+    match_target : _MatchTarget
+        Targets, damping ratios and checked periods.
+    scaled_seed : ndarray, shape (components, n)
+        Samples of the scaled seed, m/s^2.
+    report_stage : callable
+        Receives the number of completed stages of this motion.
+    """
+    checked, dampings = match_target.checked, match_target.dampings
+    target_psa = match_target.at(checked)
+    periods_of_ratios = [np.geomspace(checked[0], checked[-1], _FIRST_PERIODS)] * len(dampings)
+    samples, row_sum = scaled_seed, np.zeros(scaled_seed.size, np.float32)
+    best_samples, best_score = scaled_seed, np.inf
+    for stage in range(_STAGES + 1):
+        report_stage(stage)
+        problem = MatchingProblem.prepare(
+            scaled_seed,
+            components(seed)[0].dt,
+            np.concatenate(periods_of_ratios),
+            wanted=np.concatenate(
+                [
+                    target.at(periods)
+                    for target, periods in zip(match_target.targets, periods_of_ratios, strict=True)
+                ]
+            ),
+            damping=np.repeat(dampings, [periods.size for periods in periods_of_ratios]),
+        )
+        if stage == 0:
+            check_peaks(problem, seed, scaled_seed)
+        samples, row_sum = problem.rounds(
+            samples, row_sum, _MAX_ROUNDS[stage], is_first_stage=stage == 0
+        )
+        del problem  # the next stage must not need the memory of two sets of free vibrations
+        # The misfit is checked at all checked periods, not only at the matched periods.
+        matched_psa = _spectra(_with_samples(seed, samples), checked, dampings)
+        misfit = np.abs(matched_psa / target_psa - 1.0)
+        if (score := _score(misfit)) < best_score:
+            best_samples, best_score = samples, score
+        if np.max(misfit) < SMALL_MISFIT:
+            break
+        periods_of_ratios = [
+            _with_worst(periods, checked, misfit_of_ratio)
+            for periods, misfit_of_ratio in zip(periods_of_ratios, misfit, strict=True)
+        ]
+    return best_samples, best_score
+
+
+def _score(misfit: Array) -> float:
+    """Return the number that is smallest for the best motion: maximum misfit, and mean misfit."""
+    return float(np.max(misfit) + _MEAN_WEIGHT * np.mean(misfit))
 
 
 def _with_worst(periods: Array, checked: Array, misfit: Array) -> Array:

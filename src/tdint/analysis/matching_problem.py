@@ -8,7 +8,7 @@ samples. P = F E^2 F contains the envelope E of the motion and a band-pass filte
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -155,6 +155,97 @@ class SparseRows:
         return result.ravel()
 
 
+@dataclass(frozen=True)
+class _MotionState:
+    """Changed motion of a round, and its difference from the target.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (components, n)
+        Samples, m/s^2.
+    row_sum : ndarray
+        Sum of rows that forms the change of the samples from the scaled seed.
+    extremes, maxima : ndarray
+        Extremes of the responses and the maximum of each oscillator, as from
+        `MatchingProblem.extremes`.
+    merit, misfit : float
+        Sum to be reduced and maximum misfit, as from `MatchingProblem.merits`.
+    """
+
+    samples: Array
+    row_sum: NDArray[np.float32]
+    extremes: Array
+    maxima: Array
+    merit: float
+    misfit: float
+
+
+@dataclass(frozen=True)
+class _QuadraticProgram:
+    """Quadratic program of one round.
+
+    Attributes
+    ----------
+    rows : SparseRows
+        Derivatives of the extremes and of the final ground motion.
+    gram : ndarray, shape (rows, rows)
+        Scalar products of the scaled rows.
+    scales : ndarray, shape (rows,)
+        Scale factor of each row.
+    shortfall : ndarray, shape (rows,)
+        Difference from the target of each row.
+    is_equality : ndarray of bool, shape (rows,)
+        True for equalities, False for upper limits.
+    oscillator : ndarray of int
+        Oscillator of each extreme.
+    """
+
+    rows: SparseRows
+    gram: Array
+    scales: Array
+    shortfall: Array
+    is_equality: Bools
+    oscillator: NDArray[np.int64]
+
+    def refine(self, damping: float) -> Array:
+        """Select the extremes that must equal the target, and return the damping of each row.
+
+        Rows with a larger difference from the target have less damping. `is_equality` is changed.
+
+        Parameters
+        ----------
+        damping : float
+            Damping of the step, by which the damping of the rows is multiplied.
+        """
+        # Differences below 0.01 % are not relevant.
+        absolute_shortfall = np.abs(self.shortfall) + 1e-4
+        row_damping = np.clip(
+            np.median(absolute_shortfall) / absolute_shortfall, *_ROW_DAMPING_LIMITS
+        )
+        _exchange_equalities(
+            self.gram,
+            self.shortfall * self.scales,
+            self.is_equality,
+            damping * row_damping,
+            self.oscillator,
+            self.scales,
+        )
+        return np.asarray(row_damping)
+
+    def multipliers(self, required_change: Array, damping: Array) -> NDArray[np.float32]:
+        """Return the multipliers of the rows without their scale factors.
+
+        Parameters
+        ----------
+        required_change : ndarray, shape (rows,)
+            Required change of each row.
+        damping : ndarray, shape (rows,)
+            Damping of each row.
+        """
+        scaled = program(self.gram, required_change * self.scales, self.is_equality, damping)
+        return (self.scales * scaled).astype(np.float32)
+
+
 @dataclass
 class MatchingProblem:
     """Components of a motion, oscillators to be matched, and filters of a change.
@@ -206,7 +297,7 @@ class MatchingProblem:
     filter_reach: int
 
     @classmethod
-    def of(
+    def prepare(
         cls, scaled_seed: Array, dt: float, periods: Array, *, wanted: Array, damping: Array
     ) -> MatchingProblem:
         """Prepare the recursion, the filters and the free vibrations of a matching problem.
@@ -224,15 +315,15 @@ class MatchingProblem:
         damping : ndarray, shape (k,)
             Damping ratio of each oscillator.
         """
-        from scipy.fft import irfft, next_fast_len, rfft
+        from scipy.fft import irfft, next_fast_len
 
-        sample_count, omega = scaled_seed.shape[1], 2.0 * np.pi / periods
+        sample_count = scaled_seed.shape[1]
+        # Recursion of the oscillators. Extremes need 4 pi substeps per period.
+        omega = 2.0 * np.pi / periods
         substeps = len(scaled_seed) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
         table = recursion_table(omega, dt / substeps, damping, 2)
-        table[BY_DISPLACEMENT], table[BY_VELOCITY] = omega**2, 2.0 * damping * omega
-        window = np.hanning(2 * max(int(_ENVELOPE_WINDOW / dt), 1) + 1)
-        mean_square = np.convolve(np.sum(scaled_seed**2, axis=0), window / window.sum(), "same")
-        envelope = np.sqrt(np.maximum(mean_square, 0.0))[:sample_count]
+        table[BY_DISPLACEMENT] = omega**2
+        table[BY_VELOCITY] = 2.0 * damping * omega
         # The impulse response of the band-pass filter extends over `filter_reach` samples to either
         # side.
         low_frequency, high_frequency = 0.6 / np.max(periods), min(1.5 / np.min(periods), 0.45 / dt)
@@ -246,55 +337,28 @@ class MatchingProblem:
         # Derivatives of the final velocity and displacement with respect to the samples
         remaining = np.arange(sample_count - 1, -1, -1.0)
         end_derivatives = np.stack([np.full(sample_count, dt), dt * dt * remaining])
-        # Compute free vibrations (cosine and sine) over the samples since their start, from the
-        # latest back to `filter_reach` samples before it. Only the part that has not decayed is
-        # stored, and few oscillators are computed at a time: 60 000 samples of all oscillators
-        # would need a gigabyte.
-        exponent = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
-        stored_samples = np.minimum(
-            np.log(1.0 / _DECAYED) / (damping * omega * dt), sample_count - 1
-        ).astype(int)
-        band32, sample_order = (
-            band.astype(np.float32),
-            np.concatenate([np.arange(sample_count - 1, -1, -1), -np.arange(1, filter_reach + 1)]),
+        # Impulse response and free vibrations after the filter, in reversed order of time
+        band32 = band.astype(np.float32)
+        sample_order = np.concatenate(
+            [np.arange(sample_count - 1, -1, -1), -np.arange(1, filter_reach + 1)]
         )
-        free_vibrations: list[NDArray[np.float32]] = []
-        for first_oscillator in range(0, omega.size, _OSCILLATORS_AT_A_TIME):
-            vibrations = np.exp(
-                exponent[first_oscillator : first_oscillator + _OSCILLATORS_AT_A_TIME, None]
-                * dt
-                * np.arange(sample_count)
-            )
-            vibrations[:, 0] = 0.0  # the two samples at the start are treated separately
-            cosine_and_sine = np.stack([vibrations.real, vibrations.imag], axis=1).astype(
-                np.float32
-            )
-            filtered = irfft(rfft(cosine_and_sine, size) * band32, size)[..., sample_order]
-            free_vibrations += [
-                filtered_pair[:, max(sample_count - 1 - filter_reach - stored_count, 0) :].copy()
-                for filtered_pair, stored_count in zip(
-                    filtered,
-                    stored_samples[first_oscillator : first_oscillator + _OSCILLATORS_AT_A_TIME],
-                    strict=True,
-                )
-            ]
-        impulse_response = irfft(band32, size)[sample_order]
-        envelope /= envelope.max()
         return cls(
-            scaled_seed,
-            dt,
-            wanted,
-            omega,
-            damping,
-            substeps,
-            table,
-            envelope,
-            band,
-            size,
-            end_derivatives,
-            free_vibrations,
-            impulse_response,
-            filter_reach,
+            scaled_seed=scaled_seed,
+            dt=dt,
+            wanted=wanted,
+            omega=omega,
+            damping=damping,
+            substeps=substeps,
+            table=table,
+            envelope=_envelope(scaled_seed, dt),
+            band=band,
+            size=size,
+            end_derivatives=end_derivatives,
+            free_vibrations=_free_vibrations(
+                omega, damping, dt, band=band32, size=size, sample_order=sample_order
+            ),
+            impulse_response=irfft(band32, size)[sample_order],
+            filter_reach=filter_reach,
         )
 
     def filtered(self, rows: Array) -> Array:
@@ -353,64 +417,20 @@ class MatchingProblem:
         directions : ndarray, shape (components, extremes)
             Unit vector of each extreme over the components.
         """
-        sample_count, w, z, dt = (
-            self.envelope.size,
-            self.omega[oscillator],
-            self.damping[oscillator],
-            self.dt,
-        )
-        sample_before = np.minimum((when / dt).astype(int), sample_count - 2)
-        time_after_sample = when - dt * sample_before
-        # Displacement over -g for a ground acceleration t / dt: a particular solution minus the
-        # free vibration from rest.
-        exponent = w * (-z + 1j * np.sqrt(1.0 - z * z))
-        constant = 2.0 * z / (w**3 * dt)
-        free_amplitude = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / exponent.imag
-        ramp_responses = [
-            -t / dt / w**2 + constant - (free_amplitude * np.exp(exponent * t)).real
-            for t in (time_after_sample + dt, time_after_sample)
-        ]
-        vibration_after = (
-            -w
-            * w
-            * free_amplitude
-            * (np.exp(exponent * dt) - 2.0 + np.exp(-exponent * dt))
-            * np.exp(exponent * time_after_sample)
-        )
-        hat_responses = (
-            w * w * np.stack([ramp_responses[0] - 2.0 * ramp_responses[1], ramp_responses[1]])
-        )
-        factors_of_rows = np.stack(
-            [vibration_after.real, -vibration_after.imag, *hat_responses], axis=1
-        ).astype(np.float32)
+        # Factors of the four parts of each row: free vibration and the two samples at the extreme
+        sample_before = np.minimum((when / self.dt).astype(int), self.envelope.size - 2)
+        factors_of_rows = self._factors_of_rows(oscillator, when - self.dt * sample_before)
+        # Rows of the extremes
         starts, lines = [], list[NDArray[np.float32]]()
         envelope = self.envelope.astype(np.float32)
         for k, row_factors, sample_of_extreme in zip(
             oscillator, factors_of_rows, sample_before, strict=True
         ):
-            # Use samples from the decay of the vibration before the extreme to the reach of the
-            # filter after it, where `vibration` ends.
-            vibration = self.free_vibrations[k]
-            row_start = max(sample_of_extreme + 1 + self.filter_reach - vibration.shape[1], 0)
-            row_end = min(sample_count, sample_of_extreme + 1 + self.filter_reach)
-            first_vibration = (
-                vibration.shape[1] - self.filter_reach - 1 - sample_of_extreme + row_start
-            )
-            row_size = row_end - row_start
-            row_values = (
-                row_factors[:2] @ vibration[:, first_vibration : first_vibration + row_size]
-            )
-            first_impulse = sample_count - 1 - sample_of_extreme + row_start
-            row_values += (
-                row_factors[2] * self.impulse_response[first_impulse : first_impulse + row_size]
-            )
-            row_values += (
-                row_factors[3]
-                * self.impulse_response[first_impulse - 1 : first_impulse - 1 + row_size]
-            )
-            row_values *= envelope[row_start:row_end]
+            row_start, row_values = self._row(k, row_factors, sample_of_extreme)
+            row_values *= envelope[row_start : row_start + row_values.size]
             starts.append(row_start)
             lines.append(row_values)
+        # Rows of the final velocity and displacement, for each component
         relative_directions = directions / self.wanted[oscillator]
         component_count = len(directions)
         for component in range(component_count):
@@ -423,7 +443,80 @@ class MatchingProblem:
                     np.repeat(np.eye(component_count)[:, component, None], 2, axis=1),
                 ]
             )
-        return SparseRows(sample_count, np.array(starts), lines, relative_directions.T)
+        return SparseRows(self.envelope.size, np.array(starts), lines, relative_directions.T)
+
+    def _factors_of_rows(
+        self, oscillator: NDArray[np.int64], time_after_sample: Array
+    ) -> NDArray[np.float32]:
+        """Return the factors of the parts of each row, shape (extremes, 4).
+
+        The parts are the cosine and the sine of the free vibration, and the impulse responses of
+        the filter at the two samples around the extreme.
+
+        Parameters
+        ----------
+        oscillator : ndarray of int
+            Index of the oscillator of each extreme.
+        time_after_sample : ndarray
+            Time of each extreme after the sample before it, s.
+        """
+        w, z, dt = self.omega[oscillator], self.damping[oscillator], self.dt
+        # Displacement over -g for a ground acceleration t / dt: a particular solution minus the
+        # free vibration from rest.
+        exponent = w * (-z + 1j * np.sqrt(1.0 - z * z))
+        constant = 2.0 * z / (w**3 * dt)
+        free_amplitude = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / exponent.imag
+        ramp_responses = [
+            -t / dt / w**2 + constant - (free_amplitude * np.exp(exponent * t)).real
+            for t in (time_after_sample + dt, time_after_sample)
+        ]
+        # The hat function is the second difference of the ramp.
+        vibration_after = (
+            -w
+            * w
+            * free_amplitude
+            * (np.exp(exponent * dt) - 2.0 + np.exp(-exponent * dt))
+            * np.exp(exponent * time_after_sample)
+        )
+        hat_responses = (
+            w * w * np.stack([ramp_responses[0] - 2.0 * ramp_responses[1], ramp_responses[1]])
+        )
+        return np.stack(
+            [vibration_after.real, -vibration_after.imag, *hat_responses], axis=1
+        ).astype(np.float32)
+
+    def _row(
+        self, oscillator: int, factors: NDArray[np.float32], sample_of_extreme: int
+    ) -> tuple[int, NDArray[np.float32]]:
+        """Return the first sample of a row, and its values before the envelope.
+
+        The row extends from the decay of the vibration before the extreme to the reach of the
+        filter after it, where the stored vibration ends.
+
+        Parameters
+        ----------
+        oscillator : int
+            Index of the oscillator.
+        factors : ndarray, shape (4,)
+            Factors of the parts, see `_factors_of_rows`.
+        sample_of_extreme : int
+            Number of the sample before the extreme.
+        """
+        sample_count = self.envelope.size
+        vibration = self.free_vibrations[oscillator]
+        row_start = max(sample_of_extreme + 1 + self.filter_reach - vibration.shape[1], 0)
+        row_end = min(sample_count, sample_of_extreme + 1 + self.filter_reach)
+        row_size = row_end - row_start
+        # Free vibration
+        first_vibration = vibration.shape[1] - self.filter_reach - 1 - sample_of_extreme + row_start
+        row_values = factors[:2] @ vibration[:, first_vibration : first_vibration + row_size]
+        # The two samples next to the extreme
+        first_impulse = sample_count - 1 - sample_of_extreme + row_start
+        row_values += factors[2] * self.impulse_response[first_impulse : first_impulse + row_size]
+        row_values += (
+            factors[3] * self.impulse_response[first_impulse - 1 : first_impulse - 1 + row_size]
+        )
+        return row_start, row_values
 
     def equations(
         self, found_extremes: Array, maxima: Array
@@ -497,77 +590,91 @@ class MatchingProblem:
         is_first_stage : bool
             True in the first stage.
         """
-        damping, is_stepwise = (
-            _INITIAL_DAMPING if is_first_stage else _REFINEMENT_DAMPING,
-            not is_first_stage,
-        )
-        end_derivatives = np.kron(np.eye(len(samples)), self.end_derivatives)
-        found_extremes, maxima = self.extremes(samples, _CONTROLLED_FRACTION * self.wanted)
-        merit, misfit = self.merits(maxima, is_stepwise)
-        best_state, best_misfit = (samples, row_sum), misfit
+        is_stepwise = not is_first_stage
+        damping = _INITIAL_DAMPING if is_first_stage else _REFINEMENT_DAMPING
+        state = self._state(samples, row_sum, is_stepwise)
+        best_state = state
         for round_number in range(max_rounds):
-            if misfit < 0.5 * SMALL_MISFIT:
+            if state.misfit < 0.5 * SMALL_MISFIT:
                 break
-            if np.any(maxima[1] < 0.0):
-                found_extremes, maxima = self.extremes(
-                    samples, np.minimum(_CONTROLLED_FRACTION * self.wanted, 0.9999 * maxima[0])
-                )
-            # Set up the quadratic program: derivatives, differences and products of the rows.
-            oscillator, when, directions, shortfall, is_equality = self.equations(
-                found_extremes, maxima
-            )
-            sparse_rows = self.rows(oscillator, when, directions)
-            shortfall = np.concatenate(
-                [shortfall, -end_derivatives @ (samples - self.scaled_seed).ravel()]
-            )
-            is_equality = np.concatenate([is_equality, np.ones(len(end_derivatives), bool)])
-            gram = sparse_rows.products()
-            scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
-            gram *= scales[:, None] * scales
-            if not is_stepwise and (misfit < _STEPWISE_MISFIT or 2 * round_number > max_rounds):
+            # An oscillator without an extreme above the level needs a lower level.
+            if np.any(state.maxima[1] < 0.0):
+                level = np.minimum(_CONTROLLED_FRACTION * self.wanted, 0.9999 * state.maxima[0])
+                found_extremes, maxima = self.extremes(state.samples, level)
+                state = replace(state, extremes=found_extremes, maxima=maxima)
+            quadratic_program = self._quadratic_program(state)
+            # Near the target, and in the second half of the rounds, add to the change.
+            is_near = state.misfit < _STEPWISE_MISFIT or 2 * round_number > max_rounds
+            if not is_stepwise and is_near:
                 is_stepwise, damping = True, min(damping, _REFINEMENT_DAMPING)
-                merit, _ = self.merits(maxima, is_stepwise)
-            required_change = shortfall if is_stepwise else shortfall + sparse_rows.times(row_sum)
-            row_damping = np.ones(shortfall.size)
+                state = replace(state, merit=self.merits(state.maxima, is_stepwise)[0])
+            # Required change of the rows, and their damping relative to that of the step
+            required_change = quadratic_program.shortfall
+            row_damping = np.ones(required_change.size)
             if is_stepwise:
-                absolute_shortfall = (
-                    np.abs(shortfall) + 1e-4
-                )  # differences below 0.01 % are not relevant
-                row_damping = np.clip(
-                    np.median(absolute_shortfall) / absolute_shortfall, *_ROW_DAMPING_LIMITS
-                )
-                _exchange_equalities(
-                    gram,
-                    required_change * scales,
-                    is_equality,
-                    damping * row_damping,
-                    oscillator,
-                    scales,
-                )
+                row_damping = quadratic_program.refine(damping)
+            else:
+                required_change = required_change + quadratic_program.rows.times(state.row_sum)
             # Increase the damping of the step until it reduces the misfit.
-            for damping_increases in range(_MAX_DAMPING_INCREASES):  # noqa: B007
-                multipliers = (
-                    scales
-                    * program(gram, required_change * scales, is_equality, damping * row_damping)
-                ).astype(np.float32)
-                update = sparse_rows.sum(multipliers) - (0.0 if is_stepwise else 1.0) * row_sum
-                changed_samples = samples + self.filtered(
-                    self.envelope * update.reshape(samples.shape)
+            first_damping = damping
+            for _ in range(_MAX_DAMPING_INCREASES):
+                multipliers = quadratic_program.multipliers(required_change, damping * row_damping)
+                kept_part = 0.0 if is_stepwise else 1.0
+                update = quadratic_program.rows.sum(multipliers) - kept_part * state.row_sum
+                changed_state = self._state(
+                    state.samples + self.filtered(self.envelope * update.reshape(samples.shape)),
+                    state.row_sum + update,
+                    is_stepwise,
                 )
-                found_extremes, maxima = self.extremes(
-                    changed_samples, _CONTROLLED_FRACTION * self.wanted
-                )
-                new_merit, misfit = self.merits(maxima, is_stepwise)
-                if new_merit < merit:
+                if changed_state.merit < state.merit:
                     break
                 damping *= 4.0
-            samples, row_sum, merit = changed_samples, row_sum + update, new_merit
-            damping = max(damping / 5.0, _MIN_DAMPING) if damping_increases == 0 else damping
-            if misfit < best_misfit:
-                best_state, best_misfit = (samples, row_sum), misfit
+            state = changed_state
+            if damping == first_damping:
+                damping = max(damping / 5.0, _MIN_DAMPING)
+            if state.misfit < best_state.misfit:
+                best_state = state
             # The next round must not need the memory of two sets of rows.
-            del sparse_rows, gram
-        return best_state
+            del quadratic_program
+        return best_state.samples, best_state.row_sum
+
+    def _state(
+        self, samples: Array, row_sum: NDArray[np.float32], is_stepwise: bool
+    ) -> _MotionState:
+        """Return the extremes, the merit and the misfit of a changed motion.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (components, n)
+            Changed samples, m/s^2.
+        row_sum : ndarray
+            Sum of rows that forms the change.
+        is_stepwise : bool
+            True if rounds add to the change; see `merits`.
+        """
+        found_extremes, maxima = self.extremes(samples, _CONTROLLED_FRACTION * self.wanted)
+        merit, misfit = self.merits(maxima, is_stepwise)
+        return _MotionState(samples, row_sum, found_extremes, maxima, merit, misfit)
+
+    def _quadratic_program(self, state: _MotionState) -> _QuadraticProgram:
+        """Return the rows, their products and the differences from the targets for a motion.
+
+        Two further equations per component require that the final velocity and displacement of
+        the ground remain those of the seed.
+        """
+        oscillator, when, directions, shortfall, is_equality = self.equations(
+            state.extremes, state.maxima
+        )
+        rows = self.rows(oscillator, when, directions)
+        end_derivatives = np.kron(np.eye(len(state.samples)), self.end_derivatives)
+        change = (state.samples - self.scaled_seed).ravel()
+        shortfall = np.concatenate([shortfall, -end_derivatives @ change])
+        is_equality = np.concatenate([is_equality, np.ones(len(end_derivatives), bool)])
+        # Scale the rows to products of 1 with themselves.
+        gram = rows.products()
+        scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        gram *= scales[:, None] * scales
+        return _QuadraticProgram(rows, gram, scales, shortfall, is_equality, oscillator)
 
     def merits(self, maxima: Array, is_stepwise: bool) -> tuple[float, float]:
         """Return the sum of powers of |ln(maximum / target)|, and the maximum misfit.
@@ -583,6 +690,74 @@ class MatchingProblem:
         return float(np.sum(np.abs(np.log(ratio)) ** _POWERS[is_stepwise])), float(
             np.max(np.abs(ratio - 1.0))
         )
+
+
+def _envelope(scaled_seed: Array, dt: float) -> Array:
+    """Return the smoothed amplitude of a motion, with a maximum of 1, shape (n,).
+
+    Parameters
+    ----------
+    scaled_seed : ndarray, shape (components, n)
+        Samples of the motion, m/s^2.
+    dt : float
+        Sampling interval, s.
+    """
+    window = np.hanning(2 * max(int(_ENVELOPE_WINDOW / dt), 1) + 1)
+    mean_square = np.convolve(np.sum(scaled_seed**2, axis=0), window / window.sum(), "same")
+    envelope = np.sqrt(np.maximum(mean_square, 0.0))[: scaled_seed.shape[1]]
+    envelope /= envelope.max()
+    return np.asarray(envelope)
+
+
+def _free_vibrations(
+    omega: Array,
+    damping: Array,
+    dt: float,
+    *,
+    band: NDArray[np.float32],
+    size: int,
+    sample_order: NDArray[np.int64],
+) -> list[NDArray[np.float32]]:
+    """Return the filtered free vibration (cosine and sine) of each oscillator.
+
+    The samples are in reversed order of time. Only the part that has not decayed is stored, and few
+    oscillators are computed at a time: 60 000 samples of all oscillators would need a gigabyte.
+
+    Parameters
+    ----------
+    omega, damping : ndarray, shape (oscillators,)
+        Circular frequency, rad/s, and damping ratio.
+    dt : float
+        Sampling interval, s.
+    band : ndarray
+        Factor of the band-pass filter at each frequency of the Fourier transform.
+    size : int
+        Number of samples of the Fourier transform.
+    sample_order : ndarray of int
+        Samples from the latest back to the first, then those before the start that the filter
+        reaches, as negative numbers.
+    """
+    from scipy.fft import irfft, rfft
+
+    sample_count = int(sample_order[0]) + 1
+    exponent = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
+    stored_samples = np.minimum(
+        np.log(1.0 / _DECAYED) / (damping * omega * dt), sample_count - 1
+    ).astype(int)
+    # The filter widens the stored part by its reach to either side.
+    filter_reach = sample_order.size - sample_count
+    free_vibrations: list[NDArray[np.float32]] = []
+    for first_oscillator in range(0, omega.size, _OSCILLATORS_AT_A_TIME):
+        chunk = slice(first_oscillator, first_oscillator + _OSCILLATORS_AT_A_TIME)
+        vibrations = np.exp(exponent[chunk, None] * dt * np.arange(sample_count))
+        vibrations[:, 0] = 0.0  # the two samples at the start are treated separately
+        cosine_and_sine = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
+        filtered = irfft(rfft(cosine_and_sine, size) * band, size)[..., sample_order]
+        free_vibrations += [
+            filtered_pair[:, max(sample_count - 1 - filter_reach - stored_count, 0) :].copy()
+            for filtered_pair, stored_count in zip(filtered, stored_samples[chunk], strict=True)
+        ]
+    return free_vibrations
 
 
 def _exchange_equalities(

@@ -40,7 +40,7 @@ from tdint.campaign.store import Identity, Store, as_json, open_or_create
 from tdint.campaign.store_schema import locked
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
-from tdint.ground_motion.reading.suites import SuiteMotion, components
+from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, components
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
@@ -284,6 +284,7 @@ def ida(
     settings = settings or IdaSettings()
     if isinstance(motions, Record | Horizontals | str):
         motions = [motions]
+    # Building, suite and intensity measure
     subject, settings = _prepare(model_of(model), settings, method)
     suite = [motion_of(motion) for motion in motions]
     if check_pair_demand(pair_demand) != SEPARATE:
@@ -315,12 +316,6 @@ def ida(
     )
     # The collapse drift is always the last threshold.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
-    # The second component of a pair follows the first component.
-    partners = {
-        index: index - 1
-        for index, (motion, record) in enumerate(motions_and_records)
-        if isinstance(motion, Horizontals) and record is motion.second
-    }
     return IdaStudy(
         subject.model,
         measure,
@@ -332,8 +327,20 @@ def ida(
         remarks=tuple(remarks),
         checked=settings.check,
         pair_demand=pair_demand,
-        partners=partners,
+        partners=_partners(motions_and_records),
     )
+
+
+def _partners(motions_and_records: Sequence[tuple[GroundMotion, Record]]) -> dict[int, int]:
+    """Return the index of the first component of a pair for the index of each second component.
+
+    The second component of a pair follows the first component.
+    """
+    return {
+        index: index - 1
+        for index, (motion, record) in enumerate(motions_and_records)
+        if isinstance(motion, Horizontals) and record is motion.second
+    }
 
 
 def _work_items(

@@ -469,21 +469,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     linear_terms = np.repeat(base.linear_terms[None], draw_count, axis=0)
     law_parameters = np.repeat(base.law_parameters[None], draw_count, axis=0)
     heights = np.repeat(base.heights[None], draw_count, axis=0)
-    yield_drift = np.repeat(base.yield_drift[None], draw_count, axis=0)
-    for (i, column), values_of_draws in changed_values.items():
-        if column >= OF_LAW:
-            law_parameters[:, rows.FIRST_PARAMETER + column - OF_LAW, i] = values_of_draws
-        elif column == STIFFNESS:
-            law_parameters[:, rows.STIFFNESS, i] = values_of_draws
-        elif column == HEIGHT and not model.stories[i].isolator:
-            heights[:, i] = values_of_draws
-        elif column in _TABLE_ROW_OF_COLUMN:
-            linear_terms[:, _TABLE_ROW_OF_COLUMN[column], i] = values_of_draws
-        elif column == POWER.start + 1:  # exponent of the power-law dashpot
-            linear_terms[:, rows.POWER, i] = 0.5 * (values_of_draws - 1.0)
-        elif column == POWER.start + 2:  # drift rate below which the dashpot is linear
-            # Squared in Python as in `assemble`: the square of NumPy can differ in the last bit.
-            linear_terms[:, rows.THRESHOLD, i] = [rate**2 for rate in values_of_draws.tolist()]
+    _insert_numbers(model, changed_values, linear_terms, law_parameters, heights)
+    # Compute the rows of the tables that follow from other rows.
     linear_terms[:, rows.INVERSE_MASS, :n] = 1.0 / linear_terms[:, rows.MASS, :n]
     linear_terms[:, rows.STORY_DAMPER, :n] = linear_terms[:, rows.DASHPOT, :n]
     linear_terms[:, rows.FLOOR_DAMPER, :n] = 0.0
@@ -498,19 +485,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         mass_above = np.cumsum(linear_terms[:, rows.MASS, :n][:, ::-1], axis=1)[:, ::-1]
         weight_above = STANDARD_GRAVITY * mass_above
         linear_terms[:, rows.GEOMETRIC, :n] = -(weight_above / np.stack(story_heights, axis=1))
-
-    # Verify the changed laws, and compute their yield drifts.
-    for i in {i for i, column in changed_values if column == STIFFNESS or column >= OF_LAW}:
-        law = LAWS[model.stories[i].law.name]
-        end = rows.FIRST_PARAMETER + len(model.stories[i].law.parameters)
-        table_rows = [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, end)]
-        for draw, (stiffness, *parameters) in enumerate(law_parameters[:, table_rows, i].tolist()):
-            if fault := law.fault(stiffness, parameters):
-                raise UsageError(
-                    f"{model.name}: invalid variation of story {i + 1}: {fault} (sample {draw + 1})"
-                )
-            yield_drift[draw, i] = law.yield_drift(stiffness, parameters)
-
+    yield_drift = _yield_drifts(model, base, changed_values, law_parameters)
     # If no sample changes a mass or a stiffness (with P-delta, a height), all samples have the
     # vibration of the base.
     is_vibration_changed = any(
@@ -534,6 +509,76 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
             )
         modal.append(add_damping(linear_terms[draw], stiffness, damped_model, vibration))
     return DrawnBuildings(base, linear_terms, law_parameters, modal, heights, yield_drift)
+
+
+def _insert_numbers(
+    model: Model,
+    changed_values: Mapping[tuple[int, int], Array],
+    linear_terms: Array,
+    law_parameters: Array,
+    heights: Array,
+) -> None:
+    """Insert the values that the samples change into the tables of the buildings.
+
+    Parameters
+    ----------
+    model : Model
+        The model that is varied.
+    changed_values : mapping
+        Changed values, as from `_changed_numbers`.
+    linear_terms, law_parameters, heights : ndarray, shape (draws, ...)
+        Tables of the buildings, which are changed.
+    """
+    for (i, column), values_of_draws in changed_values.items():
+        if column >= OF_LAW:
+            law_parameters[:, rows.FIRST_PARAMETER + column - OF_LAW, i] = values_of_draws
+        elif column == STIFFNESS:
+            law_parameters[:, rows.STIFFNESS, i] = values_of_draws
+        elif column == HEIGHT and not model.stories[i].isolator:
+            heights[:, i] = values_of_draws
+        elif column in _TABLE_ROW_OF_COLUMN:
+            linear_terms[:, _TABLE_ROW_OF_COLUMN[column], i] = values_of_draws
+        elif column == POWER.start + 1:  # exponent of the power-law dashpot
+            linear_terms[:, rows.POWER, i] = 0.5 * (values_of_draws - 1.0)
+        elif column == POWER.start + 2:  # drift rate below which the dashpot is linear
+            # Squared in Python as in `assemble`: the square of NumPy can differ in the last bit.
+            linear_terms[:, rows.THRESHOLD, i] = [rate**2 for rate in values_of_draws.tolist()]
+
+
+def _yield_drifts(
+    model: Model,
+    base: Building,
+    changed_values: Mapping[tuple[int, int], Array],
+    law_parameters: Array,
+) -> Array:
+    """Verify the laws of all samples and return their yield drifts, shape (draws, stories).
+
+    Parameters
+    ----------
+    model, base
+        The model that is varied, and its building.
+    changed_values : mapping
+        Changed values, as from `_changed_numbers`.
+    law_parameters : ndarray
+        Parameters of the laws of all samples; first axis: sample.
+
+    Raises
+    ------
+    UsageError
+        The parameters of a story are invalid.
+    """
+    yield_drift = np.repeat(base.yield_drift[None], len(law_parameters), axis=0)
+    for i in {i for i, column in changed_values if column == STIFFNESS or column >= OF_LAW}:
+        law = LAWS[model.stories[i].law.name]
+        end = rows.FIRST_PARAMETER + len(model.stories[i].law.parameters)
+        table_rows = [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, end)]
+        for draw, (stiffness, *parameters) in enumerate(law_parameters[:, table_rows, i].tolist()):
+            if fault := law.fault(stiffness, parameters):
+                raise UsageError(
+                    f"{model.name}: invalid variation of story {i + 1}: {fault} (sample {draw + 1})"
+                )
+            yield_drift[draw, i] = law.yield_drift(stiffness, parameters)
+    return yield_drift
 
 
 def _changed_numbers(

@@ -562,7 +562,7 @@ def test_failed_run_has_fixed_residuals():
     """The residuals of a failed run have a fixed size in both measures, for any number of floors
     and samples."""
     event = SimpleNamespace(count=77, floors=(1, 2))
-    problem = SimpleNamespace(_event=event, computed=lambda logarithms: None)
+    problem = SimpleNamespace(event=event, computed=lambda logarithms: None)
     temporal, spectral = (
         _Problem.history_differences(problem, None),
         _Problem.spectral_differences(problem, None),

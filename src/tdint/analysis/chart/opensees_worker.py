@@ -231,23 +231,61 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
         floor (`peak_drift`, `peak_absolute_acceleration`, `peak_total_shear`), and the number of
         `iterations`. SI units.
     """
+    node_values, story_force, iterations = _run_steps(ops, problem, run)
+    if not node_values:
+        return {"outcome": np.array("not-converged")}
+    initial_state = (problem["u_start"], problem["v_start"], problem["a_start"])
+    u, v, a = (
+        np.vstack([start, values]) for start, values in zip(initial_state, node_values, strict=True)
+    )
+    if not np.all(np.isfinite(u)):
+        return {"outcome": np.array("diverged")}
+    # Accelerations relative to the ground, and absolute accelerations
+    times, ground_samples = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
+    ground_acceleration = np.interp(
+        times, problem["interval"] * np.arange(ground_samples + 1), [*problem["ground"], 0.0]
+    )
+    a[1:] = (
+        _equilibrium(problem, times[1:], u[1:], v[1:], story_force) - ground_acceleration[1:, None]
+    )
+    absolute = a + ground_acceleration[:, None]
+    # With forces on floors, the shears do not equal the inertia forces, and are not reported.
+    shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
+    shear *= math.nan if problem["forces"].size else 1.0
+    return {
+        "outcome": np.array("done"),
+        "motion": np.array([u, v, a])[:, :: run["per_sample"]],
+        "peak_drift": np.max(np.abs(np.diff(u, axis=1, prepend=0.0)), axis=0),
+        "peak_absolute_acceleration": np.max(np.abs(absolute), axis=0),
+        "peak_total_shear": np.max(np.abs(shear), axis=0),
+        "iterations": np.array(iterations),
+    }
+
+
+def _run_steps(ops: Any, problem: Content, run: Content) -> tuple[list[Any], Any, int]:
+    """Run the time steps and return what OpenSees recorded.
+
+    OpenSees writes the motion of the nodes to files, because queries from Python take more time
+    than the steps.
+
+    Returns
+    -------
+    list of ndarray
+        Displacements, velocities and accelerations at the end of each step; shape (steps, floors).
+        Empty if a step did not converge.
+    ndarray or None
+        Forces of the materials of the stories, N; shape (steps, floors).
+    int
+        Number of iterations.
+    """
     floors = problem["mass"].size
+    stories = range(1, floors + 1)
     iterations = 0
     with TemporaryDirectory() as directory:
-        # OpenSees writes the motion of the nodes to files, because queries from Python take more
-        # time than the steps.
         for name in _RECORDED:
             ops.recorder(
-                "Node",
-                "-binary",
-                f"{directory}/{name}",
-                "-node",
-                *range(1, floors + 1),
-                "-dof",
-                1,
-                name,
+                "Node", "-binary", f"{directory}/{name}", "-node", *stories, "-dof", 1, name
             )
-        stories = range(1, floors + 1)
         ops.recorder(
             "Element", "-binary", f"{directory}/force", "-ele", *stories, "material", "1", "stress"
         )
@@ -257,45 +295,12 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
             completed_steps += 1
         ops.wipe()  # closes the files
         if error_code != 0:
-            return {"outcome": np.array("not-converged")}
+            return [], None, iterations
         # OpenSees writes one byte after each row, also in binary files.
         row_type = np.dtype([("nodes", float, (floors,)), ("end", "V1")])
-        node_values = {
-            name: np.fromfile(f"{directory}/{name}", row_type)["nodes"] for name in _RECORDED
-        }
+        node_values = [np.fromfile(f"{directory}/{name}", row_type)["nodes"] for name in _RECORDED]
         story_force = np.fromfile(f"{directory}/force", row_type)["nodes"]
-    initial_state = (problem["u_start"], problem["v_start"], problem["a_start"])
-    u, v, a = (
-        np.vstack([start, values])
-        for start, values in zip(initial_state, node_values.values(), strict=True)
-    )
-    if not np.all(np.isfinite(u)):
-        return {"outcome": np.array("diverged")}
-    times, ground_samples = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
-    ground_acceleration = np.interp(
-        times, problem["interval"] * np.arange(ground_samples + 1), [*problem["ground"], 0.0]
-    )
-    a[1:] = (
-        _equilibrium(problem, times[1:], u[1:], v[1:], story_force) - ground_acceleration[1:, None]
-    )
-    absolute = a + ground_acceleration[:, None]
-    shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
-    # With forces on floors, the shears do not equal the inertia forces, and are not reported.
-    shear *= math.nan if problem["forces"].size else 1.0
-    peaks = (
-        np.max(np.abs(values), axis=0)
-        for values in (np.diff(u, axis=1, prepend=0.0), absolute, shear)
-    )
-    return {
-        "outcome": np.array("done"),
-        "motion": np.array([u, v, a])[:, :: run["per_sample"]],
-        **dict(
-            zip(
-                ("peak_drift", "peak_absolute_acceleration", "peak_total_shear"), peaks, strict=True
-            )
-        ),
-        "iterations": np.array(iterations),
-    }
+    return node_values, story_force, iterations
 
 
 def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any) -> Any:

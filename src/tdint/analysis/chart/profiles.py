@@ -417,19 +417,8 @@ def measure_problem(
     progress("compiling", 0.0)
     posed.prepared.compile([*suitable, parse("impulse4"), parse("moment4")])
 
-    # Compute the reference, and its difference from the result of a second method.
     progress("reference", 0.1)
-    reference = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / _FINE))
-    gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
-    for steps_per_interval in _FINER:
-        second_response = posed.case(parse("moment4")).integrate(
-            posed.steps(posed.interval / steps_per_interval)
-        )
-        difference = _peak_errors(reference.stories, second_response)
-        gap = PeakErrors(*np.minimum(astuple(gap), astuple(difference)).tolist())
-        confirmed_by = f"moment4 with dt {posed.interval / steps_per_interval:.4g} s"
-        if gap.worst <= _SURE * min(TOLERANCES):
-            break
+    reference, gap, confirmed_by = _reference(posed)
 
     # Measure the errors of all points, then the times of the relevant points.
     points: dict[tuple[Integrator, float], Point] = {}
@@ -439,14 +428,8 @@ def measure_problem(
             (integrator, point.dt): point
             for point in _points_of_method(posed, integrator, dts, reference.stories)
         }
-    contenders = _contenders(points.values())
-    for repetition in range(1, repeats):
-        progress("times", 0.8 + 0.2 * repetition / repeats)
-        for run, point in points.items():
-            if point in contenders:
-                response = posed.case(run[0]).integrate(posed.steps(run[1]))
-                points[run] = replace(point, times=(*point.times, response.solver_time))
-        contenders = [point for point in points.values() if len(point.times) == repetition + 1]
+    _repeat_contenders(posed, points, repeats, progress)
+
     # Time complete runs of methods that choose their steps, as `tdint run --tolerance` does.
     points_by_tolerance: list[Point] = []
     for integrator in suitable:
@@ -454,6 +437,8 @@ def measure_problem(
             points_by_tolerance += by_tolerance(
                 posed, integrator, tolerances, partial(_peak_errors, reference.stories), repeats
             )
+
+    # Add the results of OpenSeesPy, if requested.
     opensees_points, opensees_gap, opensees_note = (
         _opensees_results(posed, dts, reference.stories) if peers else ([], math.nan, "")
     )
@@ -474,6 +459,61 @@ def measure_problem(
         peer_gap=opensees_gap,
         peer_note=opensees_note,
     )
+
+
+def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
+    """Return the reference, its difference from a second method, and the name of that method.
+
+    The time step of the second method is reduced until the difference is small enough to confirm
+    the reference at the smallest tolerance. The difference is the minimum over these steps.
+
+    Raises
+    ------
+    AnalysisError
+        The reference does not reach its end.
+    """
+    reference = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / _FINE))
+    gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
+    for steps_per_interval in _FINER:
+        second_response = posed.case(parse("moment4")).integrate(
+            posed.steps(posed.interval / steps_per_interval)
+        )
+        difference = _peak_errors(reference.stories, second_response)
+        gap = PeakErrors(*np.minimum(astuple(gap), astuple(difference)).tolist())
+        confirmed_by = f"moment4 with dt {posed.interval / steps_per_interval:.4g} s"
+        if gap.worst <= _SURE * min(TOLERANCES):
+            break
+    return reference, gap, confirmed_by
+
+
+def _repeat_contenders(
+    posed: Problem,
+    points: dict[tuple[Integrator, float], Point],
+    repeats: int,
+    progress: Progress,
+) -> None:
+    """Time the points that can be the cheapest for a tolerance again, alternately.
+
+    Parameters
+    ----------
+    posed : Problem
+        Building with its excitation.
+    points : dict
+        Points that were timed once, by method and time step. The points with further times replace
+        them.
+    repeats : int
+        Number of times per point, the first included.
+    progress : callable
+        Callback for progress reports.
+    """
+    contenders = _contenders(points.values())
+    for repetition in range(1, repeats):
+        progress("times", 0.8 + 0.2 * repetition / repeats)
+        for (integrator, dt), point in points.items():
+            if point in contenders:
+                response = posed.case(integrator).integrate(posed.steps(dt))
+                points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
+        contenders = [point for point in points.values() if len(point.times) == repetition + 1]
 
 
 def _peak_errors(true_peaks: StoryPeaks, response: Response) -> PeakErrors:

@@ -238,16 +238,7 @@ def run_many(
         A method does not support a building, or the memory is too small for the histories.
     """
     if is_list(method) or is_list(dt):
-        if out is not None:
-            raise UsageError("run_many: out cannot be used with a list of methods or time steps")
-        # All runs of each method with each time step are one result.
-        options = locals()
-        method, dt = options.pop("method"), options.pop("dt")
-        methods = method if isinstance(method, list | tuple) else (method,)
-        steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)
-        return ResultList(
-            cast("Runs", run_many(**options, method=name, dt=h)) for name in methods for h in steps
-        )
+        return _run_each_method(locals())
     if not isinstance(method, str | None):
         raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
     try:
@@ -278,6 +269,24 @@ def run_many(
     if file:
         runs.to_parquet(file)
     return runs
+
+
+def _run_each_method(arguments: dict[str, Any]) -> ResultList[Runs]:
+    """Return the runs of each method with each time step, one result for each combination.
+
+    Parameters
+    ----------
+    arguments : dict
+        Arguments of `run_many`, of which `method` or `dt` is a list.
+    """
+    if arguments["out"] is not None:
+        raise UsageError("run_many: out cannot be used with a list of methods or time steps")
+    method, dt = arguments.pop("method"), arguments.pop("dt")
+    methods = method if isinstance(method, list | tuple) else (method,)
+    steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)
+    return ResultList(
+        cast("Runs", run_many(**arguments, method=name, dt=h)) for name in methods for h in steps
+    )
 
 
 def _requested(
@@ -802,28 +811,7 @@ def _differentiated(
         near[key] = [
             neighbors(model, name, number) for name, number in zip(names, numbers[key], strict=True)
         ]
-    # One sample per neighbor: unchanged parameters have the value of the original sample, or nan.
-    draws = {item: draw for draw, item in enumerate(combined(near, range(len(names)), range(2)))}
-    origin = [draw for (_, draw), _, _ in draws]
-    columns = {name: column[origin] for name, column in work.building_parameters.items()}
-    columns |= {
-        name: np.full(len(draws), math.nan)
-        for name in names
-        if name not in columns and name != SCALE
-    }
-    for (key, i, side), draw in draws.items():
-        if names[i] != SCALE:
-            columns[names[i]][draw] = near[key][i][side]
-    neighbor_plan = list[RunSpec]()
-    for run, i, side in combined(plan, range(len(names)), range(2)):
-        key = run.model, run.draw
-        factor = near[key][i][side] / numbers[key][i] if names[i] == SCALE else 1.0
-        neighbor_plan.append(
-            run._replace(
-                number=len(neighbor_plan), draw=draws[key, i, side], scale=run.scale * factor
-            )
-        )
-    neighbor_work = replace(work, vary=columns, check=False)
+    neighbor_work, neighbor_plan = _neighbor_runs(work, plan, names, numbers, near)
     arrays = history_arrays(_shape(neighbor_work, neighbor_plan, every), tuple(history), None)
     result = _empty_result(neighbor_work, neighbor_plan, every, arrays)
     _integrate_all(neighbor_work, result, neighbor_plan, threads)
@@ -857,3 +845,48 @@ def _differentiated(
             name: differences(array, result.history[name])[0] for name, array in history.items()
         },
     )
+
+
+def _neighbor_runs(
+    work: _RunsRequest,
+    plan: Sequence[RunSpec],
+    names: Sequence[str],
+    numbers: Mapping[tuple[int, int], list[float]],
+    near: Mapping[tuple[int, int], list[tuple[float, float]]],
+) -> tuple[_RunsRequest, list[RunSpec]]:
+    """Return the samples and the runs with one parameter at a time at a neighboring value.
+
+    The runs are in the order of `plan`, then of the parameters, then of the two neighbors.
+
+    Parameters
+    ----------
+    work, plan, names
+        As for `_differentiated`.
+    numbers : mapping
+        Values of the parameters, by the indices of building and sample.
+    near : mapping
+        Two neighbors of each value, by the same indices.
+    """
+    # One sample per neighbor: unchanged parameters have the value of the original sample, or nan.
+    draws = {item: draw for draw, item in enumerate(combined(near, range(len(names)), range(2)))}
+    origin = [draw for (_, draw), _, _ in draws]
+    columns = {name: column[origin] for name, column in work.building_parameters.items()}
+    columns |= {
+        name: np.full(len(draws), math.nan)
+        for name in names
+        if name not in columns and name != SCALE
+    }
+    for (key, i, side), draw in draws.items():
+        if names[i] != SCALE:
+            columns[names[i]][draw] = near[key][i][side]
+    # The scale is a number of the run, not of the building.
+    neighbor_plan = list[RunSpec]()
+    for run, i, side in combined(plan, range(len(names)), range(2)):
+        key = run.model, run.draw
+        factor = near[key][i][side] / numbers[key][i] if names[i] == SCALE else 1.0
+        neighbor_plan.append(
+            run._replace(
+                number=len(neighbor_plan), draw=draws[key, i, side], scale=run.scale * factor
+            )
+        )
+    return replace(work, vary=columns, check=False), neighbor_plan
