@@ -9,6 +9,8 @@ reaches yield, the peak has a kink and the one-sided differences are different.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -162,3 +164,43 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
     raise UsageError(
         f"gradient: {name} {value:.6g} cannot be changed to either side within its range"
     )
+
+
+def neighbor_samples(
+    near: Mapping[tuple[int, int], Sequence[tuple[float, float]]],
+    names: Sequence[str],
+    parameters: Mapping[str, Array],
+) -> tuple[dict[tuple[tuple[int, int], int, int], int], dict[str, Array]]:
+    """Return samples in which one parameter at a time has a neighboring value.
+
+    The other parameters have the values of the original sample, or nan: the value of the model.
+
+    Parameters
+    ----------
+    near : mapping
+        Two neighbors of the value of each parameter, by the indices of building and sample.
+    names : sequence of str
+        Parameters.
+    parameters : mapping of str to ndarray, shape (draws,)
+        Values of the varied parameters of buildings in the original samples.
+
+    Returns
+    -------
+    dict
+        Index of the new sample, by the indices of building and sample, of the parameter, and of the
+        neighbor.
+    dict of str to ndarray
+        Values of each parameter of buildings in the new samples; without the factor on the record.
+    """
+    draws = {item: draw for draw, item in enumerate(product(near, range(len(names)), range(2)))}
+    origin = [draw for (_, draw), _, _ in draws]
+    columns = {name: column[origin] for name, column in parameters.items()}
+    columns |= {
+        name: np.full(len(draws), math.nan)
+        for name in names
+        if name not in columns and name != SCALE
+    }
+    for (key, i, side), draw in draws.items():
+        if names[i] != SCALE:
+            columns[names[i]][draw] = near[key][i][side]
+    return draws, columns

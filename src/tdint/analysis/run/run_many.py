@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
 from functools import partial
 from itertools import groupby
 from itertools import product as combined
@@ -21,7 +21,6 @@ from tdint.analysis.arguments import (
     as_sequence,
     is_list,
     model_of,
-    named_sample,
     number_of,
     numbers_of,
     record_of,
@@ -30,7 +29,14 @@ from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.batch import Subject, run_batch, run_sampled, samples_of
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import default_reference, factors, shorter_steps
-from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slope_errors, slopes
+from tdint.analysis.run.gradient import (
+    SCALE,
+    neighbor_samples,
+    neighbors,
+    number_at,
+    slope_errors,
+    slopes,
+)
 from tdint.analysis.run.many_results import (
     HISTORY_FIELDS,
     Runs,
@@ -47,14 +53,12 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
 )
 from tdint.analysis.run.prepared import BatchResult, Motions
-from tdint.analysis.time_steps import Steps
-from tdint.arrays import Array, Numbers, cached_property
-from tdint.errors import ModelError, UsageError
+from tdint.analysis.run_plan import RunsRequest, plan_runs
+from tdint.arrays import Array, Numbers
+from tdint.errors import UsageError
 from tdint.ground_motion.record import JoinedRecord, Record
-from tdint.kernels.building.sources import CODE
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import draw_buildings
-from tdint.model.definition import changes_of, check_parameter, check_value, damped_by
 from tdint.model.plausibility import study_plausibility_warnings
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
@@ -242,7 +246,7 @@ def run_many(
     if not isinstance(method, str | None):
         raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
     try:
-        work, plan, result, threads, file = _requested(
+        request, plan, result, threads, file = _requested(
             (models, records, scales, zip_records),
             (method, dt, duration, check),
             (vary or {}, product, errors),
@@ -252,15 +256,17 @@ def run_many(
     except KeyboardInterrupt:
         if not partial:
             raise
-        empty_request = _RunsRequest((), (), (), None, None, False, {})
+        empty_request = RunsRequest((), (), (), None, None, False, {})
         return _empty_result(empty_request, [], every, {})
-    _integrate_plan(work, result, plan, threads, progress, partial=partial)
+    _integrate_plan(request, result, plan, threads, progress, partial=partial)
     runs = replace(result, failures=dict(sorted(result.failures.items())))
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     plan = [run for run in plan if result.status[run.number] != INTERRUPTED]
     if names and plan:
         try:
-            derivatives = _gradient(work, plan, runs.stories, runs.history, every, names, threads)
+            derivatives = _gradient(
+                request, plan, runs.stories, runs.history, every, names, threads
+            )
         except KeyboardInterrupt:
             if not partial:
                 raise
@@ -295,7 +301,7 @@ def _requested(
     samples: tuple[Mapping[str, Any], bool, str],
     kept: tuple[Any, Any, Any],
     jobs: int | None,
-) -> tuple[_RunsRequest, list[RunSpec], Runs, int, Path | None]:
+) -> tuple[RunsRequest, list[RunSpec], Runs, int, Path | None]:
     """Check the arguments of `run_many` and return what its loop needs.
 
     Parameters
@@ -322,7 +328,7 @@ def _requested(
     subjects = tuple(
         Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings
     )
-    work = _RunsRequest(
+    request = RunsRequest(
         subjects,
         tuple(subject.integrator.label for subject in subjects),
         motions,
@@ -333,8 +339,8 @@ def _requested(
     )
     if errors not in ("raise", "keep"):
         raise UsageError(f"errors must be 'raise' or 'keep', got {errors!r:.60}")
-    invalid = work.out_of_range() if errors == "keep" else {}
-    plan = _planned_runs(work, scales, zip_records, {draw for _, draw in invalid})
+    invalid = request.out_of_range() if errors == "keep" else {}
+    plan = plan_runs(request, scales, zip_records, {draw for _, draw in invalid})
     quantities_kept = kept_quantities(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
@@ -347,10 +353,10 @@ def _requested(
     if file:
         import_optional("pyarrow", "a Parquet file", "parquet")
     result = _empty_result(
-        work,
+        request,
         plan,
         every,
-        history_arrays(_shape(work, plan, every), quantities_kept, None if file else out),
+        history_arrays(_shape(request, plan, every), quantities_kept, None if file else out),
     )
     # Runs with an invalid sample are not integrated; their failure is recorded.
     for run in plan if invalid else ():
@@ -358,7 +364,7 @@ def _requested(
             result.status[run.number] = OUT_OF_RANGE
             result.failures[run.number] = invalid[run.model, run.draw]
     plan = [run for run in plan if (run.model, run.draw) not in invalid]
-    return work, plan, result, threads, file
+    return request, plan, result, threads, file
 
 
 INTERRUPTED = "interrupted"
@@ -371,7 +377,7 @@ _NOT_RUN = "interrupted before it was run"
 
 
 def _integrate_plan(
-    work: _RunsRequest,
+    request: RunsRequest,
     result: Runs,
     plan: Sequence[RunSpec],
     threads: int,
@@ -383,7 +389,7 @@ def _integrate_plan(
 
     Parameters
     ----------
-    work : _RunsRequest
+    request : RunsRequest
         Buildings, ground motions and varied parameters.
     result : Runs
         Result with arrays for all runs.
@@ -408,7 +414,7 @@ def _integrate_plan(
         """Integrate some runs, unless an interrupt has occurred, and return their number."""
         with running:
             if not stop.is_set():
-                _integrate_part(work, result, part)
+                _integrate_part(request, result, part)
             return len(part)
 
     try:
@@ -426,161 +432,29 @@ def _integrate_plan(
         )
 
 
-@dataclass(frozen=True)
-class _RunsRequest:
-    """Buildings with their methods, ground motions, requested time step and varied parameters."""
-
-    subjects: tuple[Subject, ...]
-    methods: tuple[str, ...]
-    records: tuple[Record, ...]
-    dt: float | None
-    duration: float | None
-    check: bool
-    vary: dict[str, Array]
-
-    @cached_property
-    def draws(self) -> int:
-        """Number of samples; 1 if no parameter is varied."""
-        return len(next(iter(self.vary.values()))) if self.vary else 1
-
-    @cached_property
-    def building_parameters(self) -> dict[str, Array]:
-        """Varied parameters of buildings, without the record scale."""
-        return {name: values for name, values in self.vary.items() if name != SCALE}
-
-    def varied(self, model: int, draw: int) -> Subject:
-        """Return a building with the parameter values of one sample."""
-        subject = self.subjects[model]
-        numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
-        # A value of nan leaves the parameter unchanged: neighbors of a run (`_differentiated`)
-        # differ in one parameter each.
-        return Subject(
-            subject.model.changed(
-                {name: number for name, number in numbers.items() if not math.isnan(number)}
-            ),
-            subject.method,
-        )
-
-    def individual_sample(self, run: RunSpec, history: bool) -> int:
-        """Return the sample of a run if its building must be assembled individually, otherwise -1.
-
-        Otherwise the arrays of one building are changed from run to run. Buildings are assembled
-        individually for error estimates, histories, and methods with coefficients or a stability
-        limit that depend on the building.
-        """
-        method = self.subjects[run.model].integrator
-        if not self.building_parameters:
-            return -1
-        depends_on_building = (
-            method.family.prepare is not None or method.stability_limit != math.inf
-        )
-        is_plugin = f"method {method.method.name}" in CODE
-        return run.draw if self.check or history or depends_on_building or is_plugin else -1
-
-    def check_draws(self, but: Set[int]) -> None:
-        """Raise UsageError for a parameter name or value that is invalid for a building.
-
-        The values of the samples `but` are not checked.
-        """
-        checked = [draw for draw in range(self.draws) if draw not in but]
-        for name, all_values in self.building_parameters.items():
-            check_parameter(name)
-            values = all_values[checked] if but else all_values
-            numbers = values.tolist()
-            for value in dict.fromkeys(numbers):
-                with named_sample(numbers, value, checked):
-                    check_value(name, value)
-            # The allowed values are intervals, so that the extreme values are sufficient.
-            extremes = {float(values.min()), float(values.max())} if numbers else set[float]()
-            for subject in self.subjects:
-                for change, value in combined(changes_of(subject.model, name), sorted(extremes)):
-                    with named_sample(numbers, value, checked):
-                        change.check(name, value)
-                if name == "damping":
-                    damped_by(subject.model, 0.0)
-
-    def out_of_range(self) -> dict[tuple[int, int], str]:
-        """Return the invalid samples, each with its building, and the reason."""
-        invalid = dict[tuple[int, int], str]()
-        for model, draw in combined(range(len(self.subjects)), range(self.draws)):
-            try:
-                for name, values in self.building_parameters.items():
-                    check_value(name, float(values[draw]))
-                _ = self.varied(model, draw).prepared
-                scale = float(self.vary.get(SCALE, np.ones(self.draws))[draw])
-                if not (math.isfinite(scale) and scale):
-                    raise UsageError(f"{SCALE} must be a number other than zero, got {scale!r}")
-            except (UsageError, ModelError) as error:
-                invalid[model, draw] = str(error)
-        return invalid
-
-    @cached_property
-    def stories(self) -> int:
-        """Number of stories of the tallest building."""
-        return max((len(subject.model.stories) for subject in self.subjects), default=0)
-
-
-def _planned_runs(
-    work: _RunsRequest, scales: float | Iterable[float], zip_records: bool, invalid: Set[int]
-) -> list[RunSpec]:
-    """Return the runs with their time steps, after validation of scales and samples."""
-    factors = numbers_of(scales, "scales").tolist()
-    if not factors or not all(math.isfinite(factor) and factor for factor in factors):
-        raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
-    work.check_draws(invalid)
-    record_scales = work.vary.get(SCALE, np.ones(work.draws)).tolist()
-    for draw, factor in enumerate(record_scales):
-        if draw not in invalid and not (math.isfinite(factor) and factor):
-            raise UsageError(f"{SCALE} must be numbers other than zero, got {factor:g}")
-    if zip_records:
-        # Each list has the common length, or a single item that applies to all runs.
-        sizes = {"models": len(work.subjects), "draws": work.draws}
-        sizes |= {"records": len(work.records), "scales": len(factors)}
-        count = max(sizes.values())
-        for name, size in sizes.items():
-            if size not in (1, count):
-                raise UsageError(f"zip_records: {name} must have 1 or {count} items, got {size}")
-        combinations: Iterable[tuple[int, ...]] = zip(
-            *((np.arange(count) % size).tolist() for size in sizes.values()), strict=True
-        )
-    else:
-        combinations = combined(
-            *map(range, (len(work.subjects), work.draws, len(work.records), len(factors)))
-        )
-    # Time steps depend on few values of model and record: each combination is computed one time.
-    steps: dict[tuple[Any, ...], Steps] = {}
-    plan = []
-    for number, (model, draw, record, scale) in enumerate(combinations):
-        analysis, motion = work.subjects[model].model.analysis, work.records[record]
-        key = (analysis.dt, analysis.duration, motion.dt, motion.duration)
-        if key not in steps:
-            steps[key] = work.subjects[model].case(motion).steps(work.dt, work.duration)
-        plan.append(
-            RunSpec(number, model, draw, record, factors[scale] * record_scales[draw], steps[key])
-        )
-    return plan
-
-
-def _shape(work: _RunsRequest, plan: Sequence[RunSpec], every: int) -> tuple[int, int, int]:
+def _shape(request: RunsRequest, plan: Sequence[RunSpec], every: int) -> tuple[int, int, int]:
     """Return the shape of the histories: runs, rows of the longest run, stories of the tallest."""
-    return len(plan), max(run.steps.count for run in plan) // every + 1, work.stories
+    return len(plan), max(run.steps.count for run in plan) // every + 1, request.stories
 
 
 def _empty_result(
-    work: _RunsRequest,
+    request: RunsRequest,
     plan: Sequence[RunSpec],
     every: int,
     history: dict[str, NDArray[np.floating[Any]]],
 ) -> Runs:
     """Return the result with arrays that each thread fills for its runs."""
     peaks, errors, corrected = (
-        {field.name: np.full((len(plan), work.stories), math.nan) for field in fields(value_class)}
+        {
+            field.name: np.full((len(plan), request.stories), math.nan)
+            for field in fields(value_class)
+        }
         for value_class in (StoryPeaks, StoryErrors, StoryErrors)
     )
     return Runs(
-        models=tuple(subject.model for subject in work.subjects),
-        records=work.records,
-        methods=work.methods,
+        models=tuple(subject.model for subject in request.subjects),
+        records=request.records,
+        methods=request.methods,
         model=np.array([run.model for run in plan], np.int64),
         record=np.array([run.record for run in plan], np.int64),
         scale=np.array([run.scale for run in plan]),
@@ -592,52 +466,58 @@ def _empty_result(
         history=history,
         every=every,
         failures={},
-        varied={name: values[[run.draw for run in plan]] for name, values in work.vary.items()},
-        errors=StoryErrors(**errors) if work.check else None,
-        corrected=StoryPeaks(height=peaks["height"], **corrected) if work.check else None,
+        varied={name: values[[run.draw for run in plan]] for name, values in request.vary.items()},
+        errors=StoryErrors(**errors) if request.check else None,
+        corrected=StoryPeaks(height=peaks["height"], **corrected) if request.check else None,
         warnings=study_plausibility_warnings(
-            (subject.model, subject.prepared.building) for subject in work.subjects
+            (subject.model, subject.prepared.building) for subject in request.subjects
         ),
     )
 
 
-def _integrate_part(work: _RunsRequest, result: Runs, part: Sequence[RunSpec]) -> None:
+def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec]) -> None:
     """Integrate some runs in batches of one building and one time step, and write them to the
     result.
     """
     for (model, _, individual), group in groupby(
         part,
-        key=lambda run: (run.model, run.steps.h, work.individual_sample(run, bool(result.history))),
+        key=lambda run: (
+            run.model,
+            run.steps.h,
+            request.individual_sample(run, bool(result.history)),
+        ),
     ):
-        runs, subject = list(group), work.subjects[model]
+        runs, subject = list(group), request.subjects[model]
         numbers = [run.number for run in runs]
-        motions = Motions({run.record: work.records[run.record] for run in runs})
+        motions = Motions({run.record: request.records[run.record] for run in runs})
         specs = [(run.record, run.scale, run.steps) for run in runs]
         # If parameters vary, the arrays of one building are changed from run to run, except for
         # runs that need an individually assembled building (`individual_sample`).
-        if work.building_parameters and individual < 0:
+        if request.building_parameters and individual < 0:
             sample_indices = {
                 draw: index for index, draw in enumerate(dict.fromkeys(run.draw for run in runs))
             }
             values = {
                 name: column[list(sample_indices)]
-                for name, column in work.building_parameters.items()
+                for name, column in request.building_parameters.items()
             }
             drawn = draw_buildings(subject.model, subject.prepared.building, values)
             sampled_runs = [
                 (sample_indices[run.draw], spec) for run, spec in zip(runs, specs, strict=True)
             ]
-            sampled_subjects = [partial(work.varied, model, draw) for draw in sample_indices]
+            sampled_subjects = [partial(request.varied, model, draw) for draw in sample_indices]
             outcomes = run_sampled(subject, motions, sampled_runs, drawn, sampled_subjects)
         else:
-            subject = work.varied(model, runs[0].draw) if work.building_parameters else subject
+            subject = (
+                request.varied(model, runs[0].draw) if request.building_parameters else subject
+            )
             outcomes = run_batch(
                 subject,
                 motions,
                 specs,
-                check=work.check,
+                check=request.check,
                 history=bool(result.history),
-                integrate=partial(_integrate_with_histories, subject, work, result, runs)
+                integrate=partial(_integrate_with_histories, subject, request, result, runs)
                 if result.history
                 else None,
             )
@@ -659,7 +539,7 @@ def _integrate_part(work: _RunsRequest, result: Runs, part: Sequence[RunSpec]) -
 
 
 def _integrate_with_histories(
-    subject: Subject, work: _RunsRequest, result: Runs, runs: Sequence[RunSpec]
+    subject: Subject, request: RunsRequest, result: Runs, runs: Sequence[RunSpec]
 ) -> BatchResult:
     """Integrate runs of one building with one time step and keep the requested histories."""
     prepared, h = subject.prepared, runs[0].steps.h
@@ -685,7 +565,7 @@ def _integrate_with_histories(
     return prepared.integrate_with_histories(
         subject.integrator,
         h,
-        [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
+        [(request.records[run.record].acceleration, run.scale, run.steps) for run in runs],
         every=result.every,
         on_history=on_history,
     )
@@ -705,7 +585,7 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
     record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
     subject = Subject(case.model, label)
     check = response.check is not None
-    work = _RunsRequest((subject,), (label,), (record,), None, None, check, {})
+    request = RunsRequest((subject,), (label,), (record,), None, None, check, {})
     plan = [RunSpec(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
     peaks = StoryPeaks(
         **{field.name: getattr(response.stories, field.name)[None] for field in fields(StoryPeaks)}
@@ -715,11 +595,11 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
         if response.history
         else {}
     )
-    return _gradient(work, plan, peaks, history, 1, names, processors()).of_run(0)
+    return _gradient(request, plan, peaks, history, 1, names, processors()).of_run(0)
 
 
 def _gradient(
-    work: _RunsRequest,
+    request: RunsRequest,
     plan: Sequence[RunSpec],
     peaks: StoryPeaks,
     history: Mapping[str, NDArray[np.floating[Any]]],
@@ -727,31 +607,31 @@ def _gradient(
     names: Sequence[str],
     threads: int,
 ) -> Gradient:
-    """Return the derivatives of completed runs, with error estimates if `work.check` is true.
+    """Return the derivatives of completed runs, with error estimates if `request.check` is true.
 
     The errors are those of the differences from a second set of runs with half the time step. Their
     method is that of `default_reference`.
 
     Parameters
     ----------
-    work, plan, peaks, history, every, names, threads
+    request, plan, peaks, history, every, names, threads
         As for `_differentiated`.
     """
-    gradient = _differentiated(work, plan, peaks, history, every, names, threads)
-    if not work.check:
+    gradient = _differentiated(request, plan, peaks, history, every, names, threads)
+    if not request.check:
         return gradient
     subjects = tuple(
         Subject(subject.model, default_reference(subject.case(None)).method.label)
-        for subject in work.subjects
+        for subject in request.subjects
     )
     labels = tuple(subject.method for subject in subjects)
-    other_work = replace(work, subjects=subjects, methods=labels, check=False)
+    other_request = replace(request, subjects=subjects, methods=labels, check=False)
     others = [run._replace(number=i, steps=shorter_steps(run.steps)) for i, run in enumerate(plan)]
-    base = _empty_result(other_work, others, 1, {})
-    _integrate_all(other_work, base, others, threads)
-    other = _differentiated(other_work, others, base.stories, {}, 1, names, threads)
+    base = _empty_result(other_request, others, 1, {})
+    _integrate_all(other_request, base, others, threads)
+    other = _differentiated(other_request, others, base.stories, {}, 1, names, threads)
     errors = {}
-    model_factors = [factors(subject.integrator) for subject in work.subjects]
+    model_factors = [factors(subject.integrator) for subject in request.subjects]
     for field in fields(StoryErrors):
         derivatives, other_derivatives = getattr(gradient, field.name), getattr(other, field.name)
         errors[field.name] = np.full_like(derivatives, math.nan)
@@ -762,16 +642,18 @@ def _gradient(
     return replace(gradient, errors=StoryErrors(**errors))
 
 
-def _integrate_all(work: _RunsRequest, result: Runs, plan: Sequence[RunSpec], threads: int) -> None:
+def _integrate_all(
+    request: RunsRequest, result: Runs, plan: Sequence[RunSpec], threads: int
+) -> None:
     """Integrate all runs of a plan on threads, and write them to the result."""
     size = max(1, min(_RUNS_PER_BATCH, math.ceil(len(plan) / threads)))
     parts = [plan[first : first + size] for first in range(0, len(plan), size)]
-    for _ in on_threads(partial(_integrate_part, work, result), parts, threads):
+    for _ in on_threads(partial(_integrate_part, request, result), parts, threads):
         pass
 
 
 def _differentiated(
-    work: _RunsRequest,
+    request: RunsRequest,
     plan: Sequence[RunSpec],
     peaks: StoryPeaks,
     history: Mapping[str, NDArray[np.floating[Any]]],
@@ -783,7 +665,7 @@ def _differentiated(
 
     Parameters
     ----------
-    work : _RunsRequest
+    request : RunsRequest
         Buildings, ground motions and samples.
     plan : sequence of RunSpec
         Completed runs.
@@ -803,18 +685,18 @@ def _differentiated(
     numbers = dict[tuple[int, int], list[float]]()
     near = dict[tuple[int, int], list[tuple[float, float]]]()
     for key in dict.fromkeys((run.model, run.draw) for run in plan):
-        model = work.varied(*key).model
+        model = request.varied(*key).model
         numbers[key] = [
-            float(work.vary[name][key[1]]) if name in work.vary else number_at(model, name)
+            float(request.vary[name][key[1]]) if name in request.vary else number_at(model, name)
             for name in names
         ]
         near[key] = [
             neighbors(model, name, number) for name, number in zip(names, numbers[key], strict=True)
         ]
-    neighbor_work, neighbor_plan = _neighbor_runs(work, plan, names, numbers, near)
-    arrays = history_arrays(_shape(neighbor_work, neighbor_plan, every), tuple(history), None)
-    result = _empty_result(neighbor_work, neighbor_plan, every, arrays)
-    _integrate_all(neighbor_work, result, neighbor_plan, threads)
+    neighbor_request, neighbor_plan = _neighbor_runs(request, plan, names, numbers, near)
+    arrays = history_arrays(_shape(neighbor_request, neighbor_plan, every), tuple(history), None)
+    result = _empty_result(neighbor_request, neighbor_plan, every, arrays)
+    _integrate_all(neighbor_request, result, neighbor_plan, threads)
 
     # Rows of runs that were not integrated remain nan.
     rows = [run.number for run in plan]
@@ -848,37 +730,26 @@ def _differentiated(
 
 
 def _neighbor_runs(
-    work: _RunsRequest,
+    request: RunsRequest,
     plan: Sequence[RunSpec],
     names: Sequence[str],
     numbers: Mapping[tuple[int, int], list[float]],
     near: Mapping[tuple[int, int], list[tuple[float, float]]],
-) -> tuple[_RunsRequest, list[RunSpec]]:
+) -> tuple[RunsRequest, list[RunSpec]]:
     """Return the samples and the runs with one parameter at a time at a neighboring value.
 
     The runs are in the order of `plan`, then of the parameters, then of the two neighbors.
 
     Parameters
     ----------
-    work, plan, names
+    request, plan, names
         As for `_differentiated`.
     numbers : mapping
         Values of the parameters, by the indices of building and sample.
     near : mapping
         Two neighbors of each value, by the same indices.
     """
-    # One sample per neighbor: unchanged parameters have the value of the original sample, or nan.
-    draws = {item: draw for draw, item in enumerate(combined(near, range(len(names)), range(2)))}
-    origin = [draw for (_, draw), _, _ in draws]
-    columns = {name: column[origin] for name, column in work.building_parameters.items()}
-    columns |= {
-        name: np.full(len(draws), math.nan)
-        for name in names
-        if name not in columns and name != SCALE
-    }
-    for (key, i, side), draw in draws.items():
-        if names[i] != SCALE:
-            columns[names[i]][draw] = near[key][i][side]
+    draws, columns = neighbor_samples(near, names, request.building_parameters)
     # The scale is a number of the run, not of the building.
     neighbor_plan = list[RunSpec]()
     for run, i, side in combined(plan, range(len(names)), range(2)):
@@ -889,4 +760,4 @@ def _neighbor_runs(
                 number=len(neighbor_plan), draw=draws[key, i, side], scale=run.scale * factor
             )
         )
-    return replace(work, vary=columns, check=False), neighbor_plan
+    return replace(request, vary=columns, check=False), neighbor_plan
