@@ -38,10 +38,24 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "benchmarks"))
+import first_stage as first_stage_module  # noqa: E402
+from first_stage import (  # noqa: E402
+    Mutant,
+    Session,
+    Test,
+    changed_place,
+    collect,
+    first_failure,
+    in_copy,
+    measure,
+    replace_code,
+    result_of,
+)
 from mutants import mutant, places  # noqa: E402
 
 KERNELS = ROOT / "src" / "tdint" / "kernels"
@@ -51,29 +65,22 @@ MODULES = (
 )
 """Modules with the loops. `building` and `compiling.py` contain no loops."""
 
-_RUNS = "tests/kernels/test_stored_results.py::test_runs_have_the_stored_results"
-_SPECTRA = "tests/kernels/test_stored_results.py::test_spectra_have_the_stored_results"
-_OSCILLATORS = "tests/kernels/test_oscillators_and_loads.py"
-_PARTS = "tests/kernels/test_parts_of_a_step.py"
-
-INTERPRETED = {
-    "peaks_between_steps": [_RUNS, "tests/kernels/test_peaks_between_steps.py"],
-    "equations/tridiagonal": [_RUNS, "tests/kernels/test_tridiagonal.py"],
-    "laws/bouc_wen": [_RUNS, "tests/kernels/test_bouc_wen.py"],
-    "laws/multilinear_pinching": [_RUNS, "tests/kernels/test_multilinear_pinching.py"],
-    "laws": [_RUNS, "tests/kernels/test_softening_and_pinching.py"],
-    "stories/path": [_RUNS, "tests/kernels/test_path.py"],
-    "stories/branches": [_RUNS, _OSCILLATORS, "tests/kernels/test_branches.py"],
-    "time_loop/observer": [_RUNS, "tests/kernels/test_peaks_between_steps.py"],
-    "time_loop/ground": [_RUNS, _SPECTRA, _OSCILLATORS],
-    "time_loop/loop": [_RUNS, "tests/methods/test_misdeclared_laws.py"],
-    "linear_terms": [_RUNS, _OSCILLATORS],
-    "oscillators": [_SPECTRA, _OSCILLATORS],
-    "equations": [_RUNS, _PARTS],
-    "stories": [_RUNS, _PARTS],
-}
-"""Tests of the first stage by module or directory, in the order in which they run. The stored
-results are first: they detect most mutants in a few seconds."""
+INTERPRETED = [
+    "tests/kernels/test_stored_results.py",
+    "tests/kernels/test_oscillators_and_loads.py",
+    "tests/kernels/test_oscillator_groups.py",
+    "tests/kernels/test_quintic.py",
+    "tests/kernels/test_parts_of_a_step.py",
+    "tests/kernels/test_peaks_between_steps.py",
+    "tests/kernels/test_tridiagonal.py",
+    "tests/kernels/test_bouc_wen.py",
+    "tests/kernels/test_multilinear_pinching.py",
+    "tests/kernels/test_softening_and_pinching.py",
+    "tests/kernels/test_path.py",
+    "tests/kernels/test_branches.py",
+    "tests/methods/test_misdeclared_laws.py",
+]
+"""Files of the tests of the first stage."""
 
 COMPILED = [
     "tests/methods/test_impulse4.py",
@@ -85,8 +92,8 @@ COMPILED = [
     "tests/methods/test_every_method.py",
     "tests/analysis/spectra",
 ]
-SECONDS = {"interpreted": 600.0, "compiled": 1800.0}
-"""Time limits of the stages, s. A mutant that loops forever is counted as killed."""
+SECONDS = 1800.0
+"""Time limit of the second stage, s. A mutant that loops forever is counted as killed."""
 
 REASONS = Path(__file__).with_name("survivors.csv")
 """Examined survivors: module, old and new source line, reason."""
@@ -112,17 +119,13 @@ def changed_line(module: Path, text: str) -> tuple[str, str]:
     return "", ""
 
 
-def stage(package: Path, tests: list[str], interpreted: bool, cache: Path) -> tuple[bool, str]:
-    """Run tests with a changed package.
+def compiled_stage(package: Path, cache: Path) -> tuple[bool, str]:
+    """Run the tests of the second stage.
 
     Parameters
     ----------
     package : Path
         Directory that contains the package `tdint`.
-    tests : list of str
-        Files and directories of tests.
-    interpreted : bool
-        Do not compile loops.
     cache : Path
         Directory of the compiled loops.
 
@@ -141,13 +144,10 @@ def stage(package: Path, tests: list[str], interpreted: bool, cache: Path) -> tu
     }
     environment.pop("TDINT_KERNELS", None)
     environment.pop("TDINT_KERNELS_DIR", None)
-    if interpreted:
-        environment["TDINT_KERNELS"] = "python"
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-    limit = SECONDS["interpreted" if interpreted else "compiled"]
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *COMPILED]
     try:
         done = subprocess.run(
-            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=limit
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=SECONDS
         )
     except subprocess.TimeoutExpired:
         return True, "time limit"
@@ -155,15 +155,10 @@ def stage(package: Path, tests: list[str], interpreted: bool, cache: Path) -> tu
     return done.returncode != 0, failed.group(1) if failed else ""
 
 
-def all_interpreted() -> list[str]:
-    """Return all tests of the first stage."""
-    return sorted({name for names in INTERPRETED.values() for name in names})
-
-
 def hash_of_tests() -> str:
     """Return a hash of the tests of both stages."""
     hash_value = hashlib.sha256()
-    names = (*all_interpreted(), "tests/kernels/stored_results.csv", *COMPILED)
+    names = (*INTERPRETED, "tests/kernels/stored_results.csv", *COMPILED)
     for name in sorted({name.partition("::")[0] for name in names}):
         path = ROOT / name
         for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
@@ -181,27 +176,115 @@ def name_of(module: Path) -> str:
     return module.relative_to(KERNELS).with_suffix("").as_posix()
 
 
-def require_passing_tests(kernels: Path | None) -> None:
-    """Stop the script if a test fails with unchanged sources.
+def measured_tests(session: Session, file: Path, workers: int) -> dict[str, Test]:
+    """Return the tests of the first stage with the lines of the kernels that they execute.
 
     Parameters
     ----------
-    kernels : Path or None
-        Directory of the compiled loops of the unchanged sources, which are compiled if necessary;
-        None to check only the first stage.
+    session : Session
+        Collected tests.
+    file : Path
+        File of the results. They are computed if the file does not contain results of the same
+        sources.
     """
-    failed, by = stage(ROOT / "src", all_interpreted(), True, Path(tempfile.gettempdir()))
-    if not failed and kernels is not None:
-        failed, by = stage(ROOT / "src", COMPILED, False, kernels)
+    sources = hash_of_sources()
+    stored = json.loads(file.read_text("utf-8")) if file.exists() else {}
+    if stored.get("sources") != sources:
+        stored = {"sources": sources, "tests": {}, "files": {}}
+    hashes = {name: hash_of(ROOT / name) for name in INTERPRETED}
+    names = [
+        name
+        for name in session.items
+        if stored["files"].get(name.partition("::")[0]) != hashes[name.partition("::")[0]]
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        copies = []
+        for k in range(workers):
+            output = Path(folder) / f"{k}.json"
+            copies.append(
+                (in_copy(partial(measure, session, names[k::workers], KERNELS), output), output)
+            )
+        parts = [result_of(*copy) for copy in copies]
+    failed = [name for part in parts for name in part["failed"]]
     if failed:
-        sys.exit(f"tests must pass with unchanged sources, but one fails: {by or 'no test ran'}")
+        sys.exit(f"tests must pass with unchanged sources, but {len(failed)} fail: {failed}")
+    tests = {name: test for name, test in stored["tests"].items() if name in session.items}
+    for part in parts:
+        tests |= part["tests"]
+    file.write_text(
+        json.dumps({"sources": sources, "files": hashes, "tests": tests}), "utf-8"
+    )
+    return {name: Test(**test) for name, test in tests.items()}
 
 
-def tried(module: Path, place: int, kernels: Path | None) -> dict[str, object]:
+def hash_of_sources() -> str:
+    """Return a hash of the package and the helpers of the tests."""
+    hash_value = hashlib.sha256()
+    helpers = (ROOT / "tests").glob("*.py")
+    for file in sorted([*(ROOT / "src").rglob("*.py"), *helpers]):
+        hash_value.update(file.read_bytes())
+    return hash_value.hexdigest()[:12]
+
+
+def first_stage(session: Session, measured: dict[str, Test], mutant: Mutant, folder: Path) -> tuple[bool, str]:
+    """Run the tests of the first stage that execute the changed statement.
+
+    Parameters
+    ----------
+    session : Session
+        Collected tests.
+    measured : dict
+        Result of `measured_tests`.
+    mutant : Mutant
+        Changed module.
+    folder : Path
+        Empty directory.
+
+    Returns
+    -------
+    bool, str
+        True if a test failed, and its name.
+    """
+    names, output = mutant.tests(measured), folder / "failure.json"
+    if not names:
+        return False, ""
+
+    def try_here() -> object:
+        return first_failure(session, names, measured) if replace_code(mutant) else "new process"
+
+    failure = result_of(in_copy(try_here, output), output)
+    if failure == "new process":
+        output.unlink()
+        given = folder / "given.json"
+        given.write_text(json.dumps({name: measured[name].seconds for name in names}), "utf-8")
+        package = package_of(mutant, folder)
+        command = [sys.executable, str(Path(first_stage_module.__file__)), str(package), str(given), str(output)]
+        subprocess.run(command, capture_output=True, check=False)
+        # There is no result if the module cannot be imported, or after the time limit.
+        failure = json.loads(output.read_text("utf-8")) if output.exists() else "no result"
+    return failure != "", "time limit" if failure is None else str(failure)
+
+
+def package_of(mutant: Mutant, folder: Path) -> Path:
+    """Return a directory with a copy of the package that contains the changed module."""
+    package = folder / "package"
+    if not package.exists():
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / "src" / "tdint", package / "tdint", ignore=ignored)
+        file = package / "tdint" / "kernels" / f"{mutant.module}.py"
+        file.write_text(mutant.text, "utf-8")
+    return package
+
+
+def tried(session: Session, measured: dict[str, Test], module: Path, place: int, kernels: Path | None) -> dict[str, object]:
     """Try a mutant and return its line of the journal.
 
     Parameters
     ----------
+    session : Session
+        Collected tests.
+    measured : dict
+        Result of `measured_tests`.
     module : Path
         Module that is changed.
     place : int
@@ -210,19 +293,16 @@ def tried(module: Path, place: int, kernels: Path | None) -> dict[str, object]:
         Directory of the compiled loops of the unchanged sources; None to omit the second stage.
     """
     began = time.monotonic()
-    line, text = mutant(module.read_text("utf-8"), place)
+    source = module.read_text("utf-8")
+    line, text = mutant(source, place)
     old, new = changed_line(module, text)
-    tests = INTERPRETED.get(name_of(module)) or INTERPRETED[module.parent.name]
+    changed = Mutant(name_of(module), text, *changed_place(source, place))
     with tempfile.TemporaryDirectory() as folder:
-        package = Path(folder)
-        cache = package / "cache"
-        ignored = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / "src" / "tdint", package / "tdint", ignore=ignored)
-        (package / "tdint" / module.relative_to(ROOT / "src" / "tdint")).write_text(text, "utf-8")
-        killed, by = stage(package, tests, True, cache)
+        killed, by = first_stage(session, measured, changed, Path(folder))
         if not killed and kernels is not None:
-            shutil.copytree(kernels, cache, dirs_exist_ok=True)
-            killed, by = stage(package, COMPILED, False, cache)
+            cache = Path(folder) / "cache"
+            shutil.copytree(kernels, cache)
+            killed, by = compiled_stage(package_of(changed, Path(folder)), cache)
     return {
         "module": name_of(module),
         "place": place,
@@ -231,6 +311,7 @@ def tried(module: Path, place: int, kernels: Path | None) -> dict[str, object]:
         "new": new,
         "killed": killed,
         "by": by,
+        "tests_of_line": len(changed.tests(measured)),
         "compiled": kernels is not None,
         "seconds": round(time.monotonic() - began, 1),
         "source": hash_of(module),
@@ -306,6 +387,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--hours", type=float, default=5.0, help="start no mutant after this time")
     parser.add_argument("--least", type=float, default=0.0, help="percentage that must be killed")
     parser.add_argument("--only", default="", help="part of the name of the modules")
+    parser.add_argument("--workers", type=int, default=1, help="processes that try mutants")
     parser.add_argument(
         "--interpreted", action="store_true", help="omit the second stage, which compiles"
     )
@@ -325,23 +407,70 @@ def main() -> None:
     journal = {(row["module"], row["place"]): row for row in map(json.loads, lines)}
 
     # Try the mutants without a valid result.
+    options.journal = options.journal.resolve()
     kernels = None if options.interpreted else options.kernels.resolve()
-    tests, rows, passing = hash_of_tests(), [], False
+    tests = hash_of_tests()
+    waiting = []
     for module, place in chosen:
         row = journal.get((name_of(module), place))
         if row is None or not still_valid(row, module, tests, kernels is not None):
-            if time.monotonic() > end:
-                continue
-            if not passing:
-                require_passing_tests(kernels)
-                passing = True
-            row = tried(module, place, kernels)
-            with options.journal.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-            result = "killed" if row["killed"] else "survives"
-            print(f"{result}: {row['module']}:{row['line']}", flush=True)
-        rows.append(row)
+            journal.pop((name_of(module), place), None)
+            waiting.append((module, place))
+    if waiting:
+        def work(session: Session) -> None:
+            try_all(session, waiting, options, kernels, end)
+
+        code = collect(INTERPRETED, ROOT / "src", work)
+        if code:
+            sys.exit(code)
+        for line in options.journal.read_text("utf-8").splitlines():
+            row = json.loads(line)
+            if (row["module"], row["place"]) in {(name_of(m), p) for m, p in waiting}:
+                journal[row["module"], row["place"]] = row
+    rows = [row for module, place in chosen if (row := journal.get((name_of(module), place)))]
     sys.exit(report(rows, len(chosen) - len(rows), options.least))
+
+
+def try_all(session: Session, waiting: list[tuple[Path, int]], options: argparse.Namespace, kernels: Path | None, end: float) -> None:
+    """Try mutants in several processes, and append the results to the journal.
+
+    Parameters
+    ----------
+    session : Session
+        Collected tests.
+    waiting : list of (Path, int)
+        Modules and places of the mutants.
+    options : Namespace
+        Options of the command line.
+    kernels : Path or None
+        Directory of the compiled loops of the unchanged sources; None to omit the second stage.
+    end : float
+        Time after which no mutant is started, in seconds of `time.monotonic`.
+    """
+    measured = measured_tests(session, options.journal.with_suffix(".tests"), options.workers)
+    if kernels is not None:
+        failed, by = compiled_stage(ROOT / "src", kernels)
+        if failed:
+            sys.exit(f"tests must pass with unchanged sources, but one fails: {by}")
+    running: dict[int, Path] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for number, (module, place) in enumerate([*waiting, (None, 0)]):
+            done = module is None or time.monotonic() > end
+            while len(running) >= (1 if done else options.workers):
+                child, status = os.wait()
+                output = running.pop(child)
+                if status:
+                    sys.exit(output.with_suffix(".error").read_text("utf-8"))
+                row = json.loads(output.read_text("utf-8"))
+                with options.journal.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(row) + "\n")
+                result = "killed" if row["killed"] else "survives"
+                print(f"{result}: {row['module']}:{row['line']}", flush=True)
+            if done:
+                break
+            output = Path(folder) / f"{number} {name_of(module).replace('/', '.')} {place}"
+            child = in_copy(partial(tried, session, measured, module, place, kernels), output)
+            running[child] = output
 
 
 if __name__ == "__main__":

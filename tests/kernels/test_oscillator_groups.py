@@ -1,0 +1,287 @@
+"""Kernels that integrate many oscillators together, compared with the matrix exponential.
+
+The records are longer than two intervals of each kernel, so that the maximum is in the first, a
+middle or the last interval, or in the remaining steps.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from exact_oscillators import largest, motion, recursion_table
+from tdint.kernels.oscillators import between_steps, elastic, modal_sums, rotated
+from tdint.kernels.oscillators.between_steps import Vibration
+
+DT = 0.02
+OMEGAS = (3.0, 14.0, 45.0)
+RATIOS = (0.05, 0.0, 0.2)
+FINE = 24
+
+
+def record(seed, size, growth=0.0):
+    """Return noise whose amplitude changes by the factor exp(growth) over the record."""
+    noise = np.random.default_rng(seed).normal(size=size)
+    return noise * np.exp(growth * np.linspace(0.0, 1.0, size))
+
+
+def linear_table(parts, columns):
+    """Return a table of the oscillators; the columns after them repeat the first oscillator."""
+    omegas = np.array([*OMEGAS, *[OMEGAS[0]] * (columns - 3)])
+    ratios = np.array([*RATIOS, *[RATIOS[0]] * (columns - 3)])
+    return recursion_table(
+        elastic.COEFFICIENTS, lambda w, xi: (w**2, 2.0 * xi * w), omegas, ratios, DT / parts
+    )
+
+
+def elastic_peaks(samples, parts, between, lanes=2, columns=4):
+    result = np.zeros((elastic.PEAKS, 3))
+    elastic.peaks.compiled(
+        samples, DT, parts, linear_table(parts, columns), lanes, between, result,
+        *elastic.scratch(samples.size, parts, lanes),
+    )  # fmt: skip
+    return result
+
+
+@pytest.mark.parametrize("growth", [-2.0, 0.0, 2.0])
+@pytest.mark.parametrize("parts", [1, 3])
+@pytest.mark.parametrize("size", [2, 21, 75])
+def test_peaks_of_linear_oscillators(size, parts, growth):
+    samples = record(size, size, growth)
+    between, at_steps = (elastic_peaks(samples, parts, flag) for flag in (1, 0))
+    for i, (omega, xi) in enumerate(zip(OMEGAS, RATIOS, strict=True)):
+        u, v, _ = motion(samples, DT, omega, xi, parts * FINE)
+        acceleration = omega**2 * u + 2.0 * xi * omega * v
+        values = np.column_stack([u, v, acceleration])
+        assert between[:, i] == pytest.approx(largest(values, FINE), rel=3e-5)
+        assert at_steps[:, i] == pytest.approx(np.max(np.abs(values[::FINE]), axis=0), rel=1e-9)
+
+
+def similar_intervals(seed, steps, count):
+    """Return a record that repeats a section of so many steps with slightly different amplitudes.
+    The maxima of all intervals are then close to each other."""
+    random = np.random.default_rng(seed)
+    section = random.normal(size=steps)
+    factors = random.uniform(0.985, 1.0, count)
+    return np.concatenate([factor * section for factor in factors] + [[0.0]])
+
+
+def test_no_interval_with_a_maximum_is_skipped():
+    """The bounds of the intervals only avoid work: the result is equal to that of all intervals."""
+    skipped = 0
+    for seed in range(60):
+        samples = similar_intervals(seed, elastic.INTERVAL_STEPS, 4)[:120]
+        ground, starts, maxima, ground_maxima = elastic.scratch(samples.size, 1, 1)
+        omega = 10.0 ** np.random.default_rng(seed).uniform(0.3, 1.65)
+        table = recursion_table(
+            elastic.COEFFICIENTS, lambda w, xi: (w**2, 2.0 * xi * w), [omega], [0.02], DT
+        )
+        result = np.zeros((elastic.PEAKS, 1))
+        elastic.peaks.compiled(
+            samples, DT, 1, table, 1, 1, result, ground, starts, maxima, ground_maxima
+        )
+        best = np.zeros(elastic.PEAKS)
+        series = np.zeros((3, between_steps.TERMS))
+        one = elastic._TableOscillator(ground, DT, table, 0, starts[0], 1, series, best)
+        for interval in range(maxima.shape[1] + 1):
+            elastic._integrate_interval(one, interval)
+        assert np.array_equal(result[:, 0], best)
+        integrated = np.zeros(elastic.PEAKS)
+        elastic._integrate_interval(one._replace(best=integrated), int(np.argmax(maxima[0, :, 0])))
+        skipped += not np.array_equal(integrated, best)
+    assert skipped > 5
+
+
+def test_maxima_of_the_ground_in_an_interval():
+    steps = elastic.INTERVAL_STEPS
+    for seed in range(5):
+        ground = record(seed, 2 * steps + 1)
+        found = np.zeros((2, 2))
+        for k in range(2):
+            elastic._measure_ground(ground, DT, k, found)
+            part = ground[k * steps : (k + 1) * steps + 1]
+            expected = np.max(np.abs(part)), np.max(np.abs(np.diff(part))) / DT
+            assert found[k] == pytest.approx(expected, rel=1e-12)
+
+
+def directions():
+    angles = np.radians(np.arange(rotated.ANGLES))
+    return np.array([np.cos(angles), np.sin(angles)])
+
+
+def rotated_peaks(pair, parts, between):
+    result = np.zeros((3, rotated.ANGLES))
+    rotated.rotated_peaks.compiled(
+        *pair, DT, parts, linear_table(parts, rotated.LANES), directions(), between, result,
+        *rotated.scratch(pair.shape[1], parts),
+    )  # fmt: skip
+    return result
+
+
+@pytest.mark.parametrize(("size", "parts", "growth"), [(40, 1, -2.0), (75, 1, 0.0), (30, 3, 2.0)])
+def test_peaks_in_all_directions(size, parts, growth):
+    pair = np.array([record(seed + size, size, growth) for seed in (1, 2)])
+    between, at_steps = (rotated_peaks(pair, parts, flag) for flag in (1, 0))
+    for i, (omega, xi) in enumerate(zip(OMEGAS, RATIOS, strict=True)):
+        both = np.array([motion(one, DT, omega, xi, parts * FINE)[0] for one in pair])
+        values = both.T @ directions()
+        assert between[i] == pytest.approx(largest(values, FINE), rel=3e-5)
+        assert at_steps[i] == pytest.approx(np.max(np.abs(values[::FINE]), axis=0), rel=1e-9)
+
+
+def test_no_sector_with_a_maximum_is_skipped():
+    """The result is at least the maximum of each step in each direction, computed without bounds,
+    in records with similar intervals."""
+    for seed in range(3):
+        pair = np.array([similar_intervals(10 * seed + k, 32, 3)[:90] for k in range(2)])
+        found = rotated_peaks(pair, 1, 1)
+        for i, (omega, xi) in enumerate(zip(OMEGAS, RATIOS, strict=True)):
+            both = np.array([motion(one, DT, omega, xi, FINE)[0] for one in pair])
+            assert found[i] == pytest.approx(largest(both.T @ directions(), FINE), rel=3e-5)
+
+
+def test_bounds_between_axes_and_edges_of_sectors():
+    """Sums of sines and cosines: a displacement at an edge is at most the bound, and equal to it
+    for a motion along an axis or with the same maximum along both axes."""
+    scratch = np.zeros((rotated._SECTOR_ROWS, rotated._SECTORS + 1))
+    edges = np.radians(np.linspace(0.0, 180.0, rotated._SECTORS + 1))
+    scratch[rotated._COSINES], scratch[rotated._SINES] = np.cos(edges), np.sin(edges)
+    random = np.random.default_rng(5)
+    axes = np.radians(np.arange(rotated.AXES) * 180.0 / rotated.AXES)
+    for x, y in random.normal(size=(20, 2)):
+        maxima = np.abs(x * np.cos(axes) + y * np.sin(axes))
+        rotated._interpolate(maxima, scratch)
+        start, end = scratch[rotated._AT_START].copy(), scratch[rotated._AT_END]
+        assert np.array_equal(start[:-1], end[:-1])
+        rotated._project(x, y, scratch, sizes := np.zeros(edges.size))
+        assert sizes == pytest.approx(np.abs(x * np.cos(edges) + y * np.sin(edges)), rel=1e-12)
+        assert np.all(start >= sizes * (1.0 - 1e-12))
+        # Between two axes on the same side, the sum is exact.
+        signs = np.sign(x * np.cos(axes) + y * np.sin(axes))
+        step = rotated._SECTORS // rotated.AXES
+        for k in range(rotated.AXES - 1):
+            if signs[k] == signs[k + 1]:
+                inner = slice(k * step, (k + 1) * step + 1)
+                assert start[inner] == pytest.approx(sizes[inner], rel=1e-12)
+        assert start[-1] == maxima[0]
+    best = random.uniform(size=rotated.ANGLES)
+    for sector in range(rotated._SECTORS):
+        assert rotated._lowest(best, sector) == np.min(best[10 * sector : 10 * sector + 10])
+        scratch[rotated._LOWEST, sector] = rotated._lowest(best, sector)
+    for excess in (0.0, 0.01):
+        values = random.uniform(0.0, 0.12, size=(2, edges.size))
+        scratch[[rotated._AT_START, rotated._AT_END]] = values
+        top = np.maximum(np.max(values[:, :-1], axis=0), np.max(values[:, 1:], axis=0))
+        assert [rotated._top(scratch, k) for k in range(rotated._SECTORS)] == list(top)
+        higher = top / math.cos(math.radians(5.0)) + excess > scratch[rotated._LOWEST, :-1]
+        assert rotated._count_higher(scratch, excess) == np.sum(higher)
+        assert 0 < np.sum(higher) < rotated._SECTORS
+
+
+def modal_case(seed, parts):
+    """Return a table of modes, their shapes and the static correction; two columns of the table
+    only complete the block."""
+    random = np.random.default_rng(seed)
+    omegas, ratios = random.uniform(3.0, 60.0, 8), random.uniform(0.0, 0.3, 8)
+    table = recursion_table(
+        modal_sums.MODE_ROWS, lambda w, xi: (w, xi), omegas, ratios, DT / parts
+    )
+    shapes = random.normal(size=(8, 4)) / omegas[:, None] ** -1.0
+    shapes[6:] = 0.0
+    return omegas, ratios, table, shapes, 0.1 * random.uniform(size=4)
+
+
+@pytest.mark.parametrize(
+    ("size", "parts", "growth"), [(3, 1, 0.0), (40, 1, 0.0), (100, 2, -1.0), (150, 1, 1.0), (70, 3, 0.0)]
+)
+def test_maximum_of_a_sum_of_modes(size, parts, growth):
+    for seed in range(3):
+        samples = record(seed + size, size, growth)
+        omegas, ratios, table, shapes, static = modal_case(seed, parts)
+        results = np.zeros(modal_sums.RESULTS)
+        modal_sums.largest_drifts.compiled(
+            samples, parts, DT / parts, table, shapes, static, results,
+            *modal_sums.scratch(size, parts, 8, 4),
+        )  # fmt: skip
+        coordinates = [
+            motion(samples, DT, w, xi, parts * FINE) for w, xi in zip(omegas[:6], ratios[:6], strict=True)
+        ]
+        q = np.column_stack([one[0] for one in coordinates])
+        drift = q @ shapes[:6] - np.outer(coordinates[0][2], static)
+        peaks = largest(drift, FINE)
+        story = int(np.argmax(peaks[:3]))
+        assert results[modal_sums.STORY] == story
+        assert results[modal_sums.PEAK] == pytest.approx(peaks[story], rel=3e-5)
+        assert results[modal_sums.ROOF] == pytest.approx(peaks[3], rel=3e-5)
+
+
+def test_a_sum_of_modes_between_two_steps():
+    """Value, rate and the next step follow from the state of the modes and a linear ground."""
+    omegas, ratios, table, shapes, static = modal_case(9, 1)
+    random = np.random.default_rng(9)
+    q, rate = random.normal(size=(2, 2, 8))
+    ground = random.normal(size=2)
+    slope = (ground[1] - ground[0]) / DT
+    modal_sums._integrate_modes(ground, 1, 0, 2, table, q, rate, np.zeros(2))
+    drift = q @ shapes - np.outer(ground, static)
+    rates = rate @ shapes - slope * static
+    sums = modal_sums._Sum(table, shapes, static, DT)
+    steps = modal_sums._Steps(q, rate, ground, drift, 2)
+    for c in range(4):
+        for t, row in ((0.0, 0), (DT, 1)):
+            value, speed = modal_sums._column_at(sums, steps, 0, slope, t, c)
+            assert value == pytest.approx(drift[row, c], rel=1e-9, abs=1e-11)
+            assert speed == pytest.approx(rates[row, c], rel=1e-9, abs=1e-9)
+            assert modal_sums._rate(sums, steps, row, slope, c) == pytest.approx(speed, rel=1e-9)
+
+
+def test_maxima_of_columns_and_their_second_differences():
+    drift = np.random.default_rng(10).normal(size=(12, 5))
+    for rows in (1, 2, 3, 9):
+        maxima, bends = np.full((2, 5), 7.0)
+        modal_sums._update_maxima(drift, rows, maxima, bends)
+        assert maxima == pytest.approx(np.max(np.abs(drift[:rows]), axis=0))
+        second = np.abs(np.diff(drift[:rows], 2, axis=0))
+        assert bends == pytest.approx(np.max(second, axis=0, initial=0.0))
+
+
+def test_excess_between_steps_and_number_of_terms():
+    """The bound of the excess is reached by a cosine of the longest allowed step, about."""
+    for omega_h in (0.01, 0.3, 1.0):
+        for xi in (0.0, 0.2):
+            omega = omega_h / DT
+            vibration = Vibration(omega**2, 2.0 * xi * omega, DT)
+            expected = DT**2 / 8.0 * math.exp(xi * omega_h) / math.cos(0.5 * omega_h)
+            assert between_steps.rise(vibration) == pytest.approx(expected, rel=1e-12)
+            # Terms beyond the cubic, until (omega h)^k 3! / (k + 3)! is below 2e-10
+            neglected = [omega_h ** (n - 3) * 6.0 / math.factorial(n) for n in range(4, 16)]
+            count = next((n for n, term in enumerate(neglected, 4) if term <= 2e-10), 15)
+            assert between_steps.terms(vibration) == max(count, 5)
+    damped = Vibration((0.1 / DT) ** 2, 0.9 / DT, DT)
+    alone = Vibration((0.9 / DT) ** 2, 0.0, DT)
+    assert between_steps.terms(damped) == between_steps.terms(alone) == 14
+
+
+def test_a_step_may_exceed_a_maximum_if_its_rate_turns():
+    """The rate turns if its signs differ, or if it approaches zero at the start and leaves zero at
+    the end. From rest, the second derivative at the start gives the sign."""
+    rise, q0, q1 = 0.5, -3.0, 2.0
+    for d0 in (-1.0, 0.0, 1.0):
+        for e0 in (-2.0, 0.0, 2.0):
+            for d1 in (-1.0, 0.0, 1.0):
+                for e1 in (-4.0, 0.0, 4.0):
+                    before = d0 or e0
+                    turns = before * d1 < 0.0 or (d0 * e0 < 0.0 < d1 * e1)
+                    bound = 3.0 + rise * max(abs(e0), abs(e1))
+                    for best, expected in ((bound - 1e-9, turns), (bound, False)):
+                        found = between_steps.may_exceed(best, rise, q0, d0, e0, q1, d1, e1)
+                        assert bool(found) == expected
+
+
+def test_the_ground_between_samples():
+    samples = record(11, 7)
+    for parts in (1, 3):
+        ground = np.full(6 * parts + 1, np.nan)
+        between_steps.interpolate_samples(samples, parts, ground)
+        expected = np.interp(np.arange(6 * parts + 1) / parts, np.arange(7), samples)
+        assert ground == pytest.approx(expected, rel=1e-12)
