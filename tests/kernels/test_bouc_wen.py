@@ -5,15 +5,17 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from path_kernel import forces_behind
+from tdint.kernels import layout as rows
 from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories import path
 from tdint.kernels.stories.law_state import start
+from tdint.model.definition import LAWS
 
 SOFT = (1.0 - HARDENING) * FY
 DY = FY / K
@@ -142,3 +144,27 @@ def test_large_exponent_approaches_bilinear_law():
     smooth, _, _ = follow(law(100.0, 0.5), CYCLE)
     sharp, _, _ = follow(law_table("bilinear", FY, HARDENING), CYCLE)
     assert smooth == pytest.approx(sharp, abs=0.02 * FY)
+
+
+@pytest.mark.parametrize("beta", [0.5, 0.7, 1.0])
+@pytest.mark.parametrize("exponent", [1.0, 1.6])
+def test_the_branch_ends_where_w_changes_its_sign(exponent, beta):
+    """The drift change is the integral of du / (1 + (2 beta - 1) u^n) from 0 to |w|."""
+    functions = LAWS["bouc-wen"].functions()
+    law_parameters = law(exponent, beta)
+    state = law_state_table(law_parameters)
+    for side in (1.0, -1.0):
+        for w in (0.03, 0.6, 0.98):
+            state[rows.INTERNAL, 0] = -side * w
+            expected = DY * quad(lambda u: 1.0 / (1.0 + (2.0 * beta - 1.0) * u**exponent), 0, w)[0]
+            found = functions.kink(law_parameters, state, 0, 0, side)
+            assert found == pytest.approx(expected, rel=1e-7)
+            assert functions.kink(law_parameters, state, 0, 0, -side) == math.inf
+            state[rows.DRIFT, 0], state[rows.RATE_SIGN, 0] = 0.3 * DY, -side
+            functions.switch(law_parameters, state, 0, 0, rows.REVERSED)
+            limits = (0.3 * DY + expected, -math.inf) if side > 0.0 else (math.inf, 0.3 * DY - expected)
+            assert state[[rows.UPPER, rows.LOWER], 0] == pytest.approx(limits, rel=1e-7)
+            functions.switch(law_parameters, state, 0, 0, rows.ABOVE)
+            assert state[[rows.UPPER, rows.LOWER], 0].tolist() == [math.inf, -math.inf]
+    state[rows.INTERNAL, 0] = 0.0
+    assert functions.kink(law_parameters, state, 0, 0, 1.0) == math.inf

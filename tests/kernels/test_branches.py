@@ -12,7 +12,13 @@ from tdint.kernels.laws import branch_following
 from tdint.kernels.laws.branch_following import branch_follower
 from tdint.kernels.laws.compiled_separately import SEPARATE_LAW_FUNCTIONS, law_state_table
 from tdint.kernels.laws.law import DriftLaw
-from tdint.kernels.stories.branches import NONE, _crossing, find_sign_change
+from tdint.kernels.stories.branches import (
+    _REVERSAL_TOLERANCE,
+    NONE,
+    _crossing,
+    find_sign_change,
+    first_event,
+)
 from tdint.kernels.stories.law_state import restoring_force, start
 from tdint.model.definition import LAWS
 from tdint.model.law_checks import path_faults
@@ -309,3 +315,33 @@ def test_rate_opposite_to_branch_changes_sign_at_start_or_not_at_all():
         assert find_sign_change(r0, -1.0, 1.0) == 0.0
         assert find_sign_change(r0, -1.0, -1.0) == 0.0
         assert find_sign_change(r0, 1.0, -1.0) == NONE
+
+
+def event_of_one_story(d0, d3, w0, w1, sign, ignored=0.0):
+    """Return the first change of branch of a story from its drifts, and the rates times the length
+    of the step, at both ends."""
+    h, linear_terms = 0.1, np.zeros((rows.LINEAR_TERM_ROWS, 2))
+    law_state, state, scratch = (np.zeros((count, 2)) for count in (rows.LAW_STATE_ROWS, 3, 3))
+    law_state[[rows.UPPER, rows.LOWER, rows.RATE_SIGN, rows.DRIFT], 0] = math.inf, -math.inf, sign, d0
+    state[rows.VELOCITY, 0], scratch[:, 0] = w0 / h, (d3, w1 / h, ignored)
+    return first_event(linear_terms, h, state, law_state, scratch, 0, 1, 2)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_reversals_within_rounding_are_ignored(sign):
+    """The tolerance is a fraction of the sum of both drifts, for the differences of the last three
+    Bezier points."""
+    tolerance = _REVERSAL_TOLERANCE * (1.0 + 1.5)
+    for factor, expected in ((0.9, False), (1.1, True)):
+        # The rate at the end, a third of which is the last difference
+        found = event_of_one_story(sign, 1.5 * sign, 0.5 * sign, -3.0 * factor * tolerance * sign, sign)
+        assert (found[0] < NONE) == expected
+        # The difference of the two middle points; the other two differences are half a tolerance
+        small = _REVERSAL_TOLERANCE * 2.0
+        rate, change = 1.5 * small, (1.0 - factor) * small
+        found = event_of_one_story(sign, sign * (1.0 + change), sign * rate, sign * rate, sign)
+        assert (found[0] < NONE) == expected
+    reversing = (0.0, 0.0, 0.5 * sign, -0.5 * sign, sign)
+    assert event_of_one_story(*reversing)[0] == pytest.approx(0.5, rel=1e-9)
+    assert event_of_one_story(*reversing, ignored=1.0) == (NONE, -1, rows.REVERSED)
+    assert event_of_one_story(*reversing[:4], 0.0)[0] == NONE

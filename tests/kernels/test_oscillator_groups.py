@@ -285,3 +285,26 @@ def test_the_ground_between_samples():
         between_steps.interpolate_samples(samples, parts, ground)
         expected = np.interp(np.arange(6 * parts + 1) / parts, np.arange(7), samples)
         assert ground == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.4])
+def test_all_terms_of_the_series_of_a_free_vibration(rate):
+    """The derivatives of q'' follow from the equation of motion. The zero of q' at the start is
+    divided out if the rate is zero."""
+    omega, xi = 0.9 / DT, 0.1
+    vibration = Vibration(omega**2, 2.0 * xi * omega, DT)
+    system = np.array([[0.0, 1.0], [-(omega**2), -2.0 * xi * omega]])
+    n = between_steps.terms(vibration)
+    series = np.zeros((3, between_steps.TERMS))
+    second, third = -70.0, 900.0
+    between_steps.largest_between(1.0, (rate, second, third), -1.0, vibration, n, series)
+    curvature, derivative = [], np.array([second, third])
+    for k in range(n - 2):
+        curvature.append(DT ** (k + 2) * derivative[0] / math.factorial(k))
+        derivative = system @ derivative
+    rates = [DT * rate, *(value / (k + 1) for k, value in enumerate(curvature))]
+    values = [1.0, *(value / (k + 1) for k, value in enumerate(rates))]
+    assert series[0, :n] == pytest.approx(values, rel=1e-12)
+    shift = int(rate == 0.0)
+    assert series[1, : n - 1 - shift] == pytest.approx(rates[shift:], rel=1e-12)
+    assert series[2, : n - 2] == pytest.approx(curvature, rel=1e-12)

@@ -16,7 +16,7 @@ from tdint.kernels.linear_terms import force_moment, force_rate
 from tdint.kernels.peaks_between_steps import _max_interior_bezier_point
 from tdint.kernels.stepping import Memory, Scene
 from tdint.model.building import force_table
-from tdint.model.definition import Force
+from tdint.model.definition import Force, Law
 
 
 @pytest.mark.parametrize("half_angle", [1e-6, 1e-3, 0.02, 0.05, 0.08, 0.0999, 0.1001, 0.5, 2.0])
@@ -126,3 +126,91 @@ def test_impulse4_tolerates_rounding_of_displacements():
     units = tolerated / (np.finfo(float).eps * forces)
     assert units[0] == pytest.approx(units[1], rel=1e-12)
     assert 1.0 < units[0] < 1000.0
+
+
+def over_reversal(dashpot, h=0.1):
+    """Evaluate a Bouc-Wen story over a step in which its drift reverses; return the row of the
+    kink, the force at the reversal and the tangents.
+
+    The drift grows from 0.6 with the rate 2, reverses at 0.7 and ends at 0.6 with the rate -2.
+    """
+    bouc_wen = Law("bouc-wen", (30.0, 0.0, 1.0, 0.5))
+    steps = SingleSteps("impulse4", bouc_wen)
+    space, building = steps.space, steps.building
+    no_forces = np.zeros((0, rows.FORCE_COLUMNS))
+    coefficients = steps.integrator.coefficients(building, no_forces, h)
+    linear_terms = building.linear_terms.copy()
+    if dashpot:
+        linear_terms[[rows.POWER_DAMPER, rows.POWER, rows.THRESHOLD], 0] = 5.0, 0.0, 0.0
+    scene = Scene(linear_terms, building.modal, building.law_parameters, no_forces, space.flags)
+    space.law_state[rows.DRIFT, 0], space.law_state[rows.RATE_SIGN, 0] = 0.6, 1.0
+    space.law_state[rows.INTERNAL, 0] = 0.4
+    space.state[rows.VELOCITY, 0], space.scratch[momentum.V1, 0] = 2.0, -3.0
+    results = equations._evaluate_over_reversal(
+        coefficients, scene, h, 0, (0.62, 0.58), space.memory
+    )
+    assert results[2]
+    kink = float(space.scratch[equations.ROW.KINK, 0])
+    return kink, float(space.law_state[rows.THIRD_TRIAL + rows.FORCE, 0]), results
+
+
+def test_a_dashpot_adds_a_fraction_of_its_smaller_force_to_the_kink():
+    alone, force, tangents = over_reversal(False)
+    kink, same_force, same_tangents = over_reversal(True)
+    assert (force, tangents) == (same_force, same_tangents)
+    assert alone > 0.0
+    # The dashpot forces at both ends are 5 times 2 and 5 times -3.
+    added = (kink - alone) * abs(force)
+    assert added == pytest.approx(equations._DASHPOT_KINK * 10.0, rel=1e-9)
+
+
+def test_the_mismatch_of_accelerations_and_negligible_kinks():
+    """The mismatch is the sum of mass times the squared difference of the mean of both
+    accelerations and the mean over the step, without the dashpots."""
+    h, row = 0.1, equations.ROW
+    random = np.random.default_rng(72)
+    for near_peak in (False, True):
+        for dashpot in (False, True):
+            space, building, _, _ = impulse4_parts()
+            linear_terms = building.linear_terms.copy()
+            linear_terms[rows.MASS, :2], linear_terms[rows.INVERSE_MASS, :2] = (2.0, 4.0), (0.5, 0.25)
+            linear_terms[rows.POWER_DAMPER, 1] = 7.0 * dashpot
+            scene = Scene(
+                linear_terms, building.modal, building.law_parameters,
+                np.zeros((0, rows.FORCE_COLUMNS)), space.flags,
+            )  # fmt: skip
+            a0, a1, mean = random.normal(size=(3, 2))
+            damper = random.normal(size=2)
+            space.state[rows.ACCELERATION, :2] = a0
+            space.scratch[momentum.A1, :2], space.scratch[momentum.DV, :2] = a1, h * mean
+            space.scratch[row.DASHPOT_MISMATCH, :3] = *damper, 9.0
+            space.law_state[rows.THIRD_TRIAL + rows.DRIFT, :2] = 0.1, -0.81 if near_peak else -0.79
+            space.scratch[row.PEAKS + rows.PEAK_DRIFT, :2] = 1.0
+            difference = 0.5 * (a0 + a1) - mean + [0.5, 0.25] * (damper - [damper[1], 0.0])
+            mismatch = float(np.sum([2.0, 4.0] * difference**2))
+            norm = float(np.sum([1.0, 2.0] * (a0**2 + a1**2)))
+            limit = equations._MAX_KINK * mismatch / norm
+            for first, second in ((0.999, 1.001), (1.001, 0.999)):
+                space.scratch[row.KINK, :2] = limit * first, limit * second
+                space.scratch[row.RUN_MAXIMA, :2] = 0.0, 0.5 * norm
+                equations.keep_negligible_kinks(scene, h, space.memory)
+                found = space.scratch[row.KINK, :2]
+                assert (found[0] > 0.0) == (first < 1.0)
+                assert (found[1] > 0.0) == (second < 1.0 and not (dashpot and near_peak))
+                maxima = space.scratch[row.RUN_MAXIMA, :2]
+                assert maxima == pytest.approx([mismatch, norm], rel=1e-12)
+            # A larger mismatch of an earlier step remains, and allows larger kinks.
+            space.scratch[row.KINK, :2] = 1.9 * limit
+            space.scratch[row.RUN_MAXIMA, :2] = 2.0 * mismatch, 3.0 * norm
+            equations.keep_negligible_kinks(scene, h, space.memory)
+            assert space.scratch[row.KINK, 0] > 0.0
+            assert space.scratch[row.RUN_MAXIMA, :2] == pytest.approx([2.0 * mismatch, 3.0 * norm])
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average", "gauss4", "bathe"])
+def test_the_residual_of_a_converged_step_is_small(method):
+    """The residual is a fraction of the sum of the absolute values of the terms."""
+    steps = SingleSteps(method)
+    for ground in (1.0, -2.0):
+        assert steps.take(0.0, ground) >= 0
+        assert 0.0 <= steps.space.step_status[rows.RESIDUAL] < 1e-6

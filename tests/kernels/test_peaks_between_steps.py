@@ -10,6 +10,8 @@ from tdint.kernels import layout as rows
 from tdint.kernels.peaks_between_steps import _cubic_extremum, find_interstep_peaks
 from tdint.kernels.stepping import Memory, Passage, Scene, Seen, Span
 from tdint.kernels.time_loop.observer import _update_peaks, observe, observe_within_step
+from tdint.model.building import force_table
+from tdint.model.definition import Force
 
 STORIES = 4
 K = 50.0
@@ -306,3 +308,23 @@ def test_recorded_peak_just_below_extremum_is_raised(row):
                 assert again[found] == pytest.approx(first[found], rel=1e-12)
                 raised += 1
     assert raised > 10
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_each_step_with_forces_on_floors_is_searched(count):
+    """Peaks are far. The forces within the step are not known to the bounds."""
+    span, building, passage, law_state, _, _, peaks, _ = scene(1)
+    forces = force_table([Force(2, 1e-9, 0.0, 3.0)] * count)
+    observer_state = np.zeros((rows.OBSERVER_ROWS, STORIES + 1))
+    observer_state[rows.U_PREVIOUS : rows.A_EARLIER + 1] = passage.old
+    memory = Memory(passage.state, law_state, np.zeros((0, 0)), np.zeros(rows.STEP_STATUS_SIZE))
+    seen = Seen(
+        observer_state,
+        1e9 * peaks,
+        np.zeros((3, STORIES)),
+        np.zeros(rows.TOTALS_SIZE),
+        np.zeros((0, 0)),
+    )
+    seen.peaks[rows.PEAK_SHEAR] = 1e300
+    building = building._replace(forces=forces)
+    assert bool(observe(building, span, 0.0, memory, seen)) == (count > 0)

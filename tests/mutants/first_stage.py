@@ -139,6 +139,8 @@ def _function(module: types.ModuleType, name: str) -> types.FunctionType | None:
 def replace_code(mutant: Mutant) -> bool:
     """Replace the code of the changed function in this process.
 
+    Functions that a function has defined during the import cannot be replaced.
+
     Returns
     -------
     bool
@@ -153,6 +155,11 @@ def replace_code(mutant: Mutant) -> bool:
         if isinstance(code, types.CodeType) and code.co_name == mutant.function
     ]
     if function is None or len(codes) != 1:
+        return False
+    if any(
+        isinstance(inner, types.CodeType) and not inner.co_name.startswith("<")
+        for inner in codes[0].co_consts
+    ):
         return False
     function.__code__ = codes[0]
     return True
@@ -186,7 +193,8 @@ class Session:
     def run(self, names: list[str]) -> Iterator[tuple[str, bool]]:
         """Run tests, and yield the name of each and True if it failed."""
         items = [self.items[name] for name in names]
-        for item, following in zip(items, [*items[1:], None], strict=True):
+        following_items = [*items, None][1:]
+        for item, following in zip(items, following_items, strict=True):
             self._failed = False
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             yield item.nodeid, self._failed
@@ -283,7 +291,7 @@ def first_failure(session: Session, names: list[str], measured: dict[str, Test])
 
     if names:
         limit(names[0])
-    for (name, failed), following in zip(session.run(names), [*names[1:], ""], strict=True):
+    for (name, failed), following in zip(session.run(names), [*names, ""][1:], strict=True):
         if failed:
             return name
         if following:

@@ -616,9 +616,7 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     k, c = omega * omega, 2.0 * xi * omega
     _coefficients(steps, 0, series, k, c, h)
     _coefficients(steps, 8, series, hardening * k, c, h)
-    strength = 0.0
-    if yield_displacement < math.inf:
-        strength = (1.0 - hardening) * k * yield_displacement
+    strength = (1.0 - hardening) * k * yield_displacement
     state[UPPER], state[LOWER] = yield_displacement, -yield_displacement
     oscillator = _Hysteretic(k, c, hardening, strength)
     events = _integrate_motion(ground, parts, h, oscillator, steps, series, state)
