@@ -214,3 +214,36 @@ def test_the_residual_of_a_converged_step_is_small(method):
     for ground in (1.0, -2.0):
         assert steps.take(0.0, ground) >= 0
         assert 0.0 <= steps.space.step_status[rows.RESIDUAL] < 1e-6
+
+
+def test_the_first_motion_between_corners_is_the_cubic_of_the_step(monkeypatch):
+    """Without a pass of the iteration: displacements from the start, and velocities times the
+    length of the step, of the cubic with the values and rates at both ends."""
+    monkeypatch.setattr(corners, "_PASSES", 0)
+    steps, h = SingleSteps("moment4"), 0.05
+    space, building = steps.space, steps.building
+    scene = Scene(
+        building.linear_terms,
+        building.modal,
+        building.law_parameters,
+        np.zeros((0, rows.FORCE_COLUMNS)),
+        space.flags,
+    )
+    scratch, v0 = space.scratch, np.array([0.7, -2.0])
+    space.state[rows.VELOCITY, :2] = v0
+    scratch[ROW.RISE, :2] = rise = np.array([0.02, 0.05])
+    scratch[ROW.A0, :2] = change = np.array([-0.01, 0.03])
+    scratch[ROW.CORNERS : ROW.CORNERS + 4, 0] = 3.0, 0.2, 0.2, 0.6
+    corners._update_peaks_between_corners(scene, h, np.zeros(3), space.memory)
+    times = scratch[ROW.NODE_FORCE : ROW.NODE_FORCE + 7, 2]
+    assert times == pytest.approx([0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
+    for i in range(2):
+        # c t^2 + d t^3 with c + d = rise - h v0 and 2 c + 3 d = change
+        remaining = rise[i] - h * v0[i]
+        d = change[i] - 2.0 * remaining
+        cubic = np.polynomial.Polynomial([0.0, h * v0[i], remaining - d, d])
+        moved, rates = (
+            scratch[row : row + 7, i] for row in (ROW.NODE_DISPLACEMENT, ROW.NODE_VELOCITY)
+        )
+        assert moved == pytest.approx(cubic(times), abs=1e-15)
+        assert rates == pytest.approx(cubic.deriv()(times), abs=1e-15)
