@@ -162,7 +162,9 @@ def test_the_branch_ends_where_w_changes_its_sign(exponent, beta):
             assert functions.kink(law_parameters, state, 0, 0, -side) == math.inf
             state[rows.DRIFT, 0], state[rows.RATE_SIGN, 0] = 0.3 * DY, -side
             functions.switch(law_parameters, state, 0, 0, rows.REVERSED)
-            limits = (0.3 * DY + expected, -math.inf) if side > 0.0 else (math.inf, 0.3 * DY - expected)
+            limits = (
+                (0.3 * DY + expected, -math.inf) if side > 0.0 else (math.inf, 0.3 * DY - expected)
+            )
             assert state[[rows.UPPER, rows.LOWER], 0] == pytest.approx(limits, rel=1e-7)
             functions.switch(law_parameters, state, 0, 0, rows.ABOVE)
             assert state[[rows.UPPER, rows.LOWER], 0].tolist() == [math.inf, -math.inf]

@@ -322,7 +322,12 @@ def event_of_one_story(d0, d3, w0, w1, sign, ignored=0.0):
     of the step, at both ends."""
     h, linear_terms = 0.1, np.zeros((rows.LINEAR_TERM_ROWS, 2))
     law_state, state, scratch = (np.zeros((count, 2)) for count in (rows.LAW_STATE_ROWS, 3, 3))
-    law_state[[rows.UPPER, rows.LOWER, rows.RATE_SIGN, rows.DRIFT], 0] = math.inf, -math.inf, sign, d0
+    law_state[[rows.UPPER, rows.LOWER, rows.RATE_SIGN, rows.DRIFT], 0] = (
+        math.inf,
+        -math.inf,
+        sign,
+        d0,
+    )
     state[rows.VELOCITY, 0], scratch[:, 0] = w0 / h, (d3, w1 / h, ignored)
     return first_event(linear_terms, h, state, law_state, scratch, 0, 1, 2)
 
@@ -334,7 +339,9 @@ def test_reversals_within_rounding_are_ignored(sign):
     tolerance = _REVERSAL_TOLERANCE * (1.0 + 1.5)
     for factor, expected in ((0.9, False), (1.1, True)):
         # The rate at the end, a third of which is the last difference
-        found = event_of_one_story(sign, 1.5 * sign, 0.5 * sign, -3.0 * factor * tolerance * sign, sign)
+        found = event_of_one_story(
+            sign, 1.5 * sign, 0.5 * sign, -3.0 * factor * tolerance * sign, sign
+        )
         assert (found[0] < NONE) == expected
         # The difference of the two middle points; the other two differences are half a tolerance
         small = _REVERSAL_TOLERANCE * 2.0

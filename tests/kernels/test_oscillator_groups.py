@@ -183,16 +183,15 @@ def modal_case(seed, parts):
     only complete the block."""
     random = np.random.default_rng(seed)
     omegas, ratios = random.uniform(3.0, 60.0, 8), random.uniform(0.0, 0.3, 8)
-    table = recursion_table(
-        modal_sums.MODE_ROWS, lambda w, xi: (w, xi), omegas, ratios, DT / parts
-    )
+    table = recursion_table(modal_sums.MODE_ROWS, lambda w, xi: (w, xi), omegas, ratios, DT / parts)
     shapes = random.normal(size=(8, 4)) / omegas[:, None] ** -1.0
     shapes[6:] = 0.0
     return omegas, ratios, table, shapes, 0.1 * random.uniform(size=4)
 
 
 @pytest.mark.parametrize(
-    ("size", "parts", "growth"), [(3, 1, 0.0), (40, 1, 0.0), (100, 2, -1.0), (150, 1, 1.0), (70, 3, 0.0)]
+    ("size", "parts", "growth"),
+    [(3, 1, 0.0), (40, 1, 0.0), (100, 2, -1.0), (150, 1, 1.0), (70, 3, 0.0)],
 )
 def test_maximum_of_a_sum_of_modes(size, parts, growth):
     for seed in range(3):
@@ -204,7 +203,8 @@ def test_maximum_of_a_sum_of_modes(size, parts, growth):
             *modal_sums.scratch(size, parts, 8, 4),
         )  # fmt: skip
         coordinates = [
-            motion(samples, DT, w, xi, parts * FINE) for w, xi in zip(omegas[:6], ratios[:6], strict=True)
+            motion(samples, DT, w, xi, parts * FINE)
+            for w, xi in zip(omegas[:6], ratios[:6], strict=True)
         ]
         q = np.column_stack([one[0] for one in coordinates])
         drift = q @ shapes[:6] - np.outer(coordinates[0][2], static)
@@ -217,7 +217,7 @@ def test_maximum_of_a_sum_of_modes(size, parts, growth):
 
 def test_a_sum_of_modes_between_two_steps():
     """Value, rate and the next step follow from the state of the modes and a linear ground."""
-    omegas, ratios, table, shapes, static = modal_case(9, 1)
+    _, _, table, shapes, static = modal_case(9, 1)
     random = np.random.default_rng(9)
     q, rate = random.normal(size=(2, 2, 8))
     ground = random.normal(size=2)

@@ -173,7 +173,10 @@ def test_the_mismatch_of_accelerations_and_negligible_kinks():
         for dashpot in (False, True):
             space, building, _, _ = impulse4_parts()
             linear_terms = building.linear_terms.copy()
-            linear_terms[rows.MASS, :2], linear_terms[rows.INVERSE_MASS, :2] = (2.0, 4.0), (0.5, 0.25)
+            linear_terms[rows.MASS, :2], linear_terms[rows.INVERSE_MASS, :2] = (
+                (2.0, 4.0),
+                (0.5, 0.25),
+            )
             linear_terms[rows.POWER_DAMPER, 1] = 7.0 * dashpot
             scene = Scene(
                 linear_terms, building.modal, building.law_parameters,

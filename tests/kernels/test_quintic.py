@@ -304,7 +304,9 @@ def test_an_extremum_below_the_margin_is_ignored():
                 peaks._raise_displacement_peak(
                     span(), ends, factor * bound, found, rows.PEAK_DRIFT, 0
                 )
-                assert np.any(found[[rows.PEAK_DRIFT, rows.PEAK_DRIFT + rows.PEAK_ROWS]]) == expected
+                assert (
+                    np.any(found[[rows.PEAK_DRIFT, rows.PEAK_DRIFT + rows.PEAK_ROWS]]) == expected
+                )
     for v1 in (0.0, 1.0):
         same_direction = Ends(0.0, 1.0, 9.0, 0.0, v1, 9.0, 1.0, 9.0)
         found = table(rows.PEAK_DRIFT, 0.0)
@@ -333,7 +335,9 @@ def test_the_extremum_of_a_velocity():
             found[row + rows.PEAK_ROWS] = recorded
             peaks._raise_velocity_peak(span(), ends, found, row, 0)
             of_kind[possible] += 1
-            changed, other = found[[row + possible * rows.PEAK_ROWS, row + (1 - possible) * rows.PEAK_ROWS], 0]
+            changed, other = found[
+                [row + possible * rows.PEAK_ROWS, row + (1 - possible) * rows.PEAK_ROWS], 0
+            ]
             assert changed == pytest.approx(max(abs(expected), recorded), rel=1e-3)
             assert other == recorded
     assert min(of_kind) > 20
@@ -367,7 +371,13 @@ def test_the_extremum_of_an_acceleration(fast):
         )
         found = table(row, 0.0)
         peaks._raise_acceleration_peak(
-            span(fast=fast, ground=(ground_0, ground_1)), ends, mass, found, row, 0, (f0, f1, f2, f3)
+            span(fast=fast, ground=(ground_0, ground_1)),
+            ends,
+            mass,
+            found,
+            row,
+            0,
+            (f0, f1, f2, f3),
         )
         kind = 2 if ratio >= 2.0 else int(not resolved)
         of_kind[kind] += 1
@@ -397,7 +407,10 @@ def test_the_best_of_seven_points_and_the_extremum_next_to_it():
         extremum = peaks._quintic_extremum(random.uniform(), coefficients)
         assert extremum * np.sign(coefficients[1]) >= max(values) - 1e-12
         if (extrema := interior_extrema(polynomial)).size:
-            highest = max([*extrema, polynomial(0.0), polynomial(1.0)], key=lambda v: v * np.sign(coefficients[1]))
+            highest = max(
+                [*extrema, polynomial(0.0), polynomial(1.0)],
+                key=lambda v: v * np.sign(coefficients[1]),
+            )
             assert extremum * np.sign(coefficients[1]) <= highest * np.sign(coefficients[1]) + 1e-12
 
 
@@ -429,7 +442,9 @@ def test_peaks_at_nodes_are_those_of_parabolas():
             scratch[2 : 2 + count, 1] = values
             expected = [abs(value) for value in values[count > 1 :]]
             for k in range(0, count - 2, 2):
-                parabola = Polynomial.fit([0.0, 0.5, 1.0], values[k : k + 3], 2, domain=[]).convert()
+                parabola = Polynomial.fit(
+                    [0.0, 0.5, 1.0], values[k : k + 3], 2, domain=[]
+                ).convert()
                 expected += list(np.abs(interior_extrema(parabola)))
             peaks.raise_peak_at_nodes(scratch, 2, 1, count, 0, 0)
             assert scratch[0, 0] == pytest.approx(max(expected), rel=1e-9)

@@ -1,13 +1,14 @@
 """Mutants of the compiled kernels: does a test fail if one operator or number is changed?
 
     python tests/mutants/kernels.py [--seed N] [--count N] [--journal FILE] [--kernels DIR]
-        [--hours H] [--least PERCENT] [--only TEXT] [--interpreted]
+        [--hours H] [--least PERCENT] [--only TEXT] [--interpreted] [--workers N]
 
 A sample of all operators and numbers in the kernel modules is changed, one at a time, in a copy of
 the package (`mutant` of tests/benchmarks/mutants.py). Each mutant is tried in two stages:
 
-1. The tests of the changed module (`INTERPRETED`) run with TDINT_KERNELS=python. The loops are then
-   Python functions, and no mutant has to be compiled.
+1. The tests of `INTERPRETED` that execute the changed line run without compiled loops
+   (tests/mutants/first_stage.py). The package coverage measures which tests these are. The result
+   is stored next to the journal (suffix .tests).
 2. For a mutant that survives, the changed loops are compiled, and the tests of the methods run. The
    compiled loops are in a cache of their own: a copy of the directory --kernels, which contains the
    loops of the unchanged sources. The cache of the user is neither read nor changed.
@@ -43,7 +44,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "benchmarks"))
-import first_stage as first_stage_module  # noqa: E402
 from first_stage import (  # noqa: E402
     Mutant,
     Session,
@@ -56,6 +56,7 @@ from first_stage import (  # noqa: E402
     replace_code,
     result_of,
 )
+
 from mutants import mutant, places  # noqa: E402
 
 KERNELS = ROOT / "src" / "tdint" / "kernels"
@@ -213,9 +214,7 @@ def measured_tests(session: Session, file: Path, workers: int) -> dict[str, Test
     tests = {name: test for name, test in stored["tests"].items() if name in session.items}
     for part in parts:
         tests |= part["tests"]
-    file.write_text(
-        json.dumps({"sources": sources, "files": hashes, "tests": tests}), "utf-8"
-    )
+    file.write_text(json.dumps({"sources": sources, "files": hashes, "tests": tests}), "utf-8")
     return {name: Test(**test) for name, test in tests.items()}
 
 
@@ -228,7 +227,9 @@ def hash_of_sources() -> str:
     return hash_value.hexdigest()[:12]
 
 
-def first_stage(session: Session, measured: dict[str, Test], mutant: Mutant, folder: Path) -> tuple[bool, str]:
+def interpreted_stage(
+    session: Session, measured: dict[str, Test], mutant: Mutant, folder: Path
+) -> tuple[bool, str]:
     """Run the tests of the first stage that execute the changed statement.
 
     Parameters
@@ -260,7 +261,13 @@ def first_stage(session: Session, measured: dict[str, Test], mutant: Mutant, fol
         given = folder / "given.json"
         given.write_text(json.dumps({name: measured[name].seconds for name in names}), "utf-8")
         package = package_of(mutant, folder)
-        command = [sys.executable, str(Path(first_stage_module.__file__)), str(package), str(given), str(output)]
+        command = [
+            sys.executable,
+            str(Path(__file__).with_name("first_stage.py")),
+            str(package),
+            str(given),
+            str(output),
+        ]
         subprocess.run(command, capture_output=True, check=False)
         # There is no result if the module cannot be imported, or after the time limit.
         failure = json.loads(output.read_text("utf-8")) if output.exists() else "no result"
@@ -278,7 +285,9 @@ def package_of(mutant: Mutant, folder: Path) -> Path:
     return package
 
 
-def tried(session: Session, measured: dict[str, Test], module: Path, place: int, kernels: Path | None) -> dict[str, object]:
+def tried(
+    session: Session, measured: dict[str, Test], module: Path, place: int, kernels: Path | None
+) -> dict[str, object]:
     """Try a mutant and return its line of the journal.
 
     Parameters
@@ -300,7 +309,7 @@ def tried(session: Session, measured: dict[str, Test], module: Path, place: int,
     old, new = changed_line(module, text)
     changed = Mutant(name_of(module), text, *changed_place(source, place))
     with tempfile.TemporaryDirectory() as folder:
-        killed, by = first_stage(session, measured, changed, Path(folder))
+        killed, by = interpreted_stage(session, measured, changed, Path(folder))
         if not killed and kernels is not None:
             cache = Path(folder) / "cache"
             shutil.copytree(kernels, cache)
@@ -419,6 +428,7 @@ def main() -> None:
             journal.pop((name_of(module), place), None)
             waiting.append((module, place))
     if waiting:
+
         def work(session: Session) -> None:
             try_all(session, waiting, options, kernels, end)
 
@@ -433,7 +443,13 @@ def main() -> None:
     sys.exit(report(rows, len(chosen) - len(rows), options.least))
 
 
-def try_all(session: Session, waiting: list[tuple[Path, int]], options: argparse.Namespace, kernels: Path | None, end: float) -> None:
+def try_all(
+    session: Session,
+    waiting: list[tuple[Path, int]],
+    options: argparse.Namespace,
+    kernels: Path | None,
+    end: float,
+) -> None:
     """Try mutants in several processes, and append the results to the journal.
 
     Parameters
