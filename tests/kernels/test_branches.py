@@ -352,3 +352,30 @@ def test_reversals_within_rounding_are_ignored(sign):
     assert event_of_one_story(*reversing)[0] == pytest.approx(0.5, rel=1e-9)
     assert event_of_one_story(*reversing, ignored=1.0) == (NONE, -1, rows.REVERSED)
     assert event_of_one_story(*reversing[:4], 0.0)[0] == NONE
+
+
+@pytest.mark.parametrize("name", LAW_CASES)
+def test_other_laws_may_have_more_parameters(name):
+    """The table of a building has as many rows as its law with the most parameters needs. More
+    coefficients of a polynomial are zero."""
+    law_parameters = law_table(name, *LAW_CASES[name])
+    more = np.vstack([law_parameters, np.full((4, 2), 0.0 if name == "polynomial" else np.nan)])
+    expected, found = follow(law_parameters, 2.0 * CYCLE), follow(more, 2.0 * CYCLE)
+    assert np.array_equal(expected[0], found[0])
+    assert expected[1:] == found[1:]
+
+
+def test_each_deterioration_of_imk_has_its_own_capacity():
+    """The capacities of strength, capping, reloading and unloading act on different rows, so that
+    five laws, one of them without deterioration, have five different forces."""
+    paths = [np.linspace(a, b, 20)[1:] for a, b in ((0, 0.09), (0.09, -0.09), (-0.09, 0.12))]
+    drifts = np.concatenate(paths)
+    forces = []
+    for finite in (None, 0, 1, 2, 3):
+        capacities = [math.inf] * 4
+        if finite is not None:
+            capacities[finite] = 0.6
+        values = (*IMK_SIDE, *IMK_SIDE, *capacities, 1.0, 0.4, 0.6)
+        forces.append(follow(law_table("imk", *values), drifts)[0])
+    for first, second in itertools.combinations(forces, 2):
+        assert np.max(np.abs(first - second)) > 0.01 * FY

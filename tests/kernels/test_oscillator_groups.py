@@ -85,10 +85,10 @@ def test_no_interval_with_a_maximum_is_skipped():
         one = elastic._TableOscillator(ground, DT, table, 0, starts[0], 1, series, best)
         for interval in range(maxima.shape[1] + 1):
             elastic._integrate_interval(one, interval)
-        assert np.array_equal(result[:, 0], best)
+        assert result[:, 0] == pytest.approx(best, rel=1e-12)
         integrated = np.zeros(elastic.PEAKS)
         elastic._integrate_interval(one._replace(best=integrated), int(np.argmax(maxima[0, :, 0])))
-        skipped += not np.array_equal(integrated, best)
+        skipped += bool(np.any(integrated < best * (1.0 - 1e-9)))
     assert skipped > 5
 
 

@@ -1,13 +1,15 @@
 """Single terms of the time steps against their definitions, computed in another way here."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from step_checks import SingleSteps
+from step_checks import RAYLEIGH, ModalDamping, SingleSteps, matrices
+from step_checks import building as dense_building
 from tdint.kernels import layout as rows
-from tdint.kernels.equations import corners
+from tdint.kernels.equations import corners, moment4
 from tdint.kernels.equations import impulse4 as equations
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.iteration import RESIDUAL_TOLERANCE, TANGENT_TOLERANCE
@@ -15,7 +17,9 @@ from tdint.kernels.equations.moment4 import ROW, STORE
 from tdint.kernels.linear_terms import force_moment, force_rate
 from tdint.kernels.peaks_between_steps import _max_interior_bezier_point
 from tdint.kernels.stepping import Memory, Scene
-from tdint.model.building import force_table
+from tdint.methods.catalogue import parse
+from tdint.methods.workspace import workspace
+from tdint.model.building import assemble, force_table
 from tdint.model.definition import Force, Law
 
 
@@ -250,3 +254,40 @@ def test_the_first_motion_between_corners_is_the_cubic_of_the_step(monkeypatch):
         )
         assert moved == pytest.approx(cubic(times), abs=1e-15)
         assert rates == pytest.approx(cubic.deriv()(times), abs=1e-15)
+
+
+@pytest.mark.parametrize("damping", [RAYLEIGH, ModalDamping((0.02, 0.05, 0.1))])
+def test_accelerations_at_the_start_of_a_step_of_moment4_balance_the_forces(damping):
+    """With dense matrices, P-delta, dampers, and a load that is linear in time; a dashpot is
+    added in the second story."""
+    case = dense_building(damping)
+    assembled, random = assemble(case), np.random.default_rng(74)
+    space = workspace(assembled, parse("moment4"))
+    linear_terms = assembled.linear_terms.copy()
+    linear_terms[[rows.POWER_DAMPER, rows.POWER, rows.THRESHOLD], 1] = 3e5, -0.2, 0.01**2
+    scene = Scene(
+        linear_terms,
+        assembled.modal,
+        assembled.law_parameters,
+        np.zeros((0, rows.FORCE_COLUMNS)),
+        space.flags,
+    )
+    u, v = 0.01 * random.normal(size=4), random.normal(size=4)
+    drift = np.diff(u, prepend=0.0)
+    springs = np.array([story.stiffness for story in case.stories])
+    space.state[rows.DISPLACEMENT, :4], space.state[rows.VELOCITY, :4] = u, v
+    space.law_state[rows.DRIFT, :4], space.law_state[rows.FORCE, :4] = drift, springs * drift
+    mean, moment = 1e5 * random.normal(size=(2, 4))
+    space.scratch[ROW.LOAD, :4], space.scratch[ROW.LOAD + 1, :4] = mean, moment
+    mass, viscous, stiffness = matrices(replace(case, damping=RAYLEIGH))
+    if damping is not RAYLEIGH:
+        modal = assembled.modal[:, :4]
+        viscous = modal.T @ modal
+    rate = v[1] - v[0]
+    dashpot = 3e5 * rate * (rate**2 + 0.01**2) ** -0.2
+    # The load is p0 + p1 t with the mean p0 + p1 / 2 and the moment p1 (12 times that of the
+    # centered time).
+    force = mean - 0.5 * moment - viscous @ v - stiffness @ u + dashpot * np.array([1, -1, 0, 0])
+    expected = np.linalg.solve(mass, force)
+    found = [moment4._acceleration(scene, space.memory, i) for i in range(4)]
+    assert found == pytest.approx(expected, rel=1e-11)
