@@ -1,4 +1,4 @@
-"""What callers of the Python interface give in the place of a model, a record or a number."""
+"""Arguments of the Python interface that represent a model, a record or a number."""
 
 from collections.abc import Callable
 from pathlib import Path

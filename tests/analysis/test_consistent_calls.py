@@ -1,4 +1,5 @@
-"""`run` and `run_many` take the same lists and histories, and messages name the sample."""
+"""`run` and `run_many` accept the same lists and histories, and messages state the number of the
+sample."""
 
 import numpy as np
 import pytest
@@ -50,7 +51,8 @@ def test_sample_out_of_range_is_reported_with_its_number(name, values, sample):
 
 
 def test_parameter_names_of_laws_are_accepted_by_vary():
-    """Each value that a law reports can be varied by its name; the value itself changes nothing."""
+    """Each value that a law reports can be varied by its name, and the unchanged value does not
+    change the result."""
     law = tdint.load_model(MODEL).stories[0].law
     assert law.values["yield_force"] == 2e5 and law.values["hardening"] == 0.05
     base = tdint.run_many(MODEL, RECORD)

@@ -1,4 +1,4 @@
-"""Draws as arrays: each run is that of the building that `Model.replace` makes, to the last bit."""
+"""Samples as arrays: each run equals the run of the building of `Model.replace` to the last bit."""
 
 from dataclasses import fields
 
@@ -129,7 +129,8 @@ def test_sample_equals_building_made_by_replace(name):
             by_themselves(building, values), RECORD, scales=[0.5, 2.0], method="impulse4"
         ),
     )
-    assert len({*drawn.stories.peak_drift[:, 0].tolist()}) >= 6  # what is varied does something
+    # the varied parameters affect the results
+    assert len({*drawn.stories.peak_drift[:, 0].tolist()}) >= 6
     for key, column in values.items():
         np.testing.assert_array_equal(drawn.varied[key], np.repeat(column, 2))
 

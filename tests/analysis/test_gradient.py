@@ -1,5 +1,4 @@
-"""Derivatives of peaks: identities that hold for any building, closed forms, differences of other
-sizes."""
+"""Derivatives of peaks: general identities, closed forms, and larger differences."""
 
 import math
 
@@ -48,8 +47,8 @@ def test_derivatives_satisfy_euler_theorem():
 
 
 def test_derivatives_of_free_oscillator_agree_with_closed_form():
-    """Let go with a velocity, its largest drift is v0 / omega: by the stiffness -u / 2k, by the
-    mass u / 2."""
+    """For an initial velocity v0, the maximum drift is u = v0 / omega; its derivatives are -u / 2k
+    by the stiffness and u / 2 by the mass factor."""
     free = model([story(1e5, 1e7)], velocity=(0.1,), dt=0.002, duration=1.0)
     response = tdint.run(free, method="impulse4", gradient=["stories[1].stiffness", "mass_factor"])
     largest = 0.1 / math.sqrt(1e7 / 1e5)
@@ -61,7 +60,8 @@ def test_derivatives_of_free_oscillator_agree_with_closed_form():
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average", "hht"])
 def test_gradient_agrees_with_larger_differences(method):
-    """And one call of many runs gives, to the last bit, what each run does; a history, too."""
+    """One call for many runs gives the derivatives of each single run to the last bit, also with a
+    history."""
     building = ten_bilinear(ModalDamping((0.05,)))
     response = tdint.run(building, RECORD, method=method, gradient=NAMES, history=True)
     for number, name in enumerate(NAMES):
@@ -73,8 +73,8 @@ def test_gradient_agrees_with_larger_differences(method):
             wanted = (values[1] - values[0]) / (near[1] - near[0])
             found = getattr(response.gradient, peak)[number]
             off = np.abs(found - wanted) / np.max(np.abs(wanted))
-            # Some stories are at kinks. Methods that locate no yielding have one wherever the end
-            # of a step begins to yield: small of drifts, large of accelerations.
+            # Some stories are at kinks. Methods that do not locate yielding have a kink if yielding
+            # starts at the end of a step, which is small for drifts and large for accelerations.
             room = {"peak_absolute_acceleration": 0.1, "peak_drift": 1e-4}.get(peak, 1e-2)
             assert np.median(off) < (1e-4 if method == "impulse4" else room), f"{name} {peak}"
         wanted = (runs.history["drift"][1] - runs.history["drift"][0]) / (near[1] - near[0])
@@ -89,8 +89,8 @@ def test_gradient_agrees_with_larger_differences(method):
 
 
 def test_each_sample_has_its_own_derivatives():
-    """What is varied is differentiated where it was drawn to, and what is not where the model has
-    it."""
+    """Derivatives are taken at the sampled values of varied parameters, and at the values of the
+    model for other parameters."""
     vary = {"stiffness_factor": [0.8, 1.1], "stories[1].stiffness": [9e7, 1e8]}
     names = ("stories[1].stiffness", "stiffness_factor", "damping")
     building = ten_bilinear(ModalDamping((0.05,)))
@@ -113,8 +113,8 @@ def test_each_sample_has_its_own_derivatives():
 
 
 def test_kink_is_reported():
-    """At the scale at which the motion is as large as the drift that it was let go with, the
-    derivative jumps from 0 to that of the motion; elsewhere the sides agree."""
+    """At the scale for which the peak of the motion equals the initial drift, the derivative jumps
+    from 0 to the derivative of the motion. At other scales, both sides agree."""
     building = model([story(1e5, 1e7)], damping=ModalDamping((0.05,)), displacement=(0.02,))
 
     def peak(scale):
@@ -134,7 +134,7 @@ def test_kink_is_reported():
 
 
 def test_derivative_at_end_of_range_is_one_sided():
-    """The derivative by a hardening of 0 is that of the parabola through 0, s and 2 s."""
+    """The derivative by a hardening of 0 is the derivative of the parabola through 0, s and 2 s."""
     building = model([story(1e5, 1e7, Law("bilinear", (1e5, 0.0)))], damping=ModalDamping((0.05,)))
     gradient = tdint.run(
         building, RECORD, gradient=["stories[1].law.hardening", "stories[1].dashpot"]
@@ -162,7 +162,7 @@ def test_invalid_gradient_parameter_is_refused(name, words):
 
 
 def test_sample_out_of_range_keeps_its_row():
-    """Where that is asked for; the other runs are those without it."""
+    """The row is kept on request, and the other runs are unchanged."""
     building = ten_bilinear(ModalDamping((0.05,)))
     vary = {
         "damping": [0.02, 1.5, 0.03],

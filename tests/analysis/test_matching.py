@@ -1,5 +1,5 @@
-"""Motions matched to a target: derivatives against differences, the program against scipy's, what a
-motion keeps."""
+"""Spectral matching: derivatives compared with differences, the quadratic program compared with
+SciPy, and properties of matched motions."""
 
 import tracemalloc
 from dataclasses import replace
@@ -37,7 +37,7 @@ def matched(motion):
 
 @pytest.fixture(scope="module")
 def pair(motion):
-    """With a second component of its own."""
+    """Return a pair with a different second component."""
     rough = (
         np.random.default_rng(4).normal(size=801) * np.sin(np.pi * np.linspace(0.0, 1.0, 801)) ** 2
     )
@@ -46,7 +46,8 @@ def pair(motion):
 
 
 def problem_of(motion, periods):
-    """A problem whose target is the spectrum; the samples of all components."""
+    """Return a problem whose target is the spectrum of the motion, and the samples of all
+    components."""
     samples = np.array([record.acceleration for record in components(motion)])
     wanted = _spectra(motion, periods, [0.05])[0]
     damping = np.full(periods.size, 0.05)
@@ -67,9 +68,9 @@ def test_maximum_extremes_equal_spectrum(request, of):
 
 @pytest.mark.parametrize("of", ["motion", "pair"])
 def test_derivatives_of_extremes_agree_with_differences(request, of):
-    """Without an envelope the row of an extreme is what it changes by, over the target, with
-    samples through the band, but for the first ones: rows go on before the motion, where an
-    envelope is nothing."""
+    """Without an envelope, the row of an extreme is its change divided by the target for a change
+    of the band-limited samples. The first samples are excluded, because rows also extend before the
+    motion, where the envelope is zero."""
     problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 2.0, 12))
     problem.envelope = np.ones_like(problem.envelope)
     found, largest = problem.extremes(samples, 0.99 * problem.wanted)
@@ -114,7 +115,8 @@ def test_quadratic_program_agrees_with_scipy():
 
 
 def test_motion_is_matched_to_target(motion, matched):
-    """At periods of its own, by the exact spectrum; the ground ends where the scaled seed ends."""
+    """The exact spectrum agrees at other periods, and the ground displacement ends at the value of
+    the scaled seed."""
     periods = np.geomspace(0.11, 1.9, 333)
     off = tdint.spectrum(matched.record, periods).psa / matched.target.at(periods) - 1.0
     before = tdint.spectrum(matched.before, periods).psa / matched.target.at(periods) - 1.0
@@ -138,7 +140,8 @@ def test_motion_is_matched_to_target(motion, matched):
 
 
 def test_pair_is_matched_in_rotd100(pair):
-    """By the spectrum of all directions at periods of its own; both components have one factor."""
+    """The maximum over all directions agrees at other periods, and both components have the same
+    factor."""
     matched = tdint.match(pair, TARGET, periods=(0.1, 2.0))
     periods = np.geomspace(0.11, 1.9, 77)
     off = (
@@ -160,7 +163,7 @@ def test_pair_is_matched_in_rotd100(pair):
 
 
 def test_suite_match_fits_mean_and_keeps_scatter(motion, pair):
-    """Each motion by its own share of the target."""
+    """Each motion is matched to its own share of the target."""
     motions = [
         motion,
         pair.second,
@@ -187,7 +190,8 @@ def test_invalid_period_range_is_refused(motion, periods):
 
 
 def test_sparse_rows_agree_with_dense_matrix(monkeypatch):
-    """Rows of different places and lengths, over blocks: as with one dense matrix."""
+    """Rows with different starts and lengths, in several blocks, give the products of a dense
+    matrix."""
     monkeypatch.setattr(matching_problem, "_BLOCK", 7)
     rng = np.random.default_rng(0)
     size, starts, lengths = 30, np.array([0, 3, 12, 25, 0]), [30, 5, 18, 5, 9]
@@ -235,9 +239,9 @@ def test_memory_of_free_vibrations_does_not_grow_with_record(motion):
 
 
 def test_motion_is_matched_at_several_damping_ratios(motion, tmp_path):
-    """The targets are the spectra of a real motion, which a motion can have at all ratios.
+    """The targets are the spectra of a real motion, so that a motion can match them at all ratios.
 
-    The match at 5 % alone does not have the target at 1 %.
+    The motion that is matched at 5 % alone does not match the target at 1 %.
     """
     ratios, periods = (0.05, 0.01), (0.4, 1.0)
     target = tmp_path / "target.csv"
@@ -303,8 +307,8 @@ def test_match_reports_progress(motion):
 
 
 def test_number_of_controlled_extremes_is_limited(motion):
-    """Stationary noise has many extremes above a target of a quarter of its spectrum; the largest
-    are controlled, with the maximum at each period among them."""
+    """Stationary noise has many extremes above a quarter of its spectrum. Only the largest extremes
+    are controlled, including the maximum at each period."""
     noisy = replace(motion, acceleration=np.random.default_rng(5).normal(size=4000))
     periods = np.geomspace(0.1, 1.0, 20)
     problem, samples = problem_of(noisy, periods)

@@ -1,4 +1,4 @@
-"""Many runs in one call are single runs, to the last bit: peaks, histories, how they end."""
+"""Many runs in one call equal single runs to the last bit: peaks, histories and status."""
 
 import pickle
 import re
@@ -25,7 +25,7 @@ def small(**more):
 
 
 def falling():
-    """A story whose P-delta outweighs its stiffness after yielding."""
+    """Return a story with P-delta effects that exceed the stiffness after yielding."""
     stiffness = 2.0 * STANDARD_GRAVITY / 3.0
     return model(
         [story(1.0, stiffness, Law("bilinear", (0.05 * stiffness, 0.0)), height=3.0)], p_delta=True
@@ -94,8 +94,8 @@ def test_each_run_equals_single_run(runs):
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 def test_jobs_and_history_do_not_change_results(method):
-    """With a history runs are made one by one, without in one call; a method that carries its error
-    has wider rows."""
+    """With a history, runs are made separately; without a history, they are made in one call. A
+    method that estimates its own errors has larger arrays."""
     both = [
         tdint.run_many(small(), RECORDS, scales=SCALES, method=method, history=kept, jobs=jobs)
         for kept, jobs in (("drift", 1), ((), 2))
@@ -107,8 +107,8 @@ def test_jobs_and_history_do_not_change_results(method):
 
 
 def test_status_of_collapsed_diverged_and_refused_runs():
-    """Fallen, diverged and refused runs have the status of single ones, and do not keep the others
-    from being done."""
+    """Collapsed, diverged and refused runs have the status of single runs and do not prevent the
+    other runs."""
     record = noise(samples=300)
     found = tdint.run_many(
         falling(), record, scales=(1e-3, 5.0), method="newmark-average", history="drift", jobs=1
@@ -138,9 +138,9 @@ def test_status_of_collapsed_diverged_and_refused_runs():
 
 
 def test_failed_run_after_collapse_is_collapsed():
-    """Its force falls from a drift of 6 cm on and pulls from 10 cm on: among many runs, too, one
-    that fails after the collapse is told as far as the collapse, and one whose energy the method
-    has made is none."""
+    """The force decreases from a drift of 6 cm and changes its sign at 10 cm. A run that fails
+    after its collapse is reported up to the collapse; a run with energy that the method produced
+    has no results."""
     record = noise(samples=400)
     away = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, -4e4)), height=3.0)])
     found = tdint.run_many(away, record, scales=(2.0, 3.0, 5.0), method="impulse4")
@@ -238,7 +238,7 @@ def test_invalid_arguments_are_refused(given, kind, message):
 
 @pytest.mark.parametrize("method", ["moment4", "impulse4"])
 def test_errors_equal_errors_of_single_runs(method):
-    """With the peaks of the run that tells them."""
+    """The corrected peaks are the peaks of the run that estimates the errors."""
     found = tdint.run_many(MODELS[:2], RECORDS[:1], method=method, check=True, history="drift")
     for i, building in enumerate(MODELS[:2]):
         n, single = (

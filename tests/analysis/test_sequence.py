@@ -1,5 +1,5 @@
-"""Shocks one after the other: equal to a record put together by hand, states carried over, peaks of
-each."""
+"""Sequences of events: equality with a joined record, initial states of later events, and peaks of
+each event."""
 
 from dataclasses import fields, replace
 
@@ -93,7 +93,7 @@ def test_events_with_different_sampling_intervals_are_resampled():
 
 @pytest.mark.parametrize(("dt", "stride"), [(None, 1), (0.04, 4), (0.0025, 1)])
 def test_event_starts_at_first_step_after_rest(dt, stride):
-    """599 samples lie before the last one of the first shock; then 1.01 s of rest are 101."""
+    """The first event has 599 sampling intervals, followed by 101 intervals for 1.01 s at rest."""
     joined = sequence_of(case(), [MAIN, AFTER], rest=1.01, dt=dt)
     assert joined.starts == (0, 700 + -700 % stride)
     alone = tdint.run(

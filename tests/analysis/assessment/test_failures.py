@@ -1,5 +1,5 @@
-"""The problems on which methods fail: their answers by other routes, and what the methods make of
-them."""
+"""Test problems of the failure assessment: reference solutions by independent calculations, and the
+verdicts on methods."""
 
 import math
 from dataclasses import replace
@@ -43,7 +43,7 @@ def trial(method, name, dt=None):
     return found[0]
 
 
-# ---- The answers
+# ---- Reference solutions
 
 
 def test_hardening_motion_solves_its_equation():
@@ -53,7 +53,8 @@ def test_hardening_motion_solves_its_equation():
 
 
 def test_softening_motion_agrees_with_independent_integration():
-    """With the finest of the problem's steps; the samples of the others are among these."""
+    """The motion with the smallest time step of the problem agrees; the other time steps are
+    subsets of its samples."""
     (fine, steps), *others = problems()["softening"].steps
     times = fine * np.arange(steps + 1)
     u = smooth(lambda t, u, v: -100.0 * math.tanh(u), 4.0, 0.0, times, 1e-10, math.inf)[0]
@@ -82,7 +83,7 @@ def test_stiff_pair_has_frequencies_of_pendulum():
     "name", [name for name in problems() if not problems()[name].model.excitation.forces]
 )
 def test_closed_form_energy_equals_energy_of_run(name):
-    """At the start and at the end, where no support moves."""
+    """Both energies are equal at the start and at the end, when no support moves."""
     problem = problems()[name]
     dt, steps = problem.steps[0]
     response = run(
@@ -97,7 +98,7 @@ def test_closed_form_energy_equals_energy_of_run(name):
 
 @pytest.mark.parametrize(("name", "file"), NEEDED.items())
 def test_model_files_define_the_problems(name, file):
-    """Building, load, start, step and duration; the file's method is one that passes."""
+    """Building, load, start, time step and duration agree, and the method of the file passes."""
     problem, model = problems()[name], load_model(CONFIGS / f"{file}.yaml")
     assert model.stories == problem.model.stories
     assert model.excitation == problem.model.excitation
@@ -110,7 +111,7 @@ def test_model_files_define_the_problems(name, file):
     assert trial(model.analysis.method, name, model.analysis.dt).verdict == "pass"
 
 
-# ---- Verdicts; the numbers are those of the digest below
+# ---- Verdicts, with the numbers of the table in the README
 
 
 @pytest.mark.parametrize(
@@ -140,11 +141,11 @@ def test_verdict_of_trial(method, name, dt, verdict):
 
 def test_chaotic_growth_gains_energy():
     gained = trial("impulse", "softening", 0.1)
-    # Another last digit of the start makes 40 to 90 of it.
+    # A different last digit of the initial state changes the ratio to values between 40 and 90.
     assert 20.0 < gained.energy_ratio_max < 200.0
     assert (gained.outcome, gained.verdict) == ("done", "gains energy")
-    # A run of `tdint run` that ends on a hundred times its energy is none; the verdict tells what
-    # it looks like.
+    # A run of `tdint run` with a final energy of a hundred times the input energy is diverged; the
+    # verdict states the type of failure.
     ran_away = trial("impulse", "hardening", 0.02)
     assert ran_away.energy_ratio_max > 100.0
     assert (ran_away.outcome, ran_away.verdict) == ("diverged", "gains energy")
@@ -169,7 +170,7 @@ def test_errors_of_dissipative_impulse4_at_stiff_and_soft_node():
     assert trial("impulse4:rho_inf=0.5", "stiff-node").error == pytest.approx(0.55, rel=0.03)
     assert trial("impulse4:rho_inf=0.5", "soft-node").error == pytest.approx(2.3e-3, rel=0.02)
     assert math.isnan(trial("impulse4", "stiff-node").energy_ratio_min)
-    # The largest energy is that of an infinite stiffness, to what the steps make of it.
+    # The maximum energy is the energy for infinite stiffness, within the error of the time steps.
     assert trial("impulse4:rho_inf=0.5", "stiff-node").energy_ratio_max == pytest.approx(
         1.0, abs=2e-3
     )
@@ -193,8 +194,8 @@ def digest():
 
 @pytest.mark.parametrize(("name", "dt", "method", "cell"), digest())
 def test_readme_table_agrees_with_trials(name, dt, method, cell):
-    """The numbers to the digits given, bold where the problem is failed; behind ~ those that
-    rounding alone changes, within half and twice."""
+    """Printed digits agree, and failures are bold. Values after ~ depend on rounding and agree
+    within a factor of two."""
     one = trial(method, name, dt)
     assert cell.startswith("**") == (one.verdict != "pass")
     value = cell.strip("*")
@@ -210,7 +211,7 @@ def test_readme_table_agrees_with_trials(name, dt, method, cell):
 
 
 def measured_from(method, name, dt, part):
-    """What a problem measures from a start that is larger by a part."""
+    """Return the measure of a problem with initial displacements larger by a factor of 1 + part."""
     problem = problems()[name]
     start = problem.model.initial
     start = replace(start, displacement=tuple(value * (1.0 + part) for value in start.displacement))

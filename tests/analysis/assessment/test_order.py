@@ -1,4 +1,4 @@
-"""Observed order of every method, and the limits in which two methods are one."""
+"""Observed order of every method, and special cases in which two methods are equal."""
 
 import math
 from dataclasses import replace
@@ -40,7 +40,7 @@ MEMBERS = (
 
 @pytest.fixture(scope="module")
 def problem():
-    """Order problems by load and law, each solved once."""
+    """Return a function that creates the order problem of a load and a law, and caches it."""
     solved = {}
 
     def get(load, law):
@@ -93,7 +93,8 @@ def test_order_of_impulse_and_impulse4_by_load_and_law(problem, load, law, publi
     ],
 )
 def test_algorithmic_acceleration_of_alpha_methods_is_of_order_1(problem, method, order):
-    """Beside the one of equilibrium, which is of their order; others have none of their own."""
+    """The acceleration from equilibrium has the order of the method; other methods have no
+    algorithmic acceleration."""
     observed = observed_order(parse(method), problem("free", "linear"))
     assert np.isnan(observed.algorithmic_acceleration).all() == math.isnan(order)
     assert observed.order("algorithmic_acceleration") == pytest.approx(order, abs=0.25, nan_ok=True)
@@ -132,8 +133,8 @@ def test_observed_order_reports_steps_and_names(problem):
 @pytest.mark.parametrize("law", STORY_LAWS)
 @pytest.mark.parametrize("load", LOADS)
 def test_exact_motion_satisfies_equation_of_motion(problem, load, law):
-    """Of each sample interval of the motion: an independent integration from its start ends at its
-    end."""
+    """An independent integration over a sampling interval, from the exact state at its start, gives
+    the exact state at its end."""
     solved = problem(load, law)
     h, omega = 0.02, 2.0 * np.pi
     for sample in (0, 57, 199):
@@ -175,7 +176,7 @@ def test_linear_method_is_refused_for_nonlinear_law(problem):
         observed_order(parse("exact"), problem("free", "polynomial"))
 
 
-# ---- Limits in which two methods are one
+# ---- Special cases in which two methods are equal
 
 
 LINEAR_BUILDING = model(
@@ -236,7 +237,7 @@ def radau_iia(rate, y, h, steps):
     result = [np.asarray(y)]
     for step in range(steps):
         slopes = np.zeros((2, len(y)))
-        for _ in range(30):  # each brings the stages ten times nearer
+        for _ in range(30):  # each iteration reduces the error of the stages by a factor of ten
             stages = result[-1] + h * a @ slopes
             slopes = np.array(
                 [rate((step + part) * h, stage) for part, stage in zip(c, stages, strict=True)]

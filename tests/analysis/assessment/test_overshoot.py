@@ -1,4 +1,5 @@
-"""First steps under a large step, and the powers with which they grow."""
+"""Overshoot in the first steps with a large time step, and its growth as powers of the time
+step."""
 
 import math
 
@@ -11,10 +12,11 @@ from tdint.analysis.assessment.stability import EXACT_POWERS, STARTS, overshoot,
 from tdint.errors import UsageError
 from tdint.methods.catalogue import catalogue, parse
 
-# Powers of omega h in the first step as omega h goes to infinity, without damping: u and h v from
-# u0, u and h v from h v0. Measured with independent implementations at 30-40 digits.
+# Powers of omega h of the first step for omega h to infinity without damping: u and h v for the
+# start u0, and u and h v for the start h v0. They were measured with independent implementations
+# with 30 to 40 digits.
 NONE = (0, 0, -2, 0)
-ALL_LEFT = (-2, 0, -2, -2)  # nothing is left of the start
+ALL_LEFT = (-2, 0, -2, -2)  # the initial state decays completely
 VELOCITY = (0, 2, -2, 0)
 BOTH = (2, 2, 0, 0)
 DISPLACEMENT = (0, 0, 0, 0)
@@ -51,7 +53,9 @@ POWERS = {
     "bathe:rho_inf=1": NONE,
     "noh-bathe": (4, 6, 2, 4),
     "chang": NONE,
-    "cr": (0, -2, 0, 0),  # its velocity is that at the step's end; 0 for h v from u0 where it lags
+    # the reported velocity is the velocity at the end of the step; the power of h v from v0 is 0 if
+    # the velocity lags
+    "cr": (0, -2, 0, 0),
     "kr-alpha": DISPLACEMENT,
     "kr-alpha:rho_inf=0": DISPLACEMENT,
     "rk5": (6, 6, 4, 6),
@@ -104,7 +108,7 @@ def test_powers_are_listed_for_every_method():
 def test_overshoot_powers(method):
     tolerance = (
         0.06 if method == "exact" else 0.02
-    )  # the amplitude of a sine is that of a few of its values
+    )  # the amplitude of a sine is estimated from a few values
     assert powers(both(method)) == pytest.approx(POWERS[method], abs=tolerance)
 
 
@@ -186,8 +190,8 @@ FASTEST = {
 @pytest.mark.parametrize("law", SPRINGS)
 @pytest.mark.parametrize("start", STARTS)
 def test_fine_steps_follow_exact_nonlinear_motion(law, start):
-    """Against SciPy's DOP853, over a swing and more; the exact motion reaches both its largest
-    values."""
+    """The motion agrees with DOP853 of SciPy over more than one period. The exact motion reaches
+    both normalizing maxima."""
     dt_over_t, steps = 0.002, 1000
     motion = overshoot("gauss4", start, dt_over_t, steps, law=law)
     h = 2.0 * math.pi / 10.0 * dt_over_t
@@ -214,7 +218,8 @@ def test_first_step_of_average_acceleration_in_nonlinear_motion(law):
 
 
 def test_average_acceleration_overshoots_in_nonlinear_motion():
-    """What it never does in linear motion; the figures of the README."""
+    """Average acceleration does not overshoot in linear motion. The expected values are in the
+    README."""
     hardening = overshoot("newmark-average", "displacement", 0.3, law="hardening")
     softening = overshoot("newmark-average", "velocity", 10.0, law="softening")
     assert hardening.largest[1] == pytest.approx(1.65, abs=0.005)
@@ -225,7 +230,8 @@ def test_average_acceleration_overshoots_in_nonlinear_motion():
 @pytest.mark.parametrize("start", STARTS)
 @pytest.mark.parametrize("dt_over_t", [0.1, 0.3, 1.0, 10.0])
 def test_moment4_does_not_overshoot_in_nonlinear_motion(law, start, dt_over_t):
-    """It keeps the energy at any step, and the exact largest values are those of the energy."""
+    """The method conserves the energy for any time step, and the exact maxima follow from the
+    energy."""
     largest = overshoot("moment4", start, dt_over_t, 50, law=law).largest
     assert max(largest) <= 1.0 + 1e-6
 

@@ -1,5 +1,5 @@
-"""What the paper of 2022 says of limits, cusps and frequencies beside what is measured: rows of
-methods/README."""
+"""Claims of the paper of 2022 on limits, cusps and frequencies compared with measured values (rows
+in methods/README)."""
 
 import math
 
@@ -16,8 +16,8 @@ DAMPINGS = (0.0, 0.02, 0.05, 0.2)
 
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_lagging_damping_lowers_limit_of_central_difference(damping):
-    """With (u(t) - u(t - h)) / h as velocity: 2 (sqrt(1 + xi^2) - xi), from the recurrence
-    alone."""
+    """For the velocity (u(t) - u(t - h)) / h, the recurrence gives the limit 2 (sqrt(1 + xi^2) -
+    xi)."""
     limit = 2.0 * (math.sqrt(1.0 + damping**2) - damping)
 
     def radius(w):
@@ -33,8 +33,8 @@ def test_lagging_damping_lowers_limit_of_central_difference(damping):
 
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_damping_raises_limit_of_newmark_with_gamma_above_one_half(damping):
-    """Where the conclusion would hold: the closed form of Hughes (1987, sect. 9.1), beta 0 and
-    gamma 0.6."""
+    """The conclusion would hold for beta = 0 and gamma = 0.6 (closed form of Hughes, 1987, sect.
+    9.1)."""
     gamma = 0.6
     lead = damping * (gamma - 0.5)
     limit = (lead + math.sqrt(0.5 * gamma + lead**2)) / (0.5 * gamma)
@@ -45,8 +45,8 @@ def test_damping_raises_limit_of_newmark_with_gamma_above_one_half(damping):
 
 @pytest.mark.parametrize(("damping", "cusp"), [(0.0, 2.29), (0.05, 2.69)])
 def test_cusp_of_spectral_radius_of_wilson(damping, cusp):
-    """The paper: dt/T 2.3 to 2.7. The least spectral radius lies where the conjugate roots meet and
-    part."""
+    """The minimum spectral radius is at the bifurcation of the complex conjugate roots; the paper
+    states dt/T = 2.3 to 2.7."""
     dt_over_t = np.linspace(0.5, 5.0, 4501)
     radius = stability("wilson:theta=1.4", dt_over_t, damping).spectral_radius
     lowest = int(np.argmin(radius))

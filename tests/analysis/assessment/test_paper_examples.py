@@ -1,8 +1,8 @@
-"""Examples 1 to 3 of the paper of 2022: published and recomputed errors, and the same runs by other
-routes.
+"""Examples 1 to 3 of the paper of 2022: published and recomputed errors, and independent
+calculations of the same runs.
 
-The numbers of example 1 were measured with another implementation of the same formulas against
-DOP853 at 1e-13.
+The values of example 1 were measured with another implementation of the same formulas against
+DOP853 with a tolerance of 1e-13.
 """
 
 import math
@@ -38,8 +38,8 @@ OURS = ("impulse4", "moment4")
 
 @cache
 def runs(number, dt):
-    """The usual runs, and those of our own methods, by method and variant; variants with the
-    paper's step alone."""
+    """Return the usual runs and the runs of our own methods by method and variant. Variants are run
+    only with the time step of the paper."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paper_examples, "VARIANTS", paper_examples.VARIANTS if dt == DT else {})
         done = run_example(examples()[number], dt, [*default_integrators(), *map(parse, OURS)])
@@ -61,15 +61,15 @@ def test_model_files_define_the_examples(number, file):
     assert model.analysis.dt == DT
 
 
-# ---- What the paper has
+# ---- Published values
 
 
 @pytest.mark.parametrize(
     ("number", "dt"), [(1, 0.001), (2, 0.001), pytest.param(3, 0.002, marks=pytest.mark.slow)]
 )
 def test_error_of_reference_of_paper(number, dt):
-    """Linear acceleration with 0.001 s or 0.002 s: the same as a run of it, and off by 5e-5 m at
-    most."""
+    """Linear acceleration with a time step of 0.001 s or 0.002 s equals a run of this method and
+    differs from the exact solution by at most 5e-5 m."""
     example = examples()[number]
     history = run(
         example.model, method="newmark-linear", dt=dt, duration=example.duration, history=True
@@ -81,8 +81,8 @@ def test_error_of_reference_of_paper(number, dt):
 
 @pytest.mark.parametrize("number", FILES)
 def test_errors_against_both_references(number):
-    """They differ by what the references differ by; RK5 is closer to the truth than the paper's
-    exact motion is."""
+    """The errors differ at most by the difference of the references. RK5 is closer to the exact
+    solution than the reference of the paper."""
     rk5 = runs(number, 0.02)["rk5", ""]
     apart = np.max(np.abs(rk5.paper.displacement - rk5.finer.displacement))
     for method, variant in runs(number, 0.02):
@@ -116,7 +116,7 @@ def test_reference_of_example_1_agrees_with_dop853():
 
 @pytest.mark.parametrize("number", FILES)
 def test_gauss4_confirms_reference(number):
-    """gauss4, of order 4 and implicit: 4096 times closer than its error at the step itself."""
+    """The implicit method gauss4 of order 4 with 1/8 of the time step has 1/4096 of its error."""
     assert gap(examples()[number], 0.02, "gauss4") < 2e-8
 
 
@@ -138,8 +138,8 @@ def test_errors_of_example_1(method, errors):
 
 
 def test_errors_of_rk5_by_load_interpolation():
-    """4.0e-8 with the load itself, 4.76e-3 with the load linear between the steps, 0.13 with the
-    load held."""
+    """The error is 4.0e-8 with the exact load, 4.76e-3 with a load that is linear between steps,
+    and 0.13 with a load that is constant in each step."""
     assert error(1, 0.02, "rk5") == pytest.approx(4.0e-8, rel=0.01)
     assert error(1, 0.02, "rk5", "load linear between the steps") == pytest.approx(
         4.76e-3, rel=1e-3
@@ -151,8 +151,8 @@ def test_errors_of_rk5_by_load_interpolation():
 
 
 def digest():
-    """Rows of the digest in the methods' README: method, variant, both errors of the three examples
-    as they stand."""
+    """Return method, variant and the error texts of the three examples for each row of the table in
+    the methods README."""
     lines = [
         line.strip("| ").split("|")
         for line in readmes.digest("examples").splitlines()
@@ -167,7 +167,8 @@ def digest():
 
 @pytest.mark.parametrize(("method", "variant", "errors"), digest())
 def test_readme_table_agrees_with_runs(method, variant, errors):
-    """To the digits given, so that who errs least and most in an example is as it says."""
+    """The errors agree to the printed digits, so that the smallest and the largest error of each
+    example are correct."""
     for number, texts in enumerate(errors, start=1):
         for text, against in zip(texts, ("paper", "finer"), strict=True):
             half_a_digit = 0.51 * 10.0 ** Decimal(text.strip()).as_tuple().exponent
@@ -183,8 +184,8 @@ def test_readme_table_lists_every_run():
 
 
 def test_load_linear_between_steps_equals_ground_motion():
-    """p(t) on one mass m is the ground motion -p / m, which every run takes as linear between its
-    samples."""
+    """A load p(t) on one mass m equals the ground motion -p / m, which every run interpolates
+    linearly between samples."""
     one = runs(1, 0.02)["rk5", "load linear between the steps"]
     t = one.motion.time
     record = Record(-(500 * np.cos(25 * t) - 200 * np.sin(10 * t)) / 10.0, 0.02, "", "", "", "load")

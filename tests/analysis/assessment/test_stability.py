@@ -16,8 +16,8 @@ from tdint.methods.workspace import workspace
 from tdint.model.building import oscillators
 
 # Period error and numerical damping ratio in percent at dt/T = 0.1 without damping, to the last
-# digit shown; measured with independent implementations at 30-40 digits. 0 stands for less than
-# 1e-9.
+# printed digit. They were measured with independent implementations with 30 to 40 digits. 0 means
+# less than 1e-9.
 ACCURACY = {
     "newmark": ("3.21", "0"),
     "newmark-average": ("3.21", "0"),
@@ -138,9 +138,9 @@ def test_wilson_below_1_366_is_unstable():
     [method for method in (*catalogue(), *MEMBERS) if not math.isnan(parse(method).rho_inf)],
 )
 def test_spectral_radius_at_infinity_is_declared(method):
-    """The matrix tends to its limit like 1 / (omega h)^2, and m roots that meet there like the m-th
-    root of that: m is 6 for park, 3 at most for the others. Rounding lifts the radius by (omega
-    h)^2 times 1e-16 in chang."""
+    """The amplification matrix tends to its limit as 1 / (omega h)^2, and m coinciding roots as the
+    m-th root of this term: m is 6 for park and at most 3 for other methods. In chang, rounding
+    increases the radius by 1e-16 (omega h)^2."""
     integrator = parse(method)
     omega_h = 1e6
     radius = one_point(method, omega_h / (2.0 * math.pi)).spectral_radius[0]
@@ -170,7 +170,8 @@ def test_k_steps_equal_kth_power_of_amplification_matrix(method, damping):
         (len(memory), omega.size)
     )
     space.step_status[rows.STEPS_DONE] = 100.0
-    if rows.ACCELERATION in memory:  # the march starts it from equilibrium
+    # time integration starts with the acceleration from equilibrium
+    if rows.ACCELERATION in memory:
         u, v = space.state[0, :-1], space.state[rows.VELOCITY, :-1]
         space.state[rows.ACCELERATION, :-1] = (
             -(omega**2) * u - building.linear_terms[rows.STORY_DAMPER, :-1] * v
@@ -231,8 +232,8 @@ def test_numerical_damping_excludes_damping_of_oscillator():
 
 
 def test_false_stability_limit_is_reported():
-    """None of the catalogue's is false; one made false is told with both numbers, a wrong infinity
-    as well."""
+    """No method of the catalog has a false limit. A false declaration is reported with both values,
+    also if infinity is wrong."""
     for name in ("central-difference", "newmark-linear", "wilson", "impulse4", "rk5"):
         integrator = parse(name)
         assert false_limit(integrator, critical_step(integrator)) == ""

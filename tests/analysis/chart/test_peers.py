@@ -1,5 +1,5 @@
-"""Other programs in the chart: OpenSeesPy does what tdint does, SciPy's errors fall, and what is
-missing is told."""
+"""Other programs in work-precision diagrams: agreement of OpenSeesPy, errors of SciPy, and reports
+of missing results."""
 
 import io
 import math
@@ -31,8 +31,8 @@ NOTHING = Errors(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def dashpots():
-    """Dashpots that are in no proportion to the stiffness, a story that stays linear among bilinear
-    ones."""
+    """Return a building with dashpots that are not proportional to the stiffness, and one linear
+    story among bilinear stories."""
     weak = Law("bilinear", (4e4, 0.05))
     stories = [
         story(1e3, 1e6, weak, dashpot=5e3),
@@ -43,7 +43,7 @@ def dashpots():
 
 
 def leaning():
-    """P-delta, which takes no part in Rayleigh damping."""
+    """Return a building with P-delta effects, which do not contribute to Rayleigh damping."""
     return model(
         [story(1e3, 1e6, Law("bilinear", (4e4, 0.05))), story(1e3, 8e5)],
         p_delta=True,
@@ -75,7 +75,8 @@ def ours(problem, name, dt):
 
 @pytest.fixture(params=["stand-in", pytest.param("openseespy", marks=installed)])
 def opensees(request, monkeypatch, capfdbinary):
-    """The program, and what its manual says of it, to which the worker talks in this process."""
+    """Provide OpenSeesPy, or a stand-in that follows its manual, for the worker, which is executed
+    in this process."""
 
     def run(command, input, **_):
         monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(input)))
@@ -83,7 +84,7 @@ def opensees(request, monkeypatch, capfdbinary):
         monkeypatch.setattr(sys, "argv", ["opensees_worker"])
         output = os.dup(1)
         code = opensees_worker.main()
-        os.dup2(output, 1)  # the worker keeps it free of what OpenSees prints
+        os.dup2(output, 1)  # the worker keeps its output free of messages of OpenSees
         os.close(output)
         return subprocess.CompletedProcess(command, code, capfdbinary.readouterr().out, b"")
 
@@ -122,7 +123,8 @@ def test_average_acceleration_agrees_with_openseespy(name, parts):
 
 @pytest.mark.usefixtures("opensees")
 def test_gap_to_openseespy_detects_different_law(monkeypatch):
-    """Twice the hardening is another law, which no step mends."""
+    """With twice the hardening, the gap between the programs does not decrease with the time
+    step."""
     problem = PROBLEMS["bilinear"]()
     reference = ours(problem, "impulse4", problem.interval / 16)
     gap, said = peers.opensees_gap(problem, reference, 2e-4)
@@ -152,7 +154,8 @@ def test_curved_laws_agree_with_openseespy(law):
 
 
 def test_curved_law_is_approximated_by_table():
-    """Between its points, as far as it reaches: chords lag by f'' dx^2 / 8."""
+    """The table agrees with the curve within its range; the error of linear interpolation is f''
+    dx^2 / 8."""
     for name, values, force in (
         ("tanh", (3.0,), lambda d: 3.0 * np.tanh(2.0 * d / 3.0)),
         ("polynomial", (2.0, 0.5, 4.0), lambda d: 2.0 * d + 0.5 * d**2 + 4.0 * d**3),
@@ -168,8 +171,8 @@ def test_curved_law_is_approximated_by_table():
 
 @pytest.mark.usefixtures("opensees")
 def test_hht_and_generalized_alpha_agree_with_openseespy():
-    """In a linear building; and the two differ from average acceleration. Accelerations of both
-    programs are those of equilibrium at the ends of the steps, not those of the integrators."""
+    """The building is linear, and the results differ from average acceleration. Both programs
+    report accelerations from equilibrium at the ends of steps, not algorithmic accelerations."""
     problem = PROBLEMS["linear"]()
     for method in ("hht", "generalized-alpha"):
         points, _ = openseespy_points(problem, [0.01], ours(problem, method, 0.01), repeats=1)
@@ -182,7 +185,8 @@ def test_hht_and_generalized_alpha_agree_with_openseespy():
 
 @pytest.mark.parametrize("opensees", ["stand-in"], indirect=True)
 def test_failed_and_slow_runs_of_openseespy_are_reported(opensees, monkeypatch):
-    """The smallest steps, which take longest, are run last, and told to be missing."""
+    """The smallest time steps, which take longest, are run last, and they are reported as
+    missing."""
     problem = pose(forced())
     reference = ours(problem, "newmark-average", 0.02)
     points, _ = openseespy_points(problem, [0.01, 0.02], reference, repeats=5)
@@ -203,7 +207,7 @@ def test_failed_and_slow_runs_of_openseespy_are_reported(opensees, monkeypatch):
 
 @pytest.mark.parametrize("opensees", ["stand-in"], indirect=True)
 def test_time_limit_applies_to_each_integrator(opensees, monkeypatch):
-    """The limit holds for each integrator, and larger steps are run first."""
+    """The time limit applies to each integrator, and larger time steps are run first."""
     clock = [0.0]
     run = opensees_worker._run
 
@@ -274,9 +278,9 @@ def test_worker_reports_missing_openseespy():
     ("name", "part"), [("forced", 0.05), pytest.param("dashpots", 0.5, marks=pytest.mark.slow)]
 )
 def test_errors_of_solve_ivp_decrease_with_tolerance(name, part, monkeypatch):
-    """By less where stories yield: the error estimates do not see how far a step went past a kink,
-    and which steps meet one hangs on the last bits of a product of matrices (RK45: below .25 on one
-    processor, .27 on another)."""
+    """The decrease is smaller for yielding stories, because the error estimate does not detect a
+    kink within a step. The affected steps depend on the last bits of a matrix product: for RK45,
+    the ratio is below 0.25 on one processor and 0.27 on another."""
     monkeypatch.setattr(peers, "TOLERANCES", (1e-4, 1e-6))
     problem = PROBLEMS[name]()
     points, notes = solve_ivp_points(
@@ -336,8 +340,7 @@ def leapfrog(tmp_path):
 
 
 def test_program_of_plugin_is_charted(leapfrog):
-    """A line of two points, whose error falls with the step: twice as large a step, twice the
-    error, for order 1."""
+    """The line has two points, and twice the time step gives twice the error (order 1)."""
     problem = pose(ten_linear(), noise(samples=301))
     chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)
     both, notes = with_plugins(problem, chart, repeats=2)

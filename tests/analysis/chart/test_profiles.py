@@ -45,7 +45,7 @@ def test_performance_ratio_is_cost_over_minimum_of_problem():
     np.testing.assert_array_equal(
         performance_ratios(costs, [True] * 3), [[1.0, 2.0, INF], [2.0, 1.0, 4.0], [INF] * 3]
     )
-    # One that is not ours leaves the least as it is.
+    # The cost of another program does not change the minimum.
     np.testing.assert_array_equal(
         performance_ratios(costs, [True, False, False]),
         [[1.0, 2.0, INF], [1.0, 0.5, 2.0], [INF] * 3],
@@ -135,7 +135,8 @@ def test_problems_with_inaccurate_reference_are_excluded():
 
 
 def test_leaders_are_coarse_fine_and_safest():
-    """Cheap and coarse, dear and sure, and one that is for some problems only."""
+    """One method is fast and inaccurate, another is slow and reliable, and a third solves only some
+    of the problems."""
     both = [
         points("coarse", 1, 1.0, error=1e-2),
         points("sure", 4, 5.0, error=1e-6),
@@ -157,14 +158,16 @@ def test_leaders_are_coarse_fine_and_safest():
     leaders = chart.leaders()
     assert leaders.safest == "sure"
     assert leaders.coarse in ("coarse", "sure")
-    assert "exact" not in leaders  # it does not take all problems, and is counted over all
+    # it does not support all problems, and its share counts all problems
+    assert "exact" not in leaders
     declined = [profile for profile in chart.profiles if profile.method == "exact"]
     assert {(p.problems, p.solved, p.taken, p.median) for p in declined} == {(4, 1, 1, 1.0)}
     assert (chart.named("exact"), chart.named("sure")) == ("exact (1 of 4)", "sure")
 
 
 def test_lines_by_tolerance_do_not_change_profiles():
-    """A line with the time of all of it: it changes no ratio and is not recommended."""
+    """A line with the total time of a search for a tolerance changes no ratio and is not
+    recommended."""
     ours, choosing = points("a", 2, 1.0), points("a by tolerance", 9, 1e-9)
     alone, beside = (
         field_chart([measured(ours)]),
@@ -189,7 +192,8 @@ def test_other_programs_do_not_change_ratios():
 
 
 def test_skipped_runs_do_not_count_as_unsolved():
-    """Steps below a half were not run: 0.1 % is within none of the others, 1 % within one."""
+    """Time steps below a half were not run: no problem is solved within 0.1 %, and one within 1
+    %."""
     line = points("prog/b", 2, 1.0, error=0.01)
     for i, point in enumerate(line):
         if point.dt < 0.5:
@@ -262,8 +266,8 @@ def test_models_and_problems_exclude_each_other():
 
 
 def test_errors_agree_with_runs_with_fine_steps():
-    """The fine ones of average acceleration, which has no part in the reference but to confirm
-    it."""
+    """The reference runs use average acceleration with small time steps, which is only used to
+    confirm the stored reference."""
     building, record = ten_bilinear(), noise(samples=161, peak=6.0)
     methods = [parse(name) for name in ("newmark-average", "impulse4", "moment4")]
     found = measure_problem(

@@ -57,7 +57,8 @@ def motion(displacement, stride=1):
 
 
 def test_all_time_steps_end_at_same_time():
-    """A motion that grows to its end: one that goes on for a step more has larger peaks."""
+    """The amplitude of the motion increases until its end, so that an additional step would
+    increase the peaks."""
     growing = model([story(1.0, 400.0)], forces=[Force(1, 20.0, 0.0, 20.0)], dt=0.02, duration=0.7)
     chart = measure(
         pose(growing), integrators("impulse4"), (0.08, 0.04, 0.02), repeats=1, cached=False
@@ -119,8 +120,8 @@ def harmonic_motion(problem, force):
 
 @pytest.mark.parametrize("stiffness", [600.0, 1e7])
 def test_gap_bounds_error_of_reference(stiffness):
-    """Also where a stiff part is not resolved, in which methods of one kind would agree on the same
-    wrong motion."""
+    """The gap is also valid if a stiff part is not resolved, although similar methods would agree
+    on the same wrong motion."""
     force = Force(2, 5.0, 0.0, 1.2)
     building = model(
         [story(1.0, stiffness, dashpot=1.0), story(1.0, 1.0, dashpot=0.1)],
@@ -137,7 +138,8 @@ def test_gap_bounds_error_of_reference(stiffness):
 
 
 def test_unsolvable_building_has_no_reference():
-    """Softening beyond its strength: the story loses all stiffness and runs away."""
+    """Beyond its strength, the story loses all stiffness and the displacement grows without
+    bound."""
     falling = model(
         [story(1.0, 1.0, Law("polynomial", (1.0, 0.0, -1.0)))],
         velocity=(3.0,),
@@ -150,7 +152,7 @@ def test_unsolvable_building_has_no_reference():
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
-    """The folder of the cache, and how often a reference is computed."""
+    """Return the cache directory and the list of computed references."""
     solved = []
     solve = references._solve
 
@@ -164,7 +166,7 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_each_problem_has_its_own_cached_reference(cache, monkeypatch):
-    """And the oldest make room."""
+    """The oldest references are removed if the cache is full."""
     folder, solved = cache
     base = pose(forced(0.2))
     own = base.model
@@ -335,7 +337,8 @@ def test_recommended_and_alternative_points():
 
 @pytest.mark.parametrize(("verdicts", "turns"), [("aaaaaaaa", 2), ("abbbbbbb", 3), ("abababab", 8)])
 def test_timing_is_repeated_until_verdict_is_stable(verdicts, turns):
-    """Twice at least, as was asked for, and four times that at most."""
+    """The number of repetitions is at least the requested two, and at most four times this
+    number."""
     problem = pose(ten_linear(), noise(samples=21))
     asked = iter(verdicts)
     chart = measure(
@@ -346,7 +349,7 @@ def test_timing_is_repeated_until_verdict_is_stable(verdicts, turns):
 
 
 def test_recommended_run_meets_target_error():
-    """Of a bilinear building, whose reference another method confirms."""
+    """The building is bilinear, and its reference is confirmed by another method."""
     building, record = stretched(ten_bilinear(), 4), noise(samples=201, peak=6.0)
     problem = pose(building, record)
     methods = integrators("impulse4", "newmark-average", "central-difference", "bathe")
@@ -356,7 +359,8 @@ def test_recommended_run_meets_target_error():
     assert chart.reference.method == "impulse4"
     assert "newmark-average" in chart.reference.confirmed_by
     assert chart.reference.gap.worst < 1e-6
-    fine = run(building, record, method="newmark-average", dt=record.dt / 64)  # errs by 4e-6
+    # error of this run: 4e-6
+    fine = run(building, record, method="newmark-average", dt=record.dt / 64)
     for limit in (1e-2, 1e-3):
         advice = cheapest(chart.points, "peak_drift", limit)
         response = run(building, record, method=advice.method, dt=advice.dt)
@@ -416,12 +420,12 @@ def test_stretched_building_moves_forces_and_initial_state():
     assert stretched(shaken, 2).damping.ratios == (0.05, 0.04)
 
 
-# ---- what marches are timed by
+# ---- Clock for time integrations
 
 
 def test_clock_excludes_waiting_time_of_thread(monkeypatch):
-    """Where it is fine; where it goes by ticks as Windows' does, or stands still, the wall's is
-    taken."""
+    """The thread clock is used if its resolution is sufficient. With a resolution of ticks, as on
+    Windows, or a stopped clock, wall time is used."""
     system.clock.cache_clear()
     if system.clock() == "thread_time":
         begin, wall = system.seconds(), time.perf_counter()
@@ -455,12 +459,12 @@ def test_timing_reports_ratio_of_wall_time_to_processor_time(
     assert timing.description.startswith("minimum of 1 to 2 times")
 
 
-# ---- Lines whose steps are chosen for a tolerance
+# ---- Lines with time steps that are chosen for a tolerance
 
 
 def test_lines_by_tolerance_equal_runs_with_tolerance():
-    """Against the runs themselves and a reference of their own: error of the peak drifts, times,
-    nothing else known."""
+    """Errors of peak drifts and times equal those of separate runs with a separate reference; other
+    errors are unknown."""
     building, record = ten_bilinear(), noise(samples=101)
     charted = chart(
         building,
@@ -493,7 +497,7 @@ def test_lines_by_tolerance_equal_runs_with_tolerance():
     plain = next(point for point in charted.points if point.line == "impulse4")
     assert (
         min(point.fastest for point in lines) > plain.fastest
-    )  # a run with its error is more than a march
+    )  # a run with an error estimate takes longer than the time integration alone
 
 
 def test_unreachable_tolerance_is_reported_as_outcome():

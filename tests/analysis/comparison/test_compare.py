@@ -1,5 +1,5 @@
-"""Comparison of computed and recorded responses. A recording generated from a computed response
-agrees with it, and known changes of the recording are detected."""
+"""Comparison of computed and recorded responses. A recording that is generated from a computed
+response agrees with it, and known changes of the recording are detected."""
 
 import math
 from dataclasses import replace
@@ -67,7 +67,7 @@ FLOORS = recording()
 
 
 def noise(seed, size=SIZE):
-    """Return a band-limited random motion, m/s^2, which is zero at both ends."""
+    """Return a band-limited random motion in m/s^2 that is zero at both ends."""
     return (
         np.random.default_rng(seed).normal(size=size) * np.sin(np.linspace(0.0, math.pi, size)) ** 2
     )
@@ -392,7 +392,7 @@ def test_collapsed_building_cannot_be_compared(made):
         compare(replace(made.model, stories=stories), made.event(), method="impulse4")
 
 
-# ---- Displacements that stay, absolute ones, several sensors
+# ---- Residual and absolute displacements, several sensors
 
 
 def test_residual_displacement_causes_no_jump(made):
@@ -428,8 +428,8 @@ def test_absolute_displacement_is_reported(made):
 
 
 def test_common_stiffness_factor_is_fitted_to_roof_sensor(made):
-    """With an error of 30 % of all stiffnesses and one sensor, the common factor is determined to
-    the 12 digits of the table. A base motion with a nonzero median is not shifted."""
+    """For an error of 30 % of all stiffnesses and one sensor, the common factor is accurate to the
+    12 digits of the table. A base motion with a nonzero median is not shifted."""
     for median in (0.004, -0.006):
         base = made.base + median
         record = Record(base, DT, "", "", "", "noise")
@@ -619,7 +619,7 @@ def test_an_unmet_requirement_is_stated_with_both_bounds(made):
         assert said.endswith(f"peak_ratio {text}")
 
 
-# ---- The picture
+# ---- Figure
 
 
 def test_figure_shows_floors_with_least_agreement_and_overview(made):

@@ -1,8 +1,8 @@
-"""Random models, methods and steps, absurd ones among them: every run ends as one of the named
-outcomes.
+"""Random models, methods and time steps, including absurd values: every run ends with a documented
+status.
 
-No exception, no number from a run that failed, no nan in a table or in a summary, and where the
-energy balance of a run is off by more than 1 %, it says so.
+No exception is raised, a failed run has no results, no table or summary contains nan, and an energy
+balance error above 1 % is noted.
 """
 
 import json
@@ -65,8 +65,8 @@ def law(generator, strength):
 
 
 def random_run(seed):
-    """Arguments of `run`: a building of one to six stories, at rest or moving, under a record, a
-    force or nothing."""
+    """Return arguments of `run`: a building of one to six stories, at rest or moving, under a
+    record, a force or no load."""
     generator = np.random.default_rng(seed)
     n = int(generator.integers(1, 7))
     mass = 10.0 ** generator.uniform(1.0, 4.0)
@@ -119,7 +119,7 @@ def random_run(seed):
 
 
 def numbers(content):
-    """All numbers of a JSON document; None stands for a number that was not finite."""
+    """Return all numbers of a JSON document; None represents a value that was not finite."""
     if isinstance(content, dict):
         return [number for item in content.values() for number in numbers(item)]
     if isinstance(content, list):

@@ -19,8 +19,8 @@ PEAKS = StoryPeaks(**VALUES, height=HEIGHT)
 
 
 def largest(numbers):
-    """Value and place from 1, without those that are no numbers; nan and none where there is
-    none."""
+    """Return the maximum and its number, counted from 1, without nan values; nan and 0 if all
+    values are nan."""
     known = [
         (value, place) for place, value in enumerate(numbers, start=1) if not math.isnan(value)
     ]

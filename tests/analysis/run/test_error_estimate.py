@@ -1,5 +1,4 @@
-"""Error estimates bracket the true error, on known answers and on random buildings; tolerances are
-kept."""
+"""Error estimates cover the true error for known solutions and random buildings."""
 
 from dataclasses import fields, replace
 
@@ -41,7 +40,7 @@ def pairs(response, reference):
         yield name, found[known], true[known]
 
 
-# ---- Known answers
+# ---- Known solutions
 
 
 @pytest.mark.parametrize(
@@ -91,8 +90,9 @@ def test_estimated_errors_of_free_vibration(method, dt):
     ],
 )
 def test_estimate_is_maximum_of_three_terms(method, factor):
-    """The difference from impulse4 with half the step times a factor, a fifth of the root mean
-    square of that over the stories, which is limited by eight differences, and 1e-5 of the peak."""
+    """The terms are the difference from impulse4 with half the time step times a factor, a fifth of
+    the root mean square of the differences of all stories (at most eight differences), and 1e-5 of
+    the peak."""
     response = run(ten_bilinear(), noise(), method=method)
     other = run(ten_bilinear(), noise(), method="impulse4", dt=0.005, check=False)
     for name in ("peak_drift", "peak_absolute_acceleration", "peak_total_shear"):
@@ -146,8 +146,8 @@ def test_estimate_includes_possible_peaks_between_time_steps():
 
 
 def test_damper_forces_of_central_difference_are_not_overestimated():
-    """The parabolas of this method have possible velocities far above those at the steps. The
-    additional run excludes them."""
+    """The parabolas of this method allow velocities far above the velocities at the steps. The
+    additional run excludes these velocities."""
     stories = [story(1.0, k, LINEAR, height=3.0, dashpot=0.5) for k in (400.0, 300.0, 200.0)]
     response = run(model(stories), noise(), method="central-difference", dt=0.02)
     truth = run(model(stories), noise(), method="exact", dt=0.001, check=False)
@@ -160,11 +160,11 @@ def test_damper_forces_of_central_difference_are_not_overestimated():
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
 @pytest.mark.parametrize("path", ["run", "sequence", "tolerance"])
 def test_estimate_includes_start_of_moving_building(method, path):
-    """Two stories, of which the upper one vibrates with a period of half a step and strong damping.
+    """The upper of two stories vibrates with a period of half a time step and strong damping.
 
-    The accelerations have their maxima a tenth of a step after the start. The true value is that of
-    the matrix exponential. The values at the start are larger than those at all later steps, of
-    both runs, so that the difference of both is zero.
+    The accelerations have their maxima a tenth of a time step after the start. The exact values
+    follow from the matrix exponential. In both runs, the values at the start are larger than the
+    values at all later steps, so that the difference of the runs is zero.
     """
     dampers, springs, h = (1.0, 40.0), (100.0, 1e4), 0.1
     stiffness, damping = (
@@ -205,7 +205,8 @@ def test_estimate_includes_start_of_moving_building(method, path):
 
 
 def test_additional_run_with_longer_steps_excludes_no_peak(monkeypatch):
-    """The search for a tolerance compares a run of impulse4 with one that has longer steps."""
+    """The search for a tolerance compares a run of impulse4 with a run that has longer time
+    steps."""
     compared = []
 
     def recorded(response, other, by, **more):
@@ -218,7 +219,8 @@ def test_additional_run_with_longer_steps_excludes_no_peak(monkeypatch):
 
 
 def building_with_a_gap():
-    """Random stories of which one stiffens at a contact, and a record with samples at 0.0125 s."""
+    """Return random stories, one of which stiffens at a contact, and a record with a sampling
+    interval of 0.0125 s."""
     rng = np.random.default_rng(7)
     n = int(rng.integers(1, 5))
     stiffness = rng.uniform(0.5, 1.5, n) * 10.0 ** rng.uniform(1.5, 2.8)
@@ -232,8 +234,9 @@ def building_with_a_gap():
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
 @pytest.mark.parametrize("samples", [5, 10])
 def test_long_steps_are_compared_with_steps_of_sampling_interval(method, samples):
-    """With half the step both runs may pass over the same contacts: they agree and are both wrong.
-    Peaks are compared. A residual drift of such a step is the drift at one time of a vibration."""
+    """With half the time step, both runs may miss the same contacts and agree although both are
+    wrong. Only peaks are compared, because the residual drift is the drift at one time of a
+    vibration."""
     building, record = building_with_a_gap()
     dt, duration = samples * record.dt, 10.0
     response = run(
@@ -249,7 +252,8 @@ def test_long_steps_are_compared_with_steps_of_sampling_interval(method, samples
 
 
 def vibrating_building_with_a_gap():
-    """Three stories in free vibration of which one stiffens at a contact, and the first period."""
+    """Return three stories in free vibration, one of which stiffens at a contact, and the first
+    period."""
     springs = np.random.default_rng(8).uniform(200.0, 600.0, 3)
     stories = [story(1.0, k, LINEAR, height=3.0) for k in springs]
     stories[1] = story(1.0, springs[1], Law("gap", (0.01, 10.0 * springs[1])), height=3.0)
@@ -299,8 +303,8 @@ def test_accidental_agreement_of_one_story_is_corrected():
 
 
 def test_exact_estimates_its_own_errors():
-    """It has none but between its steps; under forces on floors, which it takes as linear, impulse4
-    tells."""
+    """The method only has errors between its steps. For floor forces, which it interpolates
+    linearly, impulse4 estimates the errors."""
     response = run(ten_linear(), noise(), method="exact")
     assert response.check.method == "exact" and response.check.drift_error < 1e-3
     forced = oscillator(2.0 * np.pi, displacement=(1.0,), forces=[Force(1, 1e3, 0.0, 3.0)])
@@ -364,11 +368,10 @@ STEP, SAMPLES, FINE = 0.01, 501, 16
 
 
 def test_estimates_cover_true_errors_in_random_buildings():
-    """The true error lies below twice the estimate in 99 % of the peaks at least; the estimates are
+    """At least 99 % of the peaks have a true error below twice the estimate, and the estimates are
     not far too large.
 
-    The truth is impulse4 with 1/16 of the step, confirmed by moment4, whose difference is allowed
-    for.
+    The reference is impulse4 with 1/16 of the time step; its difference from moment4 is tolerated.
     """
     good, ratios = [], []
     for seed in range(SEEDS):
@@ -386,7 +389,7 @@ def test_estimates_cover_true_errors_in_random_buildings():
             size = getattr(truth.stories, "peak_drift" if name == "residual_drift" else name)
             assert np.all(doubt <= 1e-5 * np.max(size[np.isfinite(size)], initial=0.0))
             good.append(true <= 2.0 * found + doubt)
-            # Below a millionth of the peak it is the least that is told.
+            # Errors below a millionth of the peak are below the smallest estimate.
             told = true > np.maximum(10.0 * doubt, 1e-6 * size[np.isfinite(size)])
             ratios.append(found[told] / true[told])
     good, ratios = np.concatenate(good), np.concatenate(ratios)
@@ -458,8 +461,8 @@ def test_errors_of_collapsed_run_end_at_collapse():
 
 
 def test_history_has_error_at_each_step():
-    """True less computed by the run that tells the peaks' errors, at the same times; asked for by
-    check=True alone."""
+    """The errors are differences from the run that estimates the errors of peaks, at the same
+    times, and require check=True."""
     record = noise(samples=201)
     response = run(ten_bilinear(), record, method="newmark-average", history=True, check=True)
     other = run(

@@ -1,5 +1,5 @@
-"""Histories in pieces: together they are the whole one, bit for bit, and no memory holds more than
-a piece."""
+"""Histories in chunks: joined, they equal the complete history bit for bit, and memory is limited
+to one chunk."""
 
 import io
 import tracemalloc
@@ -29,7 +29,8 @@ MOTION = Record(3.0 * np.sin(0.31 * np.arange(240)) * np.hanning(240), 0.02, "",
 def whole_and_pieces(
     monkeypatch: pytest.MonkeyPatch, rows: int = 7, **wanted: Any
 ) -> tuple[Response, Any]:
-    """A run with its history, and what makes it again in pieces of so many rows."""
+    """Return a run with its history, and a function that computes the history again in chunks of
+    `rows` rows."""
     response = run(model(THREE), MOTION, history=True, **wanted)
     monkeypatch.setattr("tdint.analysis.run.prepared._CHUNK_BYTES", 8 * 26 * rows)
     assert response.history_chunks is not None
@@ -76,7 +77,7 @@ def test_file_written_in_chunks_is_identical(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_memory_of_history_chunks_does_not_grow_with_steps() -> None:
-    """The whole history of these steps takes 100 MB and more."""
+    """The complete history of these steps would require more than 100 MB."""
     response = run(model(ONE), MOTION, method="newmark-average", dt=1e-5, duration=10.0)
     assert (response.steps, response.history) == (1_000_000, None)
     assert response.history_chunks is not None

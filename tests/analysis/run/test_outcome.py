@@ -1,5 +1,5 @@
-"""How runs end: each outcome with its time, story, residual or energy; energies over time; rescue
-by halving."""
+"""Status of runs with time, story, residual or energy; energy histories; halving of time steps that
+do not converge."""
 
 from types import SimpleNamespace
 
@@ -51,7 +51,8 @@ def test_energy_histories_end_with_energy_balance_of_run():
 
 
 def falling(height):
-    """A story whose P-delta outweighs its stiffness after yielding: it falls, exponentially."""
+    """Return a story with P-delta effects that exceed the stiffness after yielding, so that the
+    drift grows exponentially."""
     stiffness = 2.0 * STANDARD_GRAVITY / 3.0
     law = Law("bilinear", (0.05 * stiffness, 0.0))
     return model([story(1.0, stiffness, law, height=height)], p_delta=True, velocity=(0.5,))
@@ -59,23 +60,23 @@ def falling(height):
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average", "bathe", "chang"])
 def test_falling_building_is_collapsed_for_every_method(method):
-    """The motion runs away, in balance of its energy: the building's own doing. The numbers are
-    those until then."""
+    """The displacement grows without bound with a balanced energy, which is a property of the
+    building. The results end at the collapse."""
     response = run(falling(3.0), method=method, dt=0.01, duration=100.0, history=True)
     assert response.status == "collapsed"
     assert response.collapse.ended and response.collapse.story == 1
     assert response.steps * response.dt == response.collapse.time
     ratio = np.abs(response.history.drift[:, 0]) / 3.0
     assert ratio[-2] <= 0.1 < ratio[-1] < 0.11
-    # As long as nothing had run away yet, the same time is found, and the run goes on.
+    # If the displacements are still bounded, the collapse time is equal, and the run continues.
     short = run(falling(3.0), method=method, dt=0.01, duration=response.collapse.time + 0.5)
     assert (short.status, short.collapse.time) == ("collapsed", response.collapse.time)
     assert not short.collapse.ended and short.stories.peak_drift_ratio[0] > ratio[-1]
 
 
 def test_unstable_method_is_diverged():
-    """Central difference past its limit: the drift passes the collapse drift too, but the energy is
-    the method's."""
+    """The central difference method above its stability limit also exceeds the collapse drift, but
+    with energy that the method produces."""
     with pytest.raises(FailedRun) as failure:
         run(
             model([story(1.0, 2500.0), story(1.0, 2500.0)], displacement=(0.01, 0.02)),
@@ -111,8 +112,8 @@ def test_stiffening_laws_cause_note_for_model_based_methods(method):
 
 
 def test_run_that_gains_energy_is_diverged():
-    """Two ways short of running away: a collapse on the method's own energy, and an end with too
-    much of it."""
+    """There are two cases: a collapse with energy that is produced by the method, and a final
+    energy that is too large."""
 
     def overshooting(height, allow_unstable=False):
         case = model([story(1.0, 1.0, height=height)], velocity=(1.0,))
@@ -143,7 +144,8 @@ def test_run_that_gains_energy_is_diverged():
 
 @pytest.mark.parametrize("method", ["houbolt", "park"])
 def test_multi_step_method_starts_substeps_with_average_acceleration(method):
-    """The first step halved: two steps of average acceleration with half of it."""
+    """If the first step is halved, two steps of average acceleration with half the time step are
+    used."""
     case = model(
         [story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(-27.0, -6.0, 2.0)
     )
@@ -157,8 +159,8 @@ def test_multi_step_method_starts_substeps_with_average_acceleration(method):
 @pytest.mark.parametrize("method", ["impulse4", "impulse4:rho_inf=0"])
 @pytest.mark.parametrize("dt", [2.0, 5.0, 50.0])
 def test_branch_changes_within_very_large_steps_are_ignored(method, dt):
-    """Steps of many periods: the interpolant says nothing of where a story unloads. The laws stay
-    what they are."""
+    """With time steps of many periods, the interpolation does not determine the unloading of a
+    story. The laws remain on their branches."""
     law = Law("peak-oriented", (5.0, 0.01, 0.4))
     case = model([story(1.0, 100.0, law, height=None)] * 3, velocity=(5.0, 30.0, -20.0))
     history = run(case, method=method, dt=dt, duration=40 * dt, history=True).history
@@ -171,8 +173,8 @@ def test_branch_changes_within_very_large_steps_are_ignored(method, dt):
     "method", ["newmark-average", "impulse4", "houbolt", "park", "gauss4", "wilson", "hht"]
 )
 def test_halved_steps_converge_and_are_counted(method, monkeypatch):
-    """Stories of little strength hit hard, a step of thirty periods: without halving it does not
-    converge."""
+    """Weak stories with a large initial velocity and a time step of thirty periods do not converge
+    without halving."""
     case = model(
         [story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(100.0, -50.0, 10.0)
     )
@@ -206,8 +208,8 @@ def test_history_has_ground_motion_and_relative_energy_error():
 
 
 def test_diverging_story_has_largest_drift():
-    """The first one that is no number before all others; the last value of a state is the
-    ground's."""
+    """The first story with a non-finite drift has priority. The last value of the state is the
+    displacement of the ground."""
     for displacements, number in (
         ([1.0, -2.0, -2.5], 2),
         ([4.0, 5.0, 6.0], 1),
@@ -222,8 +224,8 @@ def test_diverging_story_has_largest_drift():
 
 
 def test_largest_stable_step_is_end_of_first_stable_range():
-    """Rounded down: of several ranges the first one, the whole where all are stable, 0 where none
-    is."""
+    """The result is rounded down. It is the end of the first of several stable ranges, the complete
+    range if all steps are stable, and 0 if no step is stable."""
     asked = []
 
     def within(*ranges):

@@ -1,5 +1,5 @@
-"""A building is put together once for any number of runs, and all that an analysis takes or returns
-travels."""
+"""A building is assembled once for any number of runs, and all inputs and results of an analysis
+are picklable."""
 
 import pickle
 from dataclasses import fields, is_dataclass, replace
@@ -26,7 +26,7 @@ SCALES = np.linspace(0.02, 2.0, 100)
 
 @pytest.fixture
 def counted(monkeypatch):
-    """How often a building was assembled, its modes solved, its step measured for stability."""
+    """Count calls of the assembly, of the solution for modes, and of the stability check."""
     count = {"assemble": 0, "solve_modes": 0, "find_instability": 0}
 
     def observer_state(home, name):
@@ -88,11 +88,11 @@ def test_linear_method_refuses_nonlinear_building():
         prepared.PreparedBuilding.of(ten_bilinear()).integrate(parse("exact"), Steps(0.01, 5))
 
 
-# What travels to other processes and back
+# ---- Pickled inputs and results
 
 
 def same(one, other):
-    """Whether two results are alike, arrays compared entry by entry."""
+    """Return True if two results are equal; arrays are compared by element."""
     if isinstance(one, np.ndarray):
         return one.dtype == other.dtype and np.array_equal(
             one, other, equal_nan=one.dtype.kind == "f"
@@ -154,7 +154,7 @@ def test_exceptions_are_picklable():
 
 
 def test_cached_instability_agrees_with_modes_of_building():
-    """The cached answer is that of the measured oscillators."""
+    """The cached result equals the result for the separate oscillators."""
     building = prepared.PreparedBuilding.of(ten_linear())
     found = building.instability(parse("central-difference"), 0.05)
     vibration = building.building.modes()
@@ -167,8 +167,7 @@ def test_cached_instability_agrees_with_modes_of_building():
 
 @pytest.mark.parametrize("scene", [ten_linear, ten_bilinear])
 def test_time_integration_in_chunks_equals_single_call(scene, monkeypatch):
-    """Whoever runs it can be interrupted between the pieces, and nothing else is to be seen of
-    them."""
+    """The call can be interrupted between chunks, and the results do not depend on the chunks."""
     case, steps = (
         prepare(scene(), noise(samples=201, peak=30.0), method="impulse4"),
         Steps(0.01, 200),

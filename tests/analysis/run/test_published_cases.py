@@ -24,8 +24,8 @@ AVERAGE_A = [
 
 
 def test_average_acceleration_agrees_with_published_table():
-    """Half-cycle sine p = 10 sin(pi t / 0.6) to 0.6 s, then nothing, as a ground motion -p / m
-    sampled at the steps."""
+    """The load is a half-cycle sine p = 10 sin(pi t / 0.6) up to 0.6 s, as a ground motion -p / m
+    that is sampled at the steps."""
     t, mass = 0.1 * np.arange(11), 0.2533
     load = np.where(t < 0.6, 10.0 * np.sin(np.pi * t / 0.6), 0.0)
     record = Record(-load / mass, 0.1, "", "", "", "half-sine")

@@ -1,5 +1,5 @@
-"""Runs that go on until the building is at rest, what is said of others, and residual drifts of
-long steps."""
+"""Runs that continue until the building is at rest, notes on other runs, and residual drifts with
+long time steps."""
 
 from dataclasses import replace
 from functools import cache
@@ -54,8 +54,8 @@ def test_run_until_rest_equals_run_of_campaign(damping, rests):
     "more", [{}, {"tolerance": 0.01}, {"check": True, "dt": 0.04}, {"history": True}]
 )
 def test_residual_drifts_are_taken_at_rest(more):
-    """Those of a run ten times as long, which without the option moves at the record's end and says
-    so."""
+    """The residual drifts equal those of a run ten times as long. Without the option, the building
+    moves at the end of the record, and a note states this."""
     record = noise(seed=3)
     plain = run(ten_bilinear(), record, method="impulse4")
     rest = run(ten_bilinear(), record, method="impulse4", until_rest=True, **more)
@@ -155,7 +155,8 @@ def drawn(seed):
 
 @pytest.mark.parametrize("samples", [2, 4])
 def test_errors_of_residual_drifts_of_steps_beyond_end_of_record(samples):
-    """They are not those at the record's end, and their errors say so."""
+    """The residual drifts differ from the drifts at the end of the record, and the estimated errors
+    cover the difference."""
     good, changed = [], []
     for seed in range(16):
         building, record, method, true = drawn(seed)
@@ -184,8 +185,8 @@ def test_residual_oscillation_of_first_mode():
 
 
 def test_error_of_residual_drift_includes_residual_oscillation():
-    """A linear building rests where it began: what a run until rest ends with is error, all of
-    it."""
+    """A linear building comes to rest at its initial position, so that the complete residual drift
+    is an error."""
     response = run(ten_linear(), noise(seed=3), method="moment4", until_rest=True, check=True)
     assert response.time_at_rest is not None
     left = np.abs(response.stories.residual_drift)

@@ -1,5 +1,5 @@
-"""Forces of a story: of its springs, of its dashpots, and all that moves the floors above; and the
-dashpots' work."""
+"""Story shears of springs, dashpots and inertia forces of the floors above, and the work of
+dashpots."""
 
 from dataclasses import replace
 
@@ -52,8 +52,8 @@ def test_total_shear_is_sum_of_parts_and_of_inertia_forces(method):
 
 
 def test_total_shear_peak_at_yielding_with_floor_forces():
-    """Yield force and what the dashpot takes at that moment, which lies within a step: at every
-    step the same."""
+    """The peak is the sum of the yield force and the dashpot force at yielding, which occurs within
+    a step; it does not depend on the time step."""
     yields = replace(story(1e5, 4e7, Law("bilinear", (2e5, 0.0))), dashpot=3e5)
     pushed = building_cases.model([yields], velocity=(0.2,), forces=[Force(1, 1e4, 20.0, 0.0)])
     peaks = [
@@ -68,9 +68,9 @@ def test_total_shear_peak_at_yielding_with_floor_forces():
 
 
 def test_total_shear_peak_between_steps_under_sine_force():
-    """m u'' + k u = P sin(w t) from rest: u = P / (k - m w^2) (sin(w t) - w / omega sin(omega t));
-    nothing but the spring moves the mass, so the largest total shear is k |u|. The ends of steps
-    alone would miss 4e-3 of it."""
+    """For m u'' + k u = P sin(w t) from rest, u = P / (k - m w^2) (sin(w t) - w / omega sin(omega
+    t)). Only the spring acts on the mass, so that the maximum total shear is k |u|. The values at
+    the ends of steps would miss 4e-3 of the maximum."""
     mass, stiffness, force, w = 1e5, 4e7, 1e6, 9.0
     pushed = building_cases.model([story(mass, stiffness)], forces=[Force(1, 0.0, force, w)])
     omega, times = np.sqrt(stiffness / mass), np.linspace(0.0, 0.96, 200_001)

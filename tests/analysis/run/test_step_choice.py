@@ -19,12 +19,12 @@ DT = 0.01
 
 @cache
 def truth(building):
-    """Peak drifts of ten stories under the motion of this file, as good as true."""
+    """Return reference peak drifts of ten stories under the motion of this file."""
     return run(building(), noise(), method="impulse4", dt=DT / 16).stories.peak_drift
 
 
 def off(stories, building=ten_bilinear):
-    """How far the peak drift of the worst of ten stories is off, over the true one."""
+    """Return the maximum relative error of the peak drifts of ten stories."""
     return np.max(np.abs(stories.peak_drift / truth(building) - 1.0))
 
 
@@ -33,9 +33,9 @@ def off(stories, building=ten_bilinear):
 )
 @pytest.mark.parametrize("tolerance", [0.02, 1e-3])
 def test_large_step_within_tolerance_is_chosen(method, tolerance):
-    """The true error is within the tolerance. The step is a halving of four samples, or of two for
-    a tight tolerance, and at most three halvings finer than the largest one within it: a prediction
-    halves three times at most at once."""
+    """The true error is within the tolerance. The time step is a halving of four samples, or of two
+    samples for a small tolerance, and at most three halvings smaller than the largest suitable time
+    step, because a prediction halves at most three times at once."""
     record = noise()
     response = run(ten_bilinear(), record, method=method, tolerance=tolerance, history=True)
     check = response.check
@@ -48,7 +48,7 @@ def test_large_step_within_tolerance_is_chosen(method, tolerance):
     plain = run(ten_bilinear(), record, method=method, dt=response.dt, check=False)
     assert np.array_equal(plain.stories.peak_drift, response.stories.peak_drift)
     assert off(response.stories) <= tolerance
-    # The search would have ended with this step, which is eight times as long.
+    # The search would have stopped at this time step, which is eight times as long.
     if halvings < 3:
         return
     try:
@@ -60,8 +60,8 @@ def test_large_step_within_tolerance_is_chosen(method, tolerance):
 
 
 def pair_errors(tolerance, factor):
-    """Errors over the peaks that a pair of runs with the steps of a response by tolerance reports,
-    and those that the response reports."""
+    """Return the check of a run with a tolerance, its reported errors, and the errors that follow
+    from the pair of runs, both relative to the peaks."""
     response = run(ten_bilinear(), noise(), method="impulse4", tolerance=tolerance)
     check = response.check
     assert check.method.startswith("impulse4") and check.time_steps[1] == response.dt
@@ -90,7 +90,8 @@ def test_error_is_fraction_of_difference_of_pair(tolerance, runs, ratio, factor)
     [
         (None, 0.1, 1, 8 / 9),  # twice the error 4/9 of the finer run at order 2 with its 4/3
         (1.0, 0.1, 1, 2 / 3),
-        (1.0, 0.1, 2, (4 / 3) / 99),  # a decrease by 100 over twice as many halvings
+        # a decrease by a factor of 100 over twice the number of halvings
+        (1.0, 0.1, 2, (4 / 3) / 99),
         (1.0, 0.5, 1, 4 / 3),  # of order 1: the error of the finer run is the difference
         (1.0, 2.0, 1, 4.0),  # growing differences
         (0.0, 0.0, 1, 4.0),
@@ -107,8 +108,9 @@ def test_error_fraction_follows_observed_order(earlier, difference, halvings, fa
 
 
 def test_halvings_are_predicted_from_error_and_tolerance():
-    """At order 2 an error of 15 tolerances needs two halvings (16), at the observed order 1 four,
-    of which three are made at once; at order 3 an error of 15 tolerances needs two."""
+    """At order 2, an error of 15 tolerances requires two halvings (factor 16). At the observed
+    order 1, it requires four halvings, of which three are made at once. At order 3, it requires
+    two."""
     case = prepare(ten_linear(), noise(samples=101), method="newmark-average")
     search = _Search.of(case, 0.01, None, 1)
     assert search._halvings(0, 0.15, False) == 2
@@ -161,7 +163,7 @@ def test_unreachable_tolerance_is_refused():
 
 @pytest.mark.parametrize("threshold", [1.0, 0.004])
 def test_failed_runs_end_search_for_tolerance(monkeypatch, threshold):
-    """All of them, or those that would have to tell the errors."""
+    """All runs fail, or only the runs that would estimate the errors."""
     monkeypatch.setattr(Case, "integrate", broken(threshold))
     with pytest.raises(FailedRun):
         run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=1e-4)
@@ -177,8 +179,8 @@ def test_tolerance_must_be_between_0_and_1(tolerance):
 
 
 def test_choose_step_counts_all_runs():
-    """What a campaign calls, for each building: the runs that were made are told, those that tell
-    errors included."""
+    """A campaign calls this function for each building. The number of runs includes the runs that
+    estimate errors."""
     response = choose_step(prepare(ten_linear(), noise(), method="newmark-average"), 0.5)
     assert response.dt == 4 * DT and response.check.step_choice.runs == 2
     response = choose_step(prepare(ten_bilinear(), noise(), method="impulse4"), 1e-4)

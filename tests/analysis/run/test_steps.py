@@ -1,4 +1,4 @@
-"""Which steps an analysis takes, and what it costs."""
+"""Choice of time steps, memory of long runs, and frequency bounds."""
 
 import tracemalloc
 
@@ -70,7 +70,7 @@ def test_steps_and_durations_must_be_positive(dt, duration):
 
 
 def test_memory_of_run_does_not_grow_with_steps():
-    """Without a history: the same peak of memory for a hundred times as many steps."""
+    """Without a history, the memory peak is equal for a hundred times the number of steps."""
     building = model(
         [story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)]
     )
@@ -105,7 +105,7 @@ def test_history_rows_must_divide_steps():
 
 @pytest.mark.parametrize("method", ["gauss4", "impulse4", "impulse", "newmark-average"])
 def test_long_chain_with_underflowing_forces_is_integrated(method):
-    """Ahead of the wave forces fall below the smallest number that the processor holds."""
+    """Ahead of the wave, forces are below the smallest positive number of the processor."""
     law = Law("polynomial", (500.0, 0.2))
     chain = model(
         [story(50.0, 500.0, law) for _ in range(100)], forces=[Force(1, 1000.0, 0.0, 50.0)], dt=2e-4

@@ -1,4 +1,4 @@
-"""The band-limited interpolation against a windowed sum of sines, whose response is known in closed
+"""Band-limited interpolation compared with a windowed sum of sines with a known response in closed
 form."""
 
 import math
@@ -42,7 +42,7 @@ def motion(t):
 
 @pytest.fixture(scope="module")
 def dense():
-    """Many points between the samples, and each wave at them."""
+    """Return 100 times between each pair of samples, and the value of each wave at these times."""
     t = np.arange((SAMPLES - 1) * 100 + 1) * (DT / 100)
     return t, np.exp(1j * OMEGA[:, None] * t)
 
@@ -100,7 +100,8 @@ def test_band_limited_points_contain_samples_and_follow_sincs(samples):
     values = np.random.default_rng(samples).standard_normal(samples)
     points = band_limited(values, 5)
     np.testing.assert_allclose(points[::5], values, atol=1e-13)
-    # The record repeats after twice its length or more; in the plain sum of sincs it does not.
+    # The interpolation repeats the record after at least twice its length; the sum of sincs does
+    # not repeat.
     t = np.arange(points.size) / 5
     plain = np.sinc(t[:, None] - np.arange(samples)) @ values
     assert np.max(np.abs(points - plain)) < 0.35

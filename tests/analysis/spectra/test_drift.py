@@ -35,8 +35,7 @@ def test_drifts_agree_with_matrix_exponential(stories, period, damping):
     motion = exact_linear(uniform(period, stories, damping), finer(record, 16))
     ratios = np.max(np.abs(drifts(motion)), axis=0) * stories / spectrum.heights[0]
     roof = np.max(np.abs(motion[:, -1])) / spectrum.heights[0]
-    # The reference knows its values at samples, where a maximum is missed by (omega h)^2 / 8 at
-    # most.
+    # The reference is evaluated at samples, and misses a maximum by at most (omega h)^2 / 8.
     missed = (2.0 * math.pi / period * 2 * stories * record.dt / 16) ** 2 / 8.0
     assert spectrum.story[0] == np.argmax(ratios) + 1
     assert 0.0 <= spectrum.peak_drift_ratio[0] / np.max(ratios) - 1.0 + 1e-10 < missed
@@ -45,7 +44,7 @@ def test_drifts_agree_with_matrix_exponential(stories, period, damping):
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 def test_maxima_between_samples_are_found(damping):
-    """More samples of the same motion change nothing."""
+    """Additional samples of the same motion do not change the result."""
     record = noise(samples=401)
     periods = np.geomspace(0.2, 5.0, 9)
     coarse = drift_spectrum(record, periods, damping)
@@ -132,7 +131,7 @@ def test_five_stories_under_el_centro_agree_with_chopra():
 
     Computed once more for the record at hand: roof 6.857 in, base shear 73.09 kip.
     """
-    # The book's g and, as there, a first sample of zero
+    # The value of g and the first sample of zero are taken from the book.
     record = read_record(real_file("elCentro1940_180.at2")).scaled(386.4 * 0.0254 / 9.80665)
     record = replace(record, acceleration=np.append(0.0, record.acceleration))
     spectrum = drift_spectrum(record, np.array([1.99963]), 0.05, stories=5)

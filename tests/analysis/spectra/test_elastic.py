@@ -1,5 +1,5 @@
-"""Elastic spectra: limits, invariances, methods; tests/analysis/spectra/test_exact_maxima.py has
-the numbers."""
+"""Elastic spectra: limits, invariances and methods; values are tested in
+tests/analysis/spectra/test_exact_maxima.py."""
 
 import math
 
@@ -15,7 +15,8 @@ PERIODS = np.array([0.01, 0.03, 0.1, 0.35, 1.0, 3.0, 10.0])
 
 
 def test_five_quantities_agree_with_one_story_building():
-    """A one-story building integrated exactly; its acceleration comes from equilibrium."""
+    """The one-story building is integrated exactly, and its acceleration follows from
+    equilibrium."""
     record = noise()
     omega = 2.0 * math.pi / PERIODS
     result = spectrum(record, PERIODS, 0.05, maxima="samples", method="exact")
@@ -41,7 +42,8 @@ def test_rigid_oscillator_follows_ground():
 
 @pytest.mark.parametrize("count", [1, 2, 15, 55, 56, 57, 100, 200])
 def test_spectrum_does_not_depend_on_number_of_periods(count):
-    """Oscillators are marched in groups; each must come out as if it were alone."""
+    """Oscillators are integrated in groups, and each result equals the result for a single
+    oscillator."""
     record = noise(samples=301)
     periods = np.geomspace(0.05, 5.0, count)
     together = spectrum(record, periods).sd
@@ -50,7 +52,8 @@ def test_spectrum_does_not_depend_on_number_of_periods(count):
 
 
 def test_spectrum_by_other_method_converges_to_exact_spectrum():
-    """Halving the step by putting samples on the lines between: the motion stays the same."""
+    """The time step is halved by adding samples on the straight lines of the record, which does not
+    change the motion."""
     record = noise(samples=801)
     periods = np.array([0.4, 1.0, 2.5])
     errors = []

@@ -59,8 +59,8 @@ def test_maxima_of_real_records(name):
     period=st.floats(0.06, 300.0),  # in sampling intervals
     damping=st.sampled_from([0.0, 0.001, 0.05, 0.3, 0.99]),
 )
-# Turning within the first step, from rest, the displacement is far smaller than what the series is
-# made of.
+# If the displacement has a maximum in the first step from rest, it is far smaller than the terms of
+# the series.
 @example(seed=0, samples=2, period=19.0, damping=0.0)
 @example(seed=0, samples=2, period=115.0, damping=0.0)
 def test_maxima_of_white_noise(seed, samples, period, damping):
@@ -73,8 +73,8 @@ def test_maxima_of_white_noise(seed, samples, period, damping):
 
 
 def test_two_extremes_within_one_sampling_interval():
-    """The velocity has the same sign at both samples and the other one between them; it ends with
-    the largest."""
+    """The velocity has the same sign at both samples and the opposite sign between the samples; the
+    record ends with the maximum."""
     record = Record(np.array([8.0, -6.0, 3.0, -5.0]), 1.0, "", "", "", "")
     periods = np.linspace(4.4, 4.6, 9)
     np.testing.assert_allclose(

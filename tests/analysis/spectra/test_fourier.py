@@ -1,5 +1,4 @@
-"""Fourier amplitude spectra: closed forms, the sum of Parseval, and what a smoothing does to
-them."""
+"""Fourier amplitude spectra: closed forms, the theorem of Parseval, and smoothing."""
 
 from __future__ import annotations
 
@@ -27,7 +26,8 @@ def noise() -> Record:
 
 @pytest.mark.parametrize("cycles", [1, 37, 1500])
 def test_sinusoid_of_complete_cycles_has_one_frequency(cycles) -> None:
-    """A sin(2 pi k t / T) over T: A T / 2 at k / T, nothing elsewhere."""
+    """The amplitude of A sin(2 pi k t / T) over a duration T is A T / 2 at k / T, and zero at all
+    other frequencies."""
     duration = SIZE * DT
     found = tdint.fourier_spectrum(
         record(3.0 * np.sin(2.0 * math.pi * cycles * np.arange(SIZE) / SIZE)), None

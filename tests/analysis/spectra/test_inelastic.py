@@ -85,8 +85,8 @@ def test_ductility_under_suddenly_applied_force(load, hardening):
 @pytest.mark.parametrize("hardening", [0.0, 0.1])
 @pytest.mark.parametrize("period", [0.05, 0.4, 2.0])
 def test_strength_of_constant_ductility_reaches_target_in_run(period, hardening):
-    """`tdint run` of a one-story building with impulse4 at a fine step, which shares no code with
-    the kernel."""
+    """The run of a one-story building with impulse4 and a small time step shares no code with the
+    kernel of the spectrum."""
     record = noise(samples=401)
     for spectrum in constant_ductility(
         record, np.array([period]), [1.5, 4.0], 0.05, hardening=hardening
@@ -116,9 +116,9 @@ def test_residual_displacement_equals_end_of_long_run(hardening):
 
 
 def test_random_oscillators_are_independent_of_added_samples():
-    """Noise, plateaus, spikes and steps; weak and strong, stiff and soft oscillators: more samples
-    of the same motion change nothing, for events and maxima are found within the steps, however
-    long these are."""
+    """Motions are noise, plateaus, spikes and steps; oscillators are weak or strong, and stiff or
+    soft. Additional samples of the same motion do not change the results, because branch changes
+    and maxima are located within steps of any length."""
     generator = np.random.default_rng(5)
     for trial in range(200):
         noise = generator.normal(size=int(generator.integers(2, 200)))
@@ -209,7 +209,7 @@ def test_largest_of_several_strengths_is_found(bumps, target):
     ductility = bumpy(*zip(*bumps, strict=True)) if bumps else bumpy((), (), ())
     ratio = largest_ratio(ductility, target)
     assert ductility(ratio) == pytest.approx(target, rel=1e-7)
-    # Where a maximum only grazes the target either answer is right.
+    # If a maximum only touches the target, both results are correct.
     assert all(
         ductility(x) < 1.001 * target
         for x in np.geomspace(1.0005 * ratio, 1.0, 400)

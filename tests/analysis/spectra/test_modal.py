@@ -51,7 +51,8 @@ def test_two_story_frame_agrees_with_hand_calculation(tmp_path):
 
 
 def test_modal_correlations_have_published_values():
-    """At 5 % and ratios 0.9, 0.8, 0.5; symmetric, 1 of a mode with itself."""
+    """The correlation matrix is checked at 5 % for frequency ratios 0.9, 0.8 and 0.5; it is
+    symmetric with a unit diagonal."""
     rho = correlations(np.array([0.5, 0.8, 0.9, 1.0]), 0.05)
     assert rho[3, :3] == pytest.approx([0.018486, 0.165635, 0.473028], abs=5e-7)
     assert rho == pytest.approx(rho.T, rel=1e-12)
@@ -59,8 +60,8 @@ def test_modal_correlations_have_published_values():
 
 
 def test_modes_outside_period_range_of_target(tmp_path):
-    """Short ones move with the ground, or are left out where the target does not say how; long ones
-    are refused."""
+    """Modes with short periods follow the ground, or are omitted if the target has no value at
+    period zero. Long periods are refused."""
     frame = model([story(100.0, 4e4), story(100.0, 4e7)])
     left_out = tdint.response_spectrum_analysis(frame, table(tmp_path, [0.1, 9.0], [1.0, 1.0]))
     assert (left_out.rigid, left_out.left_out, left_out.spectral_acceleration[1]) == (0, 1, 0.0)

@@ -1,4 +1,4 @@
-"""RotD against the spectra of 180 rotated motions, and motions whose directions are known."""
+"""RotD spectra compared with the spectra of 180 rotated motions."""
 
 import math
 from dataclasses import replace

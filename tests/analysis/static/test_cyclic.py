@@ -55,8 +55,8 @@ def test_bilinear_loop_agrees_with_closed_form(hardening, ductility):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_work_is_strain_energy_plus_dissipated_energy(name):
-    """At every point of the path, not at its end alone; and what is dissipated stays so. The
-    integral by trapezoids has an error of order 2 in the distance of the points."""
+    """The equation holds at every point of the path, and the dissipated energy does not decrease.
+    The trapezoidal integral has an error of order 2 in the spacing of the points."""
     errors = []
     for points in (500, 1000):
         test = imposed(example(name, K, FY), "7mm", "4cm", points=points)
@@ -71,7 +71,8 @@ def test_work_is_strain_energy_plus_dissipated_energy(name):
         assert np.min(np.diff(path.hysteretic_energy)) > -1e-12 * np.max(path.strain_energy)
     assert errors[0] < 1e-5
     assert errors[1] < 0.5 * errors[0] or errors[1] < 1e-12
-    # Of a cycle it is what is lost from its first point to its last; elastic laws lose nothing.
+    # The energy of a cycle is the energy that is dissipated between its first and last point;
+    # elastic laws dissipate no energy.
     assert [cycle.hysteretic_energy for cycle in test.cycles] == pytest.approx(
         np.diff(path.hysteretic_energy[:: 4 * points])
     )
@@ -81,8 +82,8 @@ def test_work_is_strain_energy_plus_dissipated_energy(name):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_run_follows_same_law_as_cyclic_test(name):
-    """The drifts of a run imposed on the law give its shears: a method that commits at its steps
-    takes the same way."""
+    """The drifts of a run, imposed on the law, give the shears of the run, because the method
+    commits the law at each step."""
     stories = [story(2e5, K, example(name, K, force), dashpot=1e5) for force in (6e5, 3e5)]
     building = model(stories, method="newmark-average")
     history = run(building, noise(peak=4.0), history=True).history
@@ -154,7 +155,7 @@ def test_secant_stiffness_connects_ends_of_loop(coefficients, shears, secant, ra
 
 
 def test_p_delta_is_reported_separately():
-    """Story 2 of three carries the weight of two floors."""
+    """Story 2 of three stories carries the weight of two floors."""
     building = model([story(2e5, K, height=HEIGHT)] * 3, p_delta=True)
     test = cyclic_test(building, 2, [parse_drift("1%")], points=5)
     geometric = -2 * 2e5 * STANDARD_GRAVITY / HEIGHT
@@ -218,7 +219,8 @@ def test_story_numbers_start_at_1():
 
 
 def test_cyclic_test_of_story_is_independent_of_other_stories():
-    """Its own height, law and stiffness: no story knows of those above and below in such a test."""
+    """The story has its own height, law and stiffness, and the test does not depend on the stories
+    above and below."""
     stories = [
         story(2e5, 3.0 * K, Law("bilinear", (2.0 * FY, 0.1)), height=4.0),
         story(2e5, K, Law("peak-oriented", (FY, 0.05, 0.3)), height=HEIGHT),

@@ -61,7 +61,7 @@ def test_pushover_of_one_story_is_its_backbone_curve():
 
 @pytest.mark.parametrize("points", [7, 10, 23])
 def test_maximum_base_shear_does_not_depend_on_rows(points):
-    """1.1 at the cap, a drift of 5, wherever the rows lie: its own row or none."""
+    """The maximum is 1.1 at the capping drift 5 for all numbers of rows."""
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 4.0)])
     result = pushover(case, parse_drift("12m"), points=points)
     assert result.largest_base_shear == pytest.approx(1.1, rel=1e-9)
@@ -70,14 +70,15 @@ def test_maximum_base_shear_does_not_depend_on_rows(points):
 
 
 def test_decreasing_roof_displacement_is_followed():
-    """From the cap of 1.1 at 5 the lower one falls by 1.1 / 8 a unit; the upper one of 0.05, which
-    carries half, springs back by 10 a unit of force, and the lower one goes on by 8 / 1.1 only."""
+    """The lower story softens by 1.1 / 8 per unit of drift from its capping force 1.1 at a drift of
+    5. The upper story with a stiffness of 0.05, which carries half the force, unloads by 10 per
+    unit of force, whereas the lower drift increases only by 8 / 1.1."""
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 0.05)])
     result = pushover(case, parse_drift("40m"), pattern="uniform", points=100)
     back = np.flatnonzero(np.diff(result.roof_displacement) < 0.0)
     before = (
         result.drift[:, 0] < 12.0
-    )  # beyond, the residual strength carries the upper one as far as one likes
+    )  # beyond this drift, the residual strength allows arbitrary displacements of the upper story
     assert np.max(result.roof_displacement[before]) == pytest.approx(5.0 + 11.0, abs=0.2)
     assert back.size > 10
     assert np.all(result.roof_displacement >= 0.0)
@@ -88,9 +89,9 @@ def test_decreasing_roof_displacement_is_followed():
 
 
 def test_tall_frame_with_p_delta_is_followed_to_zero_strength():
-    """Every story loses stiffness by yielding: the first that yields falls alone, all others spring
-    back. Closed form of its drift where k, hardening a k beyond yield and P-delta -g leave
-    nothing."""
+    """Every story loses stiffness by yielding. The first yielding story softens alone, and all
+    other stories unload. The drift at zero strength follows in closed form from the stiffness k,
+    the hardening a k after yielding and the P-delta stiffness -g."""
     k, a, strength, weight = 1e8, 0.03, 5e6, 2e6
     stories = [
         story(weight / STANDARD_GRAVITY, k, Law("bilinear", (strength, a)), height=3.0)
@@ -101,7 +102,8 @@ def test_tall_frame_with_p_delta_is_followed_to_zero_strength():
     assert result.ended == "no remaining lateral resistance"
     assert result.drift[-1, 0] == pytest.approx((1.0 - a) * strength / (fall - a * k), rel=1e-8)
     assert result.drift[-1, 1:] == pytest.approx(np.zeros(39), abs=1e-10)
-    assert np.argmax(result.roof_displacement) < result.roof_displacement.size - 5  # it comes back
+    # the roof displacement decreases
+    assert np.argmax(result.roof_displacement) < result.roof_displacement.size - 5
 
 
 def test_failed_story_ends_pushover():
@@ -111,7 +113,7 @@ def test_failed_story_ends_pushover():
     assert result.drift[-1, 0] == pytest.approx(0.2, abs=0.005)
     assert result.drift[-1, 1] == pytest.approx(0.0, abs=1e-12)
     assert result.base_shear[-1] == pytest.approx(0.0, abs=1e-10)
-    assert np.all(result.base_shear[1:-1] > 0.0)  # no row beyond the first without strength
+    assert np.all(result.base_shear[1:-1] > 0.0)  # only the last row has no strength
 
 
 CASES = {
@@ -143,13 +145,14 @@ def test_story_shears_are_in_equilibrium_in_every_row(name):
             share[i] * result.base_shear, abs=2e-5 * np.max(result.base_shear)
         )
     goals = np.arange(13) / 12 * _target(parse_drift(drift), building)
-    table_rows = result.base_shear.size - bool(result.ended)  # a fall to nothing ends where it does
+    # a curve that ends without strength stops before the target
+    table_rows = result.base_shear.size - bool(result.ended)
     assert result.roof_displacement[:table_rows] == pytest.approx(goals[:table_rows], rel=1e-8)
 
 
 class Staircase(_Story):
-    """A story whose force goes up in steps, x + 0.99 sin x: tangents from 0.01 to 1.99 lead astray
-    on either side."""
+    """Story with a force that increases in steps, x + 0.99 sin x; its tangents between 0.01 and
+    1.99 mislead Newton's method."""
 
     def __init__(self):
         self.drift, self.force, self.initial_tangent, self.tangent, self._maximum_force = (

@@ -13,7 +13,9 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.units import STANDARD_GRAVITY as G
 
 EC8 = "ec8:type=1,soil=C,ag=0.25g"
-POINTS = 15  # of a curve: the corners between them are found, so that more change nothing
+# number of points of a curve; corners between the points are located, so that additional points do
+# not change the result
+POINTS = 15
 
 
 def oscillator(mass, strength, yield_drift, hardening=0.0, **more):
@@ -22,7 +24,7 @@ def oscillator(mass, strength, yield_drift, hardening=0.0, **more):
 
 
 def closed_form(strengths, stiffness, hardening, share, shear):
-    """Displacement of the roof over bilinear stories that carry their shares of some base
+    """Return the roof displacement of bilinear stories that carry given shares of the base
     shears."""
     force = np.multiply.outer(shear, share)
     beyond = np.maximum(force - strengths, 0.0)
@@ -30,7 +32,7 @@ def closed_form(strengths, stiffness, hardening, share, shear):
 
 
 def flat(tmp_path, acceleration):
-    """The file of a target with one pseudo-acceleration (in g) at all periods."""
+    """Return the file of a target spectrum with a constant pseudo-acceleration in g."""
     file = tmp_path / "flat.csv"
     file.write_text(f"period_s,sa_g\n0.01,{acceleration}\n4,{acceleration}\n")
     return str(file)
@@ -86,7 +88,7 @@ def test_n2_of_oscillator_agrees_with_hand_calculation(
 def test_coefficient_method_of_oscillator_agrees_with_hand_calculation(
     tmp_path, period, acceleration, strength, site, mass_factor, ratio, factors, displacement
 ):
-    """ASCE 41-17, 7.4.3.3, by hand; C0 of one mass is 1."""
+    """The calculation follows ASCE 41-17, 7.4.3.3; C0 of a single mass is 1."""
     mass = 2e5
     force = strength * mass * G
     case = oscillator(mass, force, force / mass * (period / (2.0 * math.pi)) ** 2)
@@ -103,15 +105,15 @@ def test_coefficient_method_of_oscillator_agrees_with_hand_calculation(
 
 
 def test_elastic_building_has_elastic_target_displacement():
-    """Both methods then give Gamma S_d(T1): one straight line, whatever the pattern's shape is the
-    first mode's."""
+    """Both methods give Gamma S_d(T1), because the curve is a straight line with the shape of the
+    first mode for any pattern."""
     case = model([story(2e5, 1.5e8, Law("bilinear", (4e6, 0.03)), height=3.0)] * 3)
     n2, coefficients = target_displacements(
         pushover(case, "4%", points=POINTS), "asce7:sds=0.2,sd1=0.1,tl=8"
     )
     omega = (
         2.0 * math.sqrt(1.5e8 / 2e5) * math.sin(math.pi / 14.0)
-    )  # three equal masses and springs, fixed at one end
+    )  # frequency of three equal masses and springs that are fixed at one end
     shape = np.sin(np.arange(1, 4) * math.pi / 7.0) / math.sin(3.0 * math.pi / 7.0)
     expected = (
         shape.sum() / (shape @ shape) * min(0.2, 0.1 * omega / (2.0 * math.pi)) * G / omega**2
@@ -127,9 +129,9 @@ def test_elastic_building_has_elastic_target_displacement():
 
 
 def test_idealized_curves_balance_areas():
-    """Hardening stories in series, whose curve has a corner where each yields: the idealized lines
-    of both methods enclose the same work up to the target displacement, and the first one of
-    coefficients meets the curve."""
+    """The curve of hardening stories in series has a corner at the yielding of each story. The
+    idealized curves of both methods have the same area up to the target displacement, and the first
+    line of the coefficient method intersects the curve."""
     strengths, stiffness, hardening = (
         np.array([8e5, 5e5]),
         np.array([1.5e8, 1.2e8]),
@@ -161,8 +163,8 @@ def test_idealized_curves_balance_areas():
 @pytest.mark.parametrize("hardening", [0.02, 0.1, 0.3])
 @pytest.mark.parametrize("ductility", [2.0, 5.0, 12.0, 40.0])
 def test_coefficient_method_of_bilinear_oscillator(tmp_path, hardening, ductility):
-    """Its own two lines balance the areas, however far it goes: beyond 1.67 times its yield another
-    strength, which the curve reaches by hardening, balances them again, and is not the answer."""
+    """The two lines of the oscillator balance the areas for any ductility. Beyond 1.67 times the
+    yield displacement, another strength also balances the areas; it is not the solution."""
     mass, yields, strength = 2e4, 0.004, 8e4
     period = 2.0 * math.pi * math.sqrt(mass * yields / strength)
     # C1 C2 R = ductility: a polynomial of R - 1, by (7-28) to (7-30) with the site class D.
@@ -223,12 +225,13 @@ def test_elastic_building_has_no_strength_warning():
 
 
 def test_short_curve_does_not_satisfy_ec8(tmp_path):
-    """The building carries nothing beyond: 1.5 times the target is refused, not to be pushed for; a
-    curve that was not pushed that far is."""
+    """The building has no strength beyond the curve, so that the required 1.5 times the target
+    cannot be met. For a curve that was not pushed far enough, the message requests a larger
+    displacement."""
     mass = 2e5
     case = oscillator(
         mass, 0.1 * mass * G, 0.02, p_delta=True
-    )  # nothing any more at 3 m of 0.1: 0.3 m
+    )  # the strength is zero at 3 m times 0.1 = 0.3 m
     pushed, short = pushover(case, "0.31m", points=POINTS), pushover(case, "0.22m", points=POINTS)
     assert pushed.ended == "no remaining lateral resistance"
     assert pushed.base_shear[-1] == 0.0
@@ -251,8 +254,8 @@ def test_corner_period_of_table_equals_corner_of_code_spectrum(tmp_path):
 
 
 def test_loss_of_strength_is_noted(tmp_path):
-    """P-delta alone makes the curve fall: 1 + |alpha|^-h / 4 by (7-32), which lies between the two
-    demands."""
+    """The curve softens only because of P-delta. The limit 1 + |alpha|^-h / 4 of (7-32) is between
+    the two demands."""
     mass, height = 2e5, 3.0
     pushed, bare = (
         pushover(oscillator(mass, 0.1 * mass * G, 0.02, p_delta=p_delta), "0.31m", points=POINTS)
