@@ -1,5 +1,5 @@
-"""Runs of one building in one compiled call are the runs that `tdint.run_case` makes one by one, to
-the last digit."""
+"""Runs of one building in a single compiled call equal separate runs of `tdint.run_case` to the
+last digit."""
 
 from dataclasses import replace
 from typing import Any
@@ -47,7 +47,8 @@ def rows_by_run(rows: list[RunRow]) -> dict[Run, RunRow]:
     [("ten-story-bilinear", "impulse4"), ("collapse-prone-frame", "newmark-average")],
 )
 def test_rows_equal_single_runs(model: str, method: str) -> None:
-    """Runs to the end, collapses, and collapses from which the motion runs away."""
+    """The runs include completed runs, collapsed runs, and collapsed runs whose displacement then
+    grows without bound."""
     of = batch(model, method, stories=True)
     results = of.results(RUNS)
     rows = rows_by_run(results.runs)
@@ -99,7 +100,8 @@ def test_rows_equal_single_runs(model: str, method: str) -> None:
 def test_errors_equal_errors_of_single_runs(
     model: str, method: str, runs: list[Run], rest: bool
 ) -> None:
-    """Of every demand and story, collapsed or not. The runs themselves are those without errors."""
+    """Errors of every demand and story agree, for collapsed runs as well. The estimates do not
+    change the runs."""
     results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
     plain = batch(model, method, stories=True, until_rest=rest).results(runs)
     assert [row._replace(errors=()).changed(at_rest=0) for row in results.runs] == [
@@ -132,8 +134,8 @@ def test_errors_equal_errors_of_single_runs(
 
 @pytest.mark.parametrize("fixed", [0, 1])
 def test_errors_of_events_in_sequence(fixed: int) -> None:
-    """Of the whole, or of the last one alone where the first is the state that the building is
-    in."""
+    """The errors apply to the complete sequence, or only to the last event if the first event
+    defines the initial state of the building."""
     short = [
         replace(record, acceleration=record.acceleration[:1500]) for record in RECORDS.values()
     ]
@@ -163,8 +165,8 @@ def test_run_does_not_depend_on_other_runs() -> None:
 
 
 def test_failed_run_is_repeated_with_finer_steps() -> None:
-    """A run that fails with the step asked for has the peaks of the coarsest finer step with which
-    it does not."""
+    """The repeated run has the largest of the smaller time steps for which the run does not
+    fail."""
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
     model = tdint.load_model("configs/hardening.yaml")
     subject = Subject(model, "newmark-linear")
@@ -188,8 +190,8 @@ def test_failed_run_is_repeated_with_finer_steps() -> None:
 
 @pytest.mark.parametrize("method", ["newmark-linear", "newmark-average", "impulse4"])
 def test_failed_attempt_is_integrated_once(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the batch; individually only a run that collapses before its failure. The row is that of
-    individual runs."""
+    """The attempt is integrated in the batch. It is integrated again only for a run that collapses
+    before its failure. The row equals the row of individual runs."""
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
     settings = RunSettings(dt=0.1, duration=noise.duration)
     model = tdint.load_model("configs/hardening.yaml")
@@ -240,7 +242,7 @@ def test_chosen_steps_and_unreachable_tolerance() -> None:
 def test_number_of_repetitions_of_failing_run(
     status: str, expected: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each time with half of the step; then its row says how it failed."""
+    """Each repetition halves the time step; finally, the row has the status of the failure."""
     of, steps = batch("hardening", "newmark-average"), []
 
     def failing(subject: Subject, motions: Motions, runs: list[Any], **named: Any) -> Outcomes:

@@ -1,5 +1,5 @@
-"""Levels, states and losses of campaigns, by counting over made-up runs: no store, nothing
-integrated."""
+"""Intensity levels, damage states and losses of campaigns are counted for artificial runs, without
+a store and without time integration."""
 
 import math
 from itertools import pairwise
@@ -93,8 +93,8 @@ def test_damage_outcomes_of_runs(dispersion: float) -> None:
 
 
 def test_damage_of_group_is_mean_of_runs() -> None:
-    """Of all runs with a result alike; errors by leaving out the motions, which have different
-    numbers of them."""
+    """All runs with a result have equal weight. Jackknife errors omit one motion at a time; the
+    motions have different numbers of runs."""
     of, expected = damage(), np.array(by_hand(STATES))
     motions = np.array([key.motion for key in KEYS])
     chosen = np.array([True] * 9 + [False])
@@ -137,8 +137,8 @@ def test_group_without_results_has_unknown_damage() -> None:
 
 
 def test_levels_count_ground_motions_instead_of_runs() -> None:
-    """A pair has failed or fallen where one of its two runs has; a motion that failed has not
-    fallen."""
+    """A pair counts as failed or collapsed if one of its two runs is. A failed motion does not
+    count as collapsed."""
     rules = SuiteRules(
         PairRule("larger", {1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}),
         [0.1, 0.4],

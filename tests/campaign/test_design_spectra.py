@@ -1,5 +1,5 @@
-"""Design spectra by name, against values computed and published elsewhere (design_spectra.csv tells
-the source)."""
+"""Design spectra by name compared with values that were computed and published elsewhere;
+design_spectra.csv states the sources."""
 
 import csv
 import re
@@ -56,7 +56,8 @@ def test_tabulated_points_are_on_curve(text):
 
 
 def test_long_period_branch_starts_at_tl():
-    """Up to 20 s: 1/T to TL, 1/T^2 beyond; the peak ground acceleration at 0 is 0.4 SDS."""
+    """The spectrum decreases as 1/T up to TL and as 1/T^2 from TL to 20 s; the peak ground
+    acceleration at period 0 is 0.4 SDS."""
     target = read_target("mcer:sds=1.0,sd1=0.6,tl=12")
     told = target.at([0.0, 1.0, 11.0, 12.0, 20.0]) / STANDARD_GRAVITY
     assert told == pytest.approx([0.6, 0.9, 0.9 / 11.0, 0.9 / 12.0, 0.9 * 12.0 / 400.0], rel=1e-12)
@@ -82,8 +83,9 @@ def test_national_annex_and_damping_of_ec8():
 
 @pytest.mark.parametrize("damping", [5, 20])
 def test_ec8_spectrum_beyond_four_seconds(damping):
-    """EN 1998-1:2004 A.2: to TE as before, a straight line of displacements to that of the ground
-    at 10 s. The two meet within 2.5 / 4 pi^2 over 0.0625; type 2 ends at 4 s."""
+    """EN 1998-1:2004 A.2: up to TE, the spectrum is unchanged; then the displacement is linear up
+    to the ground displacement at 10 s. The branches agree at TE within 2.5 / 4 pi^2 over 0.0625;
+    type 2 ends at 4 s."""
     target = read_target(f"ec8:type=1,soil=C,ag=0.3g,damping={damping}%")
     ground = 0.025 * 0.3 * STANDARD_GRAVITY * 1.15 * 0.6 * 2.0
     plateau = 2.5 * (10.0 / (5.0 + damping)) ** 0.5 if damping < 28 else 1.375

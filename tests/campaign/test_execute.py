@@ -1,4 +1,4 @@
-"""What of a campaign is left to do and how far it has come, by counting; nothing is integrated."""
+"""Remaining chunks and progress of campaigns are counted, without time integration."""
 
 from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
@@ -24,7 +24,7 @@ class Kept:
         return self.ready
 
     def add_shard(self, text: str) -> None:
-        """Nobody merges it."""
+        """Ignore the shard, because no test merges it."""
 
     def add(self, done: SimpleNamespace) -> None:
         self.added.append(done.number)

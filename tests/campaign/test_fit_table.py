@@ -77,7 +77,7 @@ def test_runs_at_common_levels_are_fitted_as_stripes(tmp_path: Path) -> None:
     [
         ((0, 1, 4), False),  # 5 of 60 collapse: less than a tenth
         ((0, 1, 5), True),  # 6 of 60, exactly a tenth
-        ((1, 2, 5), True),  # 8 of 60; the median lies beyond the levels even so
+        ((1, 2, 5), True),  # 8 of 60; the interval is kept although the median is above all levels
         ((14, 18, 20), True),  # 52 of 60
         ((15, 19, 20), True),  # 54 of 60, exactly nine tenths
         ((16, 19, 20), False),  # 55 of 60
@@ -102,7 +102,7 @@ def test_interval_is_omitted_if_collapses_are_rare_or_frequent(
 def test_stripes_of_type_require_three_motions_per_level(
     motions: tuple[int, ...], fit: str
 ) -> None:
-    """Each type has four buildings; all runs under one ground motion count once."""
+    """Each type has four buildings, and all runs under one ground motion count once."""
     states = DamageStates("drift", ("light",), (0.01,), 0.4, ())
     places = [(level, motion) for level, count in enumerate(motions) for motion in range(count)]
     level, motion = np.repeat(np.array(places), 4, axis=0).T
@@ -130,7 +130,7 @@ def test_runs_at_individual_levels_are_fitted_as_cloud(tmp_path: Path) -> None:
     )
     with pytest.raises(UsageError, match=r"intensity levels; .*--fit cloud"):
         fit_table(table(tmp_path, im), FragilityRequest("stripes", (OVER,)))
-    # Three runs make a level, two do not.
+    # Three runs are sufficient for a level, two are not.
     whole = np.repeat(LEVELS[:, None], MOTIONS, axis=1)
     for apart, fit in ((3, "stripes"), (2, "cloud")):
         whole[0, :apart] = 0.4
@@ -142,8 +142,9 @@ def test_runs_at_individual_levels_are_fitted_as_cloud(tmp_path: Path) -> None:
 def test_drift_of_collapsed_runs_is_ignored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Fits and counts do not depend on the drift at which a collapsed run stopped, a thousand times
-    larger or below the threshold. The counts equal the counts in each sixth of the runs by hand."""
+    """Fits and counts do not depend on the drift at which a collapsed run stopped, even if it is a
+    thousand times larger or below the threshold. The counts equal a count by hand in each sixth of
+    the runs."""
     im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
     (first,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     for factor in (1e3, 1e-3):
@@ -165,9 +166,9 @@ def test_drift_of_collapsed_runs_is_ignored(
 
 
 def test_function_that_contradicts_runs_causes_warning(tmp_path: Path) -> None:
-    """A warning is printed if demands jump from far below to far above the threshold at one
-    intensity, because a regression line does not represent them. No warning is printed for a
-    line with normal scatter, for any sample."""
+    """A warning is printed if demands jump from far below to far above the threshold at a single
+    intensity, because a regression line does not represent them. No warning is printed for a line
+    with normal scatter."""
     x = np.geomspace(0.2, 20.0, 200)
     noise = RANDOM.standard_normal(x.size)
     jumping = np.where(x < 2.0, 0.002 * x**0.3, 0.02 * x**0.3) * np.exp(0.05 * noise)
@@ -193,8 +194,8 @@ def test_threshold_outside_demands_causes_warning(tmp_path: Path) -> None:
 
 
 def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return two tables of runs under 14 ground motions (two components at four levels each) with
-    correlated errors, and the parameters from which they were generated."""
+    """Return the motion numbers, intensities and demands of two written tables of runs: 14 ground
+    motions with two components at four levels each and correlated errors."""
     random = np.random.default_rng(11)
     motion = np.repeat(np.arange(14), 8)
     im = np.tile(np.repeat(LEVELS, 2), 14) * np.exp(0.2 * random.standard_normal(motion.size))
@@ -210,7 +211,8 @@ def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.nda
         for place, (k, x, d) in enumerate(
             zip(motion.tolist(), im.tolist(), edp.tolist(), strict=True)
         ):
-            # With events records have names of their own, and the event says what errs alike.
+            # With events, records have different names, and correlated errors are identified by the
+            # event.
             record = f"r{place}" if event else f"r{k}.mseed"
             lines.append(
                 f"a,done,pga,m/s^2,{record},{'HNE' if place % 2 else 'HNN'},{x!r},{d!r}{f',M{k}' * event}"  # noqa: E501
@@ -222,8 +224,8 @@ def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.nda
 @pytest.mark.parametrize("event", [False, True])
 def test_standard_errors_are_jackknife_estimates(tmp_path: Path, event: bool) -> None:
     """Standard errors of clouds of runs, of user-defined tables, and of the slopes in the
-    comparison of measures equal jackknife estimates computed by hand. The information matrix,
-    which assumes independent runs, gives half of them."""
+    comparison of measures equal jackknife estimates by hand. The information matrix assumes
+    independent runs and gives half of these values."""
     motion, im, edp = scattered(tmp_path, event)
     request = FragilityRequest("cloud", (OVER,), pair_demand="separate")
     functions = [fit_table(str(tmp_path / name), request).functions[0]
@@ -245,8 +247,9 @@ def test_standard_errors_are_jackknife_estimates(tmp_path: Path, event: bool) ->
 
 
 def test_capacities_of_one_record_count_as_one_motion(tmp_path: Path) -> None:
-    """Two capacities of the same record count as one ground motion: the standard error equals the
-    error with one capacity per record. The standard error of different motions is unchanged."""
+    """Two capacities of the same record count as one ground motion, so that the standard error
+    equals the error with one capacity per record. The standard error of different motions is
+    unchanged."""
     capacity = np.exp(0.4 * np.random.default_rng(12).standard_normal(9))
     rows = [f"{value!r},r{place}" for place, value in enumerate(capacity.tolist())]
     errors = {}
@@ -260,8 +263,8 @@ def test_capacities_of_one_record_count_as_one_motion(tmp_path: Path) -> None:
 
 
 def test_few_exceedances_give_no_confidence_interval(tmp_path: Path) -> None:
-    """Three of 112 runs exceed 5 %: the function has no confidence interval. It has none either if
-    the median is above all intensities and an eighth of the runs exceed the threshold."""
+    """The function has no confidence interval if three of 112 runs exceed 5 %, or if the median is
+    above all intensities and an eighth of the runs exceed the threshold."""
     _, im, edp = scattered(tmp_path, False)
     high, middle = np.sort(edp)[-4], float(np.quantile(edp, 0.5))
     result = fit_table(
@@ -300,7 +303,7 @@ def test_failed_fits_are_reported_next_to_successful_fits(tmp_path: Path) -> Non
 
 
 class PairStore:
-    """A store with one pair of components, whose records have different names."""
+    """Store with one pair of components whose records have different names."""
 
     def __enter__(self):
         return self

@@ -115,9 +115,9 @@ def test_cloud_without_censoring_is_least_squares():
 
 
 def test_cloud_ignores_demands_below_lower_threshold():
-    """Demands on a steep line from 0.01 on and on a flat one below: the medians are those of the
-    steep one, within three standard errors, with all demands they are not; and the likelihood is
-    the largest by another route."""
+    """Demands follow a steep line above 0.01 and a flat line below. The medians equal those of the
+    steep line within three standard errors, but not if all demands are used. The likelihood is a
+    maximum, as confirmed by another minimizer."""
     random = np.random.default_rng(3)
     x, scatter = random.uniform(-2.5, 1.0, 2000), 0.3 * random.standard_normal(2000)
     y = math.log(0.01) + 2.0 * x + scatter
@@ -131,7 +131,7 @@ def test_cloud_ignores_demands_below_lower_threshold():
         assert abs(one.beta - 0.15) < 3.0 * one.beta_error
         assert abs(math.log(bent.theta) - above) > 10.0 * one.theta_error or bent.beta > 0.2
     assert found[0].cloud.light == low.sum()
-    # How far below they are is nothing to the fit.
+    # The fit does not depend on the values below the threshold.
     (same,) = fit_cloud(im, np.where(low, 1e-3 * edp, edp), [0.02], lower_threshold=0.01)
     assert (same.theta, same.beta) == pytest.approx((found[1].theta, found[1].beta), rel=1e-9)
 
@@ -144,7 +144,7 @@ def test_cloud_ignores_demands_below_lower_threshold():
     )
     cloud = found[0].cloud
     assert best.x == pytest.approx([cloud.intercept, cloud.slope, cloud.sigma], abs=1e-5)
-    # Where too few are above, all of them count as they are.
+    # If too few demands are above the threshold, all demands are used unchanged.
     few = fit_cloud(im, edp, [0.02], lower_threshold=2.0 * edp.max())[0]
     assert few.cloud.light == 0 and few.theta == fit_cloud(im, edp, [0.02])[0].theta
 
@@ -185,8 +185,8 @@ def test_change_of_unit_only_scales_theta():
 
 
 def test_standard_errors_agree_with_repeated_samples():
-    """Of 400 samples of 60 capacities the scatter of the estimates is their stated error, to its
-    own scatter (7 %)."""
+    """For 400 samples of 60 capacities, the scatter of the estimates equals the mean stated error
+    within its sampling error of 7 %."""
     random = np.random.default_rng(3)
     found = []
     for _ in range(400):
@@ -222,7 +222,8 @@ SURE = Fragility("cloud", 1.0, 0.5, np.zeros((2, 2)), 12)
 
 
 def test_counts_at_few_levels():
-    """Two levels in any order, of three and two runs; of the three two are beyond the state."""
+    """There are two levels in any order, with three and two runs; two of the three runs exceed the
+    state."""
     counted = SURE.beside_counts(
         np.array([2.0, 1.0, 2.0, 1.0, 2.0]), np.array([1.0, 0.0, 1.0, 1.0, 0.0])
     ).counted
@@ -247,7 +248,7 @@ def test_counts_of_levels_with_given_numbers_of_runs():
 
 
 def test_error_of_counts_includes_error_of_fit():
-    """By the delta method: that of theta alone moves the probability by density times its error
+    """By the delta method, an error of theta changes the probability by the density times the error
     over beta."""
     covariance = np.diag([0.2**2, 0.0])
     unsure = Fragility("ida", 1.0, 0.5, covariance, 12)
@@ -260,8 +261,8 @@ def test_error_of_counts_includes_error_of_fit():
 
 
 def test_largest_disagreement_with_counts_is_reported():
-    """100 runs at the median, of which all are beyond: half is expected, the scatter 5 %, half a
-    motion .5 %."""
+    """All of 100 runs at the median exceed the state. The expected fraction is one half, the
+    scatter is 5 %, and half a motion is 0.5 %."""
     im = np.repeat([1.0, 4.0], 100)
     beside = SURE.beside_counts(im, np.ones(200))
     assert beside.counted.excess_in_errors == pytest.approx([(0.5 - 0.005) / 0.05, 0.0])
@@ -273,7 +274,8 @@ def test_largest_disagreement_with_counts_is_reported():
     assert beside.named(0.02, "Sa", "g").disagreement == "threshold 0.02: " + text.replace(
         "im 1", "Sa 1 g"
     )
-    # 3 standard errors of 5 % and half a motion: 65.5 of 100 are not told, 66 are.
+    # Three standard errors of 5 % plus half a motion give 65.5: 65 of 100 are not reported, and 66
+    # are.
     for beyond, told in ((65, False), (66, True)):
         share = np.concatenate([np.arange(100) < beyond, np.ones(100)])
         assert bool(SURE.beside_counts(im, share.astype(float)).disagreement) == told
@@ -305,7 +307,8 @@ def test_empirical_points_are_midpoints_of_steps():
         [1.0, 2.0, 3.0],
         pytest.approx([1 / 6, 1 / 2, 5 / 6]),
     )
-    # Of two that are left behind a censored one each step is half of what is left: 2/3, then 1/3.
+    # Two capacities above a censored capacity have steps of 1/3 each, which are half of the
+    # remaining 2/3.
     points = empirical(np.array([1.0, 2.0, 3.0]), np.array([True, False, False]))
     assert points.fraction == pytest.approx([0.25, 0.75])
 

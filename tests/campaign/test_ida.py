@@ -1,5 +1,4 @@
-"""Incremental dynamic analysis: closed forms, brackets, censoring, runs without a result, what is
-kept."""
+"""Incremental dynamic analysis: closed forms, brackets, censoring, failed runs and stored runs."""
 
 import math
 from dataclasses import replace
@@ -82,7 +81,8 @@ def test_ida_curve_of_linear_building_is_straight():
     assert found.measure.name == "sa(0.8)"
     assert len(one.stable) > 15
     for run in one.stable:
-        # The run finds its peaks on a cubic between steps of T/40, the spectrum where they are.
+        # The run determines its peaks on a cubic between steps of T/40, and the spectrum at the
+        # exact times of the maxima.
         assert run.drift_ratio == pytest.approx(run.im / (omega**2 * height), rel=1e-5)
         assert run.scale * spectrum(one.record, np.array([0.8]), 0.05).psa[0] == pytest.approx(
             run.im, rel=1e-12
@@ -182,8 +182,8 @@ def drive(levels, building, most=200):
 
 
 def test_search_finds_collapse_below_first_collapse():
-    """A building that collapses in a narrow range too, below where it stands again: the fill comes
-    upon it."""
+    """The building also collapses in a narrow range below levels without a collapse, and levels
+    that fill the curve detect this range."""
 
     def building(im):
         if im > 6.0 or 1.45 < im < 1.9:
@@ -223,8 +223,8 @@ def test_bracket_with_failed_run_is_divided_elsewhere(ratio):
 
 @pytest.mark.parametrize(("drift", "part"), [(0.02, 0.4), (0.0105, 1.0 / 1.5), (0.5, 0.1)])
 def test_search_continues_to_lowest_threshold(drift, part):
-    """To four fifths of the level at which a linear building has it; by a third at least, to a
-    tenth at most."""
+    """The next level is four fifths of the level at which a linear building has the threshold
+    drift. The reduction is at least a third and at most a factor of ten."""
     runs = [IdaRun(2.0, 2.0, "done", drift), IdaRun(2.04, 2.04, "collapsed", 0.1)]
     assert LevelSearch(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
 
@@ -245,7 +245,8 @@ def test_always_collapsing_building_has_no_capacity():
 
 
 def test_repeated_runs_are_marked(frame, monkeypatch):
-    """A run that has a result with a finer step counts; one that has none counts neither way."""
+    """A run with a result after a repetition with a smaller time step counts; a run without a
+    result counts neither as stable nor as collapsed."""
     original = Batch.results
 
     def results(self, runs):
@@ -271,8 +272,8 @@ def test_repeated_runs_are_marked(frame, monkeypatch):
 
 
 def test_residual_drift_is_taken_at_rest(frame):
-    """Behind the record the building comes to rest: another drift remains, that of the run until
-    rest."""
+    """After the record, the building comes to rest, and the residual drift equals that of a run
+    until rest."""
     settings = IdaSettings(max_im=1.5, thresholds=())
     short = replace(motion(0), acceleration=motion(0).acceleration[:260])
     cut, rested = (
@@ -314,7 +315,7 @@ def test_components_of_pair_are_run_at_levels_of_pair(frame):
 
 
 def test_stored_runs_at_outdated_levels_are_repeated(tmp_path, frame, monkeypatch):
-    """As where a later version chooses others: their rows would mix."""
+    """If a later version selects other levels, the rows of both versions would be mixed."""
     settings = IdaSettings(precision=0.3)
     with monkeypatch.context() as before:
         before.setattr("tdint.campaign.ida_curve._HUNT", 1.4)
@@ -326,8 +327,8 @@ def test_stored_runs_at_outdated_levels_are_repeated(tmp_path, frame, monkeypatc
 
 
 def same_runs(one, other):
-    """Whether two studies have the same runs to the last bit; an error that is not estimated is nan
-    in both."""
+    """Return True if two studies have the same runs to the last bit; errors that were not estimated
+    are nan in both."""
     return repr([curve.runs for curve in one.curves]) == repr(
         [curve.runs for curve in other.curves]
     )
@@ -351,8 +352,8 @@ def test_invalid_arguments_are_refused(frame):
 
 
 def test_larger_collapse_drift_does_not_lower_capacity(frame, study):
-    """And the measure at another period changes the intensities alone: the factors of the
-    capacities stay."""
+    """For a measure at another period, only the intensities change, and the scale factors of the
+    capacities are equal."""
     (wide,) = ida(frame, [motion(0)], settings=IdaSettings(collapse_drift=0.2)).curves
     assert wide.collapse.upper >= study.curves[0].collapse.lower
     (other,) = ida(frame, [motion(0)], sa(0.3)).curves

@@ -1,4 +1,5 @@
-"""What a campaign makes of its inputs before anything runs, each against what it is made of."""
+"""Inputs of a campaign before the first run: overrides, damage demands, inventories, differences,
+motions, levels and scaling."""
 
 import math
 import pickle
@@ -120,8 +121,8 @@ def test_at_most_eight_differences_per_type_are_reported() -> None:
 
 
 def test_components_of_motion_are_identified_by_names() -> None:
-    """Two of one name at right angles are a pair; not one alone, nor three, nor two that are
-    parallel or unnamed."""
+    """Two perpendicular components with the same name are a pair. A single component, three
+    components, and parallel or unnamed components are not."""
     records = {
         1: ("a_N.at2", "N", 0),
         2: ("a_E.at2", "E", 0),

@@ -1,4 +1,4 @@
-"""Inventories as buildings of a campaign, and ground motions drawn from a grid."""
+"""Inventories as buildings of a campaign, and ground motions that are sampled from a grid."""
 
 import io
 import json
@@ -81,7 +81,8 @@ def models(folder: Path) -> Iterator[tdint.Model]:
 def check_strongest_run(
     folder: Path, whole: Plan, done: list[RunRow], building: int, model: tdint.Model
 ) -> None:
-    """The strongest run of a building is that of a model under the samples of the file times g."""
+    """Check that the strongest run of a building equals a run of the model under the samples of the
+    file times g."""
     row = max((row for row in done if row.building == building), key=lambda row: row.scale)
     motion = whole.motions[row.motion]
     samples = json.loads((folder / f"{motion.name}.json").read_text())[f"data_{motion.component}"]
@@ -97,7 +98,7 @@ def test_runs_equal_runs_of_exported_models(study: Path) -> None:
     """A run of a row is the run of the model that `tdint inventory --models` writes, under the
     motion times g."""
     whole = plan(study)
-    assert whole.runs == 3 * 4 * 2 * 2  # buildings, draws, components, scales
+    assert whole.runs == 3 * 4 * 2 * 2  # buildings, samples, components, scales
     done = rows_of(whole)
     assert len(done) == whole.runs == len({row[:4] for row in done})
     for number, model in enumerate(models(study)):
@@ -106,8 +107,8 @@ def test_runs_equal_runs_of_exported_models(study: Path) -> None:
 
 
 def test_samples_depend_only_on_seed_and_id(study: Path) -> None:
-    """Other buildings beside a building, or another order of them, change nothing of what it draws;
-    a seed does."""
+    """Other buildings and their order do not affect the samples of a building, but another seed
+    does."""
     before = {row: plan(study).assignment.draws(number) for number, row in enumerate("abc")}
     header, *lines = BUILDINGS.splitlines()
     (study / "buildings.csv").write_text("\n".join([header, lines[2], lines[0]]) + "\n")
@@ -128,9 +129,9 @@ def test_components_of_sample_share_number(study: Path) -> None:
 
 
 def test_weights_are_inverse_squares_of_distances(tmp_path: Path) -> None:
-    """Two points at the north of a building and one at its west, some kilometers away, and one out
-    of reach; the draws follow the weights (chi-squared over 20 000 draws, 3 degrees of freedom less
-    one)."""
+    """Two grid points are a few kilometers north of the building, one is west of it, and one is out
+    of range. The sampled numbers follow the weights: chi-squared test of 20 000 samples, 3 degrees
+    of freedom less one."""
     degree = (
         1.0 / np.radians(1.0) / 6371.0088
     )  # of latitude in a kilometer; mean radius of the earth, km (IUGG)
@@ -153,7 +154,7 @@ def test_weights_are_inverse_squares_of_distances(tmp_path: Path) -> None:
         (counts[point] - 20_000 * weight) ** 2 / (20_000 * weight)
         for point, weight in found.items()
     )
-    assert chi_squared < 13.8  # passed by one seed in a thousand; the seed is fixed
+    assert chi_squared < 13.8  # exceeded for one seed in a thousand; the seed is fixed
 
 
 def test_building_at_grid_point_samples_only_this_point(study: Path) -> None:
@@ -223,7 +224,8 @@ def test_invalid_grid_motions_are_reported(study: Path, text: str, message: str)
 
 
 def test_buildings_without_coordinates_are_omitted(study: Path) -> None:
-    """A building without one is left out alone; without any that has one there is nothing to do."""
+    """Only buildings without coordinates are omitted; if no building has coordinates, the campaign
+    is refused."""
     text, before = (study / "buildings.csv").read_text(), plan(study)
     (study / "buildings.csv").write_text(text.replace(",37.805,-122.265", ",,"))
     left = plan(study)
@@ -239,9 +241,9 @@ def test_buildings_without_coordinates_are_omitted(study: Path) -> None:
 
 
 def test_scale_includes_factor_of_grid(study: Path) -> None:
-    """m00 and m01 are one file's motions with factors 1 and .5: the name is that of the file, the
-    factor in `scale`; of levels of a measure the scale is level over what the file's motion has,
-    whatever its factor."""
+    """m00 and m01 are motions of one file with the factors 1 and 0.5. The name is the name of the
+    file, and `scale` includes the factor. For levels of a measure, the scale is the level over the
+    measure of the motion in the file, for any factor."""
     whole = plan(study)
     assert [motion.name for motion in whole.motions] == [
         f"m{i}{j}" for i in range(3) for j in range(2) for _ in "xy"
@@ -276,7 +278,8 @@ def test_scale_includes_factor_of_grid(study: Path) -> None:
 
 
 def test_description_changes_with_grid(study: Path) -> None:
-    """Points elsewhere, or other motions at them, change the draws: the fingerprint knows them."""
+    """Other points, or other motions at the points, change the samples, and the fingerprint
+    changes."""
     before = plan(study).assignment.description()
     assert plan(study).assignment.description() == before
     (study / "site2.csv").write_text("TH_file,factor\nm20,1.0\nm21,0.25\n")
@@ -284,8 +287,8 @@ def test_description_changes_with_grid(study: Path) -> None:
 
 
 def test_sweep_varies_buildings_of_inventory(study: Path) -> None:
-    """Each variation is the run of the varied model, under the motions that its building draws
-    without a sweep."""
+    """Each variation is a run of the varied model under the motions that are sampled for its
+    building without a sweep."""
     plain = plan(study)
     (study / "campaign.yaml").write_text(
         STUDY + "vary: {stiffness_factor: [0.8, 1.3], mass_factor: [1.2]}\n"

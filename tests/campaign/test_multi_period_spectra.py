@@ -21,7 +21,7 @@ ORDINATES = [min(0.4 + 6.0 * t, 1.0, 0.6 / max(t, 0.01)) for t in PERIODS]
 
 
 def content(**changes):
-    """The answer of the service, with the other entries that it has; made values."""
+    """Return a response of the web service with artificial values, including its other entries."""
     data = {
         "pgam": 0.6,
         "sds": 1.0,

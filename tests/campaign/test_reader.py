@@ -1,4 +1,4 @@
-"""What campaign files are refused for, with line and column."""
+"""Errors in campaign files, with line and column."""
 
 import json
 from pathlib import Path
@@ -87,8 +87,8 @@ records: {sequences: s.csv, rest: 0}
 
 @pytest.mark.parametrize("text", _ENDS.values(), ids=_ENDS)
 def test_reader_refuses_values_that_schema_refuses(tmp_path: Path, text: str) -> None:
-    """The shortest lists and the ends of numbers are read; what is shorter or beyond them neither
-    takes."""
+    """The shortest lists and the bounds of numbers are accepted. Shorter lists and numbers beyond
+    the bounds are refused by both."""
     file, schema = tmp_path / "study.yaml", campaign_schema()
     file.write_text(text)
     load_campaign(file)
@@ -190,7 +190,7 @@ VALUES = {
 def test_keys_of_other_inputs_are_refused(
     tmp_path: Path, section: str, given: str, refused: str, said: str
 ) -> None:
-    """Each of them is refused where it stands; what is given without them is not."""
+    """Each of these keys is refused at its position; without them, the input is accepted."""
     whole = {
         "buildings": "models: [model.yaml]",
         "records": "files: [a.csv]",

@@ -1,4 +1,5 @@
-"""Intensity measures of runs, by closed forms and second routes, and how they are compared."""
+"""Intensity measures of runs compared with closed forms and independent calculations, and the
+comparison of measures."""
 
 import csv
 import math
@@ -25,7 +26,8 @@ def noise(seed=0, samples=400, dt=0.02, peak=2.0):
 
 
 def test_cav5_of_ramp():
-    """Of 0 to 0.2 m/s^2 in 4 s what lies above 0.05: (0.2^2 - 0.05^2) / 2 over the slope."""
+    """For a ramp from 0 to 0.2 m/s^2 in 4 s, the part above 0.05 is (0.2^2 - 0.05^2) / 2 over the
+    slope."""
     ramp = Record(np.linspace(0.0, 0.2, 9), 0.5, "", "", "", "")
     assert measure(ramp).cav5 == pytest.approx(0.5 * (0.04 - 0.0025) / 0.05, rel=1e-12)
     flat = Record(np.full(11, 0.05), 0.1, "", "", "", "")
@@ -65,7 +67,7 @@ def test_cav_above_threshold_agrees_with_fine_grid(threshold):
     ],
 )
 def test_measure_of_scaled_motion(name):
-    """What grows with a power of it is what the motion times the factor has."""
+    """The measure is multiplied by a power of the factor, as for the scaled motion."""
     record, wanted = noise(2), run_measure(name)
     assert wanted.of(record, -1.7, 0.8) == pytest.approx(
         wanted.of(record.scaled(1.7), 1.0, 0.8), rel=1e-9
@@ -90,7 +92,7 @@ def test_spectral_measures_agree_with_spectra():
 
 
 def test_inelastic_displacement_agrees_with_constant_strength_spectrum():
-    """With a strength that is not reached it is the elastic Sd; a factor on the motion is one on
+    """If the strength is not reached, the measure is the elastic Sd. A factor on the motion divides
     the strength."""
     record, period = noise(4), 0.8
     elastic = spectrum(record, np.array([period]), 0.05).sd[0]
@@ -147,8 +149,8 @@ def test_regression_line_agrees_with_least_squares():
 
 
 def test_runs_under_one_motion_are_clustered():
-    """The p-value by sums over the motions, one after the other; runs that are there three times
-    tell no more than once but for the factor of (n - 1)/(n - 2)."""
+    """The p-value agrees with sums over the motions. Runs that are repeated three times contain no
+    additional information, except for the factor (n - 1)/(n - 2)."""
     rng = np.random.default_rng(8)
     motion = np.repeat(np.arange(9), 4)
     magnitude = rng.uniform(5.0, 8.0, 9)[motion]
@@ -162,7 +164,7 @@ def test_runs_under_one_motion_are_clustered():
     (found,) = line(x, y, {"magnitude": magnitude}, motion=motion).dependences
     (alone,) = line(x, y, {"magnitude": magnitude}).dependences
     assert found.p_value == pytest.approx(2.0 * student.sf(abs(slope) / error, 8), rel=1e-9)
-    assert found.p_value > 2.0 * alone.p_value  # which takes 36 runs for 36 motions
+    assert found.p_value > 2.0 * alone.p_value  # which counts 36 runs as 36 motions
     (thrice,) = line(*(np.tile(one, 3) for one in (x, y)), {"magnitude": np.tile(magnitude, 3)},
                      motion=np.tile(motion, 3)).dependences  # fmt: skip
     of = error * math.sqrt(107 / 106 * 34 / 35)
@@ -177,7 +179,7 @@ def test_too_few_runs_and_constant_measure_are_refused():
 
 
 def folder_of(tmp_path: Path, buildings=("a",)) -> Path:
-    """Runs whose drift is pgv^1.5 exactly, the last one collapsed."""
+    """Return a directory with runs whose drift is exactly pgv^1.5, the last of which collapsed."""
     rng = np.random.default_rng(7)
     header = ["building", "record", "component", "scale", "sample"]
     runs, measures = (

@@ -60,7 +60,8 @@ def turned(pair, measure, percentile):
 
 
 def test_measures_of_component():
-    """Those of the spectrum and of the motion of the ground, which have tests of their own."""
+    """Measures agree with the functions for spectra and for ground motions, which are tested
+    separately."""
     one = record(1)
     assert pga().of(one) == np.max(np.abs(one.acceleration))
     assert sa(1.0).of(one) == pytest.approx(spectrum(one, np.array([1.0]), 0.05).psa[0], rel=1e-12)
@@ -87,7 +88,7 @@ def test_measures_of_component():
     ],
 )
 def test_measures_grow_with_power_of_factor(measured, power):
-    """By a power of the factor, which factors that bring a motion to a value know."""
+    """The factors that scale a motion to a value use this power."""
     one = record(3)
     assert measured.of(one.scaled(-2.5)) == pytest.approx(2.5**power * measured.of(one), rel=1e-12)
     (factor,) = scale_to_value([one], measured, 0.37).factors
@@ -128,8 +129,8 @@ def test_suites_of_components_and_pairs():
 
 
 def test_duplicate_motions_of_suite_are_noted(tmp_path):
-    """A copy under another name, and a file beside its folder; other samples or steps are another
-    motion."""
+    """A copy with another name and a file that is also in its directory are noted. Motions with
+    other samples or another sampling interval differ."""
     for name, dt, last in (("a", 0.01, 2), ("b", 0.01, 2), ("c", 0.01, 3), ("d", 0.02, 2)):
         (tmp_path / f"{name}.txt").write_text(f"# dt = {dt} s, units = g\n0\n1\n{last}\n")
     first, copy, *others = (str(tmp_path / f"{name}.txt") for name in "abcd")
@@ -142,7 +143,8 @@ def test_duplicate_motions_of_suite_are_noted(tmp_path):
 
 
 def test_vertical_components_are_omitted_unless_requested(tmp_path):
-    """And said so; a file with nothing else is a fault, not an empty suite."""
+    """The omission is noted. A file with only vertical components is an error and not an empty
+    suite."""
     with quiet_import():
         from obspy import Stream, Trace
     samples = np.sin(np.arange(200.0))
@@ -188,8 +190,8 @@ def test_scaling_to_a_target_is_least_squares():
 
 
 def test_asce7_scaling_meets_floor_with_common_factor():
-    """The average of the maximum-direction spectra is nowhere below 90 % of the target; all are
-    raised alike."""
+    """The average of the maximum-direction spectra is at least 90 % of the target at all periods,
+    and all factors are multiplied by a common factor."""
     motions, grid = pairs(11), np.geomspace(0.4, 2.0, 3)
     target = read_target(str(ROOT / "configs" / "design-spectrum.csv"))
     scaling = scale_asce7(motions, target, grid, damping=0.2)
@@ -211,7 +213,8 @@ def test_asce7_scaling_meets_floor_with_common_factor():
 
 
 def test_asce7_raises_too_low_suite():
-    """A target with a peak that no motion has: the average touches 90 % of it, at the peak."""
+    """For a target with a peak that no motion has, the average equals 90 % of the target at the
+    peak."""
     grid = np.geomspace(0.2, 2.0, 9)
     peaked = TargetSpectrum(
         "peak.csv", np.array([0.1, 0.6, 0.63, 0.66, 2.5]), np.array([1.0, 1.0, 30.0, 1.0, 1.0])
@@ -225,8 +228,8 @@ def test_asce7_raises_too_low_suite():
 
 @pytest.mark.parametrize("period", [0.4, 1.1])
 def test_ec8_floor_is_met_between_periods_of_fit(period):
-    """However few these are: at 5000 others the mean is not lower, and somewhere it is just
-    that."""
+    """For only five periods of the fit, the mean is at least 90 % of the target at 5000 other
+    periods, and equal to it at one of them."""
     target, grid = (
         read_target("ec8:type=1,soil=B,ag=0.1g"),
         np.geomspace(0.2 * period, 2.0 * period, 5),

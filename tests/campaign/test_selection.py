@@ -20,7 +20,8 @@ TARGET = "asce7:sds=1,sd1=0.6,tl=8"
 
 
 def score(off, wanted=None):
-    """Of a choice: mean of ln Sa over the target, and half of what the scatter is off."""
+    """Return the mean squared deviation of ln Sa from the target plus half the mean squared error
+    of the scatter."""
     result = np.mean(off.mean(axis=0) ** 2)
     return (
         result
@@ -32,8 +33,8 @@ def score(off, wanted=None):
 @pytest.mark.parametrize("scatter", [None, 0.35])
 @pytest.mark.parametrize("per_event", [1, 99])
 def test_best_selection_from_small_pools_is_found(scatter, per_event):
-    """Of all choices of four of twelve, in 19 of 20 pools at least; none is better than the
-    best."""
+    """In at least 19 of 20 pools, the best of all selections of four from twelve motions is found,
+    and no result is better."""
     rng, events = np.random.default_rng(58), np.arange(12) // 2
     wanted = None if scatter is None else np.full(15, scatter)
     choices = [
@@ -54,15 +55,16 @@ def test_best_selection_from_small_pools_is_found(scatter, per_event):
 
 @pytest.fixture(scope="module")
 def pool():
-    """Motions of several colors, one twice, one at rest, one of samples too far apart."""
+    """Return motions with different spectra, including a duplicate, a motion at rest and a motion
+    with a large sampling interval."""
     motions = [noise(seed=seed, peak=1.0 + 0.4 * seed) for seed in range(14)]
     coarse = replace(noise(), dt=1.5)
     return [*motions, motions[3], replace(noise(), acceleration=np.zeros(50)), coarse]
 
 
 def test_mean_of_selected_motions_fits_target(pool):
-    """Their mean is nearer than that of the four that are nearest each by itself; factors are least
-    squares."""
+    """The mean of the selection is closer to the target than the mean of the four individually best
+    motions; factors follow from least squares."""
     scaling = tdint.select(pool, TARGET, 4, periods=PERIODS, factors=(0.2, 20.0))
     assert len(scaling.motions) == len(set(scaling.chosen)) == 4
     assert scaling.left_out["duplicate"] == 1 and scaling.left_out["zero"] == 1
@@ -131,7 +133,7 @@ def named(*files_and_events):
 
 
 def test_components_of_recording_belong_to_one_event():
-    """Whichever of the two files states the event, and in whichever spelling."""
+    """One of the two files may state the event, with any spelling."""
     motions = named(
         ("A_067.AT2", "Loma Prieta 10/18/1989"),
         ("B_000.AT2", "LOMA PRIETA 10/18/89 00:05"),
@@ -150,14 +152,15 @@ def test_components_of_recording_belong_to_one_event():
 
 
 def test_recordings_of_several_events_in_one_file_are_distinguished():
-    """Different times in one file are different events; equal ones have one label."""
+    """Different times in one file are different events; equal times have one label."""
     motions = named(*[("all.csv", f"X 1/1/2001 {clock}") for clock in ("0100", "0400", "0100")])
     first, second, third = events_of(motions)
     assert first == third != second
 
 
 def test_pairs_per_event_are_limited():
-    """The unsafe case: undated files were taken for an event each, and all three were selected."""
+    """Motions of files without dates must not count as separate events, because three pairs of one
+    event would be selected."""
     pairs = [
         Horizontals(
             *(
@@ -216,7 +219,8 @@ def weak_pairs(count, peak):
 
 @pytest.mark.parametrize("rule", ["asce7", "ec8"])
 def test_limits_include_common_factor_of_rule(rule):
-    """A rule raises the factors of the best selection beyond the limit; another one meets both."""
+    """The rule increases the factors of the best selection beyond the limit; another selection
+    meets both the rule and the limit."""
     target = "asce7:sds=1,sd1=0.6,tl=8" if rule == "asce7" else "ec8:type=1,soil=B,ag=0.4g"
     pairs = weak_pairs(16, 0.8)
     free = tdint.select(pairs, target, 11, rule=rule, periods=PERIODS, factors=(0.001, 1e3))
@@ -244,9 +248,10 @@ def test_nearest_selection_is_reported_if_limits_cannot_be_met(rule):
 
 
 def test_motions_at_limit_are_counted(pool):
-    """Selected motions with the factor of a limit, and others that would have it."""
+    """Both selected motions with a factor at a limit and other motions that would have such a
+    factor are counted."""
     scaling = tdint.select(pool, TARGET, 4, periods=PERIODS, factors=(2.0, 3.0))
-    places = [*range(14), 16]  # the others are a duplicate and a motion at rest
+    places = [*range(14), 16]  # the other motions are a duplicate and a motion at rest
     motions = [pool[place] for place in places]
     free = tdint.scale(motions, target=TARGET, periods=PERIODS).factors
     outside = {place for place, factor in zip(places, free, strict=True) if not 2.0 < factor < 3.0}

@@ -1,4 +1,4 @@
-"""Where a store may lie, and how chunks are cut."""
+"""Allowed locations of a store, and the division of campaigns into chunks."""
 
 import time
 from collections.abc import Sequence
@@ -35,8 +35,8 @@ MOUNTS = """\
 def test_network_file_system_is_refused(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also for a folder that does not exist yet; a local disk mounted below it is none, nor is a
-    folder beside it."""
+    """A directory that does not exist yet is refused as well. A local disk that is mounted below it
+    and an adjacent directory are accepted."""
     mounts = tmp_path / "mountinfo"
     home = tmp_path / "home"
     mounts.write_text(MOUNTS.format(home=home, kind=kind))
@@ -52,8 +52,8 @@ def test_network_file_system_is_refused(
 def plan_of(
     motions: dict[str, Any], factors: Sequence[int], buildings: int = 1, **settings: float
 ) -> Plan:
-    """Buildings alike under motions (samples by component), each times 1, 2, ... up to its number
-    of factors."""
+    """Return a plan of equal buildings under motions with given samples, each scaled by 1, 2, ...
+    up to its number of factors."""
     model = load_model("configs/two-story-polynomial.yaml")
     suite = suite_motions(
         [Record(samples, 0.01, "", "", name, "r") for name, samples in motions.items()]
@@ -95,8 +95,8 @@ def test_chunks_contain_every_run_once_in_order(
 
 
 def test_chunks_of_equal_runs_have_equal_length() -> None:
-    """25 buildings under 40 factors: 64 chunks of 15 or 16 runs each, wherever a building
-    begins."""
+    """For 25 buildings with 40 factors, there are 64 chunks of 15 or 16 runs, independent of the
+    first run of each building."""
     plan = plan_of({"c": np.ones(1000)}, [40], 25)
     assert plan.chunks == 64
     assert {plan.size(number) for number in range(64)} == {15, 16}
@@ -113,7 +113,7 @@ def test_chunks_of_equal_runs_have_equal_length() -> None:
 def test_parts_of_different_campaigns_are_not_merged(
     tmp_path: Path, one: Any, other: Any, words: str
 ) -> None:
-    """And what differs is said: that alone."""
+    """The message states only the difference."""
     for name, changed in (("one", one), ("other", other)):
         (tmp_path / name).mkdir()
         open_store(tmp_path / name, small_plan(**changed))[0].connection.close()
@@ -138,7 +138,8 @@ def test_parts_with_different_chunks_are_not_merged(tmp_path: Path) -> None:
 def small_plan(
     names: tuple[str, ...] = ("a", "b"), peak: float = 1.0, duration: float = 0.3
 ) -> Plan:
-    """Two short motions, the first of which has a peak, on one building."""
+    """Return a plan of two short motions on one building; `peak` is the peak of the first
+    motion."""
     peaks = {"a": peak, "b": 3.0}
     return plan_of({name: np.full(30, peaks[name]) for name in names}, [2, 2], duration=duration)
 
@@ -155,7 +156,8 @@ def test_rate_counts_runs_of_this_call() -> None:
 
 
 def test_too_short_period_does_not_affect_other_periods() -> None:
-    """Sa of several buildings is asked for at once: each has what it has alone."""
+    """Sa of several buildings is computed at once, and each value equals the value of a separate
+    call."""
     record = Record(np.sin(np.arange(400.0)), 0.01, "", "", "", "r")
     short = 0.01 * record.dt  # oscillators need a twentieth
     periods = [1.0, short, 0.5, short]

@@ -73,8 +73,8 @@ def rows(store, path):
 
 
 def test_factors_and_ratios_change_model(model):
-    """The first period goes as the root of mass over stiffness; strengths and stiffnesses are
-    apart."""
+    """The first period is proportional to the square root of mass over stiffness; strengths and
+    stiffnesses are independent."""
     before = tdint.modes(model)
     after = model.replace(mass_factor=1.5, stiffness_factor=0.7, damping=0.02, strength_factor=1.2)
     modes = tdint.modes(after)
@@ -92,7 +92,7 @@ def test_factors_and_ratios_change_model(model):
 
 
 def test_inconsistent_law_parameters_are_reported_with_story(records):
-    """Each is in range; the ultimate force is less than that at yield."""
+    """Each value is within its range, but the ultimate force is smaller than the yield force."""
     law = {
         "type": "trilinear-pinching",
         "yield_force": 3e4,
@@ -122,8 +122,8 @@ def test_change_without_effect_is_refused():
     ("change", "stiffness"), [("coefficients[1]", 300.0), ("coefficients[2]", 100.0)]
 )
 def test_story_stiffness_follows_law_parameters(change, stiffness):
-    """That of a polynomial is its first coefficient; a factor on it multiplies all of them, in the
-    law and in the story."""
+    """The stiffness of a polynomial law is its first coefficient. A stiffness factor multiplies all
+    coefficients of the law and the stiffness of the story."""
     law = {"type": "polynomial", "coefficients": [100.0, 2.0]}
     plain = tdint.load_model({"stories": [{"mass": 1.0, "law": law}]})
     (story,) = plain.replace(**{f"story 1.law.{change}": 300.0}).stories
@@ -133,8 +133,8 @@ def test_story_stiffness_follows_law_parameters(change, stiffness):
 
 
 def test_latin_hypercube_has_one_sample_per_stratum():
-    """Of 40 draws one lies in each fortieth of a distribution, whatever it is, and a seed gives
-    them again."""
+    """For 40 samples, each fortieth of a distribution contains one sample, and equal seeds give
+    equal samples."""
     random = {
         "stiffness_factor": Distribution("lognormal", 1.1, 0.2),
         "mass_factor": Distribution("uniform", 0.8, 1.2),
@@ -233,8 +233,8 @@ def test_labels_of_variations_contain_values_and_sample_number(model):
 
 
 def test_rank_correlation_of_monotonic_response(records):
-    """The static part of a soft, strong story: its drift falls with its stiffness, in every
-    draw."""
+    """The static part of the drift of a soft, strong story decreases with its stiffness in every
+    sample."""
     stiff = tdint.load_model(
         {
             "name": "stiff",
@@ -251,7 +251,7 @@ def test_rank_correlation_of_monotonic_response(records):
     assert found["peak_drift_ratio"].draws == 12
     assert {one.building for one in found.values()} == {
         "stiff"
-    }  # whose draws they are, without the numbers of each
+    }  # the name of the sampled building without sample numbers
     with stored([stiff], records) as store, pytest.raises(UsageError, match="has no sweep"):
         rank_correlations(store)
 

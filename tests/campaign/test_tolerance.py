@@ -1,5 +1,5 @@
-"""The step of a building by a tolerance: from several sampling intervals down, by some of its runs,
-for all of them."""
+"""Time step of a building for a tolerance, for records with several sampling intervals: it is
+determined from some runs and used for all."""
 
 from dataclasses import replace
 
@@ -17,8 +17,7 @@ from tdint.ground_motion.record import Record
 
 
 def first_part(name: str, component: str, samples: int = 1601) -> Record:
-    """The first 16 s of a shipped record, its strongest ones: whole steps of all lengths that are
-    tried."""
+    """Return the strong first 16 s of a shipped record, which all tried time steps divide."""
     record = tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")
     return replace(record, acceleration=record.acceleration[:samples].copy())
 
@@ -44,7 +43,7 @@ def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:
 
 @pytest.fixture(scope="module")
 def fine() -> Rows:
-    """Runs whose error is a thousandth of the tolerance."""
+    """Return runs with errors of a thousandth of the tolerance."""
     return results(Subject(OFFICE, "impulse4"), RUNS, 0.01 / 8)
 
 
@@ -52,9 +51,9 @@ def fine() -> Rows:
 def test_drifts_of_all_runs_are_within_the_tolerance(
     fine: Rows, method: str, beyond: float
 ) -> None:
-    """Under motions sampled at 0.01 and 0.004 s, of which each takes the largest step of its own
-    within the chosen one: impulse4 goes over samples of the finer one, average acceleration below
-    the record's step."""
+    """The motions have sampling intervals of 0.01 and 0.004 s. Each run uses its largest time step
+    within the chosen one: impulse4 uses several samples per step, and average acceleration steps
+    below the sampling interval."""
     subject = Subject(OFFICE, method)
     step = building_step(subject, RECORDS, RUNS, RunSettings(), 0.01)
     assert step is not None
@@ -72,8 +71,7 @@ def test_drifts_of_all_runs_are_within_the_tolerance(
 
 
 def test_building_step_is_minimum_of_steps_of_runs() -> None:
-    """Of four runs, all of which are looked at; and with a step that is asked for it is the largest
-    one."""
+    """The minimum is taken over all four runs. A requested time step is an upper bound."""
     subject = Subject(OFFICE, "newmark-average")
     runs = [Run(motion, 1.0) for motion in range(4)]
     cases = [

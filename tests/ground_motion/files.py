@@ -1,4 +1,4 @@
-"""Record files that the tests write themselves, through obspy."""
+"""Record files that the tests write with ObsPy."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -43,19 +43,19 @@ def write(path, *traces, format="MSEED", **options):
 
 
 def obspy_data(name):
-    """A file among the test data that the obspy wheel brings along; None if this installation has
-    none."""
+    """Return a file of the test data in the ObsPy wheel, or None if this installation has no test
+    data."""
     path = Path(find_spec("obspy").origin).parent / "io" / name
     return path if path.is_file() else None
 
 
 def need_obspy_data(name):
-    """The same; a test that needs it is skipped without it."""
+    """Return a file of the test data of ObsPy, or skip the test if it is missing."""
     return obspy_data(name) or pytest.skip("this obspy comes without its test data")
 
 
 def refused(source, match, **options):
-    """That a record is refused with these words: a file by its path, or bytes as they are."""
+    """Check that a record, given as a path or as bytes, is refused with a message."""
     with pytest.raises(RecordError, match=match) as caught:
         if isinstance(source, bytes | bytearray):
             read_contents(bytes(source), "file")
@@ -67,6 +67,6 @@ def refused(source, match, **options):
 
 
 def refused_by(look, data, match):
-    """The same of one of the functions that look at a format."""
+    """Check that a function that inspects a format refuses the data with a message."""
     with pytest.raises(Damaged, match=match):
         look(bytes(data))

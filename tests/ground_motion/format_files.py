@@ -1,7 +1,7 @@
-"""Small records in the formats of `tdint.ground_motion.formats`, written by the tests themselves.
+"""Small records in the formats of `tdint.ground_motion.formats`, written by the tests.
 
-Each function gives a file's text. The samples are numbers that the format's decimals hold, so that
-they are read back exactly.
+Each function returns the text of a file. The samples have as many decimals as the format, so that
+they are read exactly.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from tdint.units import STANDARD_GRAVITY, parse_units
 
 
 def motion(samples=120, peak=1.5, decimals=3):
-    """A decaying sine without a zero among its samples; its largest one is `peak`, negative if that
-    is."""
+    """Return a decaying sine without zero samples; its extreme sample is `peak`, which may be
+    negative."""
     t = np.arange(samples)
     wave = np.sin(0.37 * t + 0.2) * np.exp(-t / samples)
     wave *= peak / wave[np.argmax(np.abs(wave))]
@@ -80,13 +80,13 @@ def cosmos(
     blocks=None,
     channel="1: 340",
 ):
-    """One channel of COSMOS 1.20, volume 2; `blocks` are kinds with values that follow the first
-    one."""
+    """Return one channel of COSMOS 1.20, volume 2; `blocks` contains quantities and values that
+    follow the first block."""
     values = motion() if values is None else values
     integers, reals = [-999] * 100, [-999.0] * 100
     integers[:4], integers[39:45] = [2, 1, 4, 120], [2005, 167, 6, 16, 20, 53]
     reals[29], reals[61], reals[62] = 4.4, 10.0, len(values) * 0.01
-    # Max is in cm/sec2 whatever the units of the samples.
+    # The maximum is in cm/sec2 for any units of the samples.
     known = motion_units(units) or {"7": "0.0254 m/s^2", "2": "g"}.get(units[-2:-1])
     peak = np.max(np.abs(values)) * (parse_units(known).scale / 0.01 if known else 1.0)
     comments = ["| <SCNL>FAR.HNE.XX.10    <AUTH> 2019/02/01"] if codes else ["| nothing"]
@@ -196,7 +196,7 @@ def pairs(values, dt, times=None):
 def csmip_pairs(values=None, dt=0.005, times=None, units="G/10"):
     """One channel of pairs of time and acceleration, as on film."""
     values = motion() if values is None else values
-    # MAX is in g, the samples are in tenths of it.
+    # The maximum is in g, but the samples are in tenths of g.
     peak = np.max(np.abs(values)) * parse_units(motion_units(units) or "g").scale / STANDARD_GRAVITY
     texts = csmip_texts("UNCORRECTED ACCELEROGRAM DATA", 1, " 90 DEG", [
         f"NO. OF POINTS =  {len(values)}  RECORD LENGTH = 59.998 SEC",

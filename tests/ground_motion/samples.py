@@ -1,4 +1,4 @@
-"""Files of every format that tdint itself reads, by the format's name."""
+"""Files of every format that tdint reads with its own readers, by the name of the format."""
 
 from ground_motion import format_files as files
 from ground_motion import network_files as networks

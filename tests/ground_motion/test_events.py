@@ -127,7 +127,7 @@ def test_formats_state_event(name, tmp_path):
 
 
 def test_sac_header_states_event(tmp_path):
-    """Name and origin time of SAC: relative to the reference time, of which `b` is the first
+    """The origin time of SAC is relative to the reference time, and `b` is the time of the first
     sample."""
     import obspy
 

@@ -28,7 +28,7 @@ def only(text):
 
 
 def refused(source, message, **options):
-    """That a text or a file is refused with these words."""
+    """Check that a text or a file is refused with a message."""
     refused_record(source.encode() if isinstance(source, str) else source, message, **options)
 
 
@@ -317,8 +317,8 @@ class TestCsmip:
             "but the data that were read have 150.5 cm/s^2"
         )
 
-        # MAX is in g where the samples are in tenths of it: taken for one another they would be ten
-        # times off.
+        # The maximum is in g, but the samples are in tenths of g; confusing them would cause a
+        # factor of ten.
         sound = files.csmip_pairs()
         assert "G/10" in sound
         assert "peak" in contents(sound).compared
@@ -408,8 +408,8 @@ class TestLargeFiles:
 
 
 class TestNumbersOfSmc:
-    """The 48 integers and 50 reals by their places in the format's description; the first of each
-    says: not known."""
+    """Tests of the 48 integers and 50 reals at their positions in the format description; the first
+    of each is the value for unknown numbers."""
 
     @pytest.mark.parametrize(
         ("vertical", "azimuth", "name"),
@@ -431,8 +431,8 @@ class TestNumbersOfSmc:
         [(3.0, -5.0, -5.0), (6.0, -5.0, 6.0), (1e38, -5.0, None), (3.0, 1e38, None)],
     )
     def test_peak_from_stated_extremes(self, largest, smallest, peak):
-        """The larger one of the stated extremes, with five digits; none where one of them is not
-        known."""
+        """The peak is the larger of the stated extremes, with five digits; it is unknown if one of
+        them is unknown."""
         text = files.smc(motion(peak=peak or 5.0), reals={0: 1e38, 29: largest, 31: smallest})
         compared = contents(text)
         assert ("peak" in compared.compared) == (peak is not None) and compared.notes == ()
@@ -450,8 +450,8 @@ class TestNumbersOfSmc:
 
     @pytest.mark.parametrize("told", ["", "  1994 1 17  x", "1994 01 18"])
     def test_start_from_day_of_year_or_date(self, told):
-        """By the day of the year, or by month and day where that is near the day that the text
-        tells."""
+        """The day of the year is used, or month and day if the date is close to the day in the
+        text."""
         texts = ["", told, "x"]
         by_day = [-99.0, 1994.0, 17.0, 12.0, 30.0, 55.0, 250.0, 99.0]
         assert usgs._start(by_day, texts) == datetime(1994, 1, 17, 12, 30, 55, 250000)

@@ -24,9 +24,10 @@ LARGEST = 100e6  # bytes
 
 
 def read(name, data):
-    """The samples of each component, None if the file is refused; nothing else may be raised."""
+    """Return the samples of each component, or None if the file is refused; no other exception is
+    allowed."""
     with warnings.catch_warnings():
-        # Damage may leave a header that contradicts the samples; that is told.
+        # A corrupt header may contradict the samples, which causes a warning.
         warnings.filterwarnings(
             "ignore", message=".*the file states a |the times in the file|.*last one is repeated"
         )
@@ -38,8 +39,8 @@ def read(name, data):
 
 
 def check_whole(name, data, whole):
-    """What is read, if anything, are whole components; of plain text, whose length nothing tells,
-    the first rows."""
+    """Check that all components that were read are complete. For plain text without a stated
+    length, the first rows may be read."""
     for component, samples in (read(name, data) or {}).items():
         expected = whole[component]
         if name == "TEXT":
@@ -53,7 +54,7 @@ def test_truncated_files_are_refused(name, data):
     whole = read(name, data)
     shortest = (
         200 if name == "TEXT" else 0
-    )  # A few rows do not tell how many places their numbers have.
+    )  # The number of decimals cannot be determined from a few rows.
     for length in (*range(shortest, len(data), 97), *range(len(data) - 30, len(data))):
         check_whole(name, data[:length], whole)
 
@@ -66,8 +67,9 @@ OTHERS = (b"-1", b"1e308", b"9" * 5000, b"1e-308", b"1e" + b"9" * 20)
     "turn", [0, 2, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 3, 4))]
 )
 def test_changed_numbers_in_header_are_read_or_refused(name, data, turn):
-    """In each place the next one, in all turns each in each place. Of numbers that are repeated
-    over and over, as where nothing is known, the first one."""
+    """At each position, the next number of the list is inserted, starting with a different number
+    in each turn. Of repeated equal numbers, such as marks of unknown values, only the first is
+    replaced."""
     before, others = b"", cycle(OTHERS[turn:] + OTHERS[:turn])
     for match in re.finditer(rb"\d+\.?\d*", data[: 300 if name == "TEXT" else 1500]):
         if match[0] != before:

@@ -1,4 +1,5 @@
-"""A file is claimed by its own format alone, from its first bytes, and ObsPy reads it by that."""
+"""A file is detected only by its own format, from its first bytes, and ObsPy reads it with this
+format."""
 
 import io
 from pathlib import Path
@@ -68,7 +69,7 @@ def test_invalid_file_arguments_are_not_detected(file):
     assert claims(file) == []
 
 
-@pytest.mark.parametrize("name", CHECKS)  # each of them has samples, then
+@pytest.mark.parametrize("name", CHECKS)  # every format has an example
 def test_detection_reads_only_beginning_of_file(name):
     class Counting(io.BytesIO):
         got = 0

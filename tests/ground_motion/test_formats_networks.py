@@ -104,7 +104,7 @@ def test_repeated_last_rows_are_omitted():
 
 
 def test_missing_row_before_repeated_rows_is_noted():
-    """A repeated row takes the place of the last row announced, so the count alone is met."""
+    """A repeated row replaces the last stated row, so that the number of rows is correct."""
     lines = files.unam(repeated=2).splitlines()
     del lines[60]
     (missing, _) = contents("\n".join(lines) + "\n").notes
@@ -127,8 +127,8 @@ def test_row_with_wrong_number_of_values_is_refused():
     ],
 )
 def test_start_of_unam_record_after_midnight(origin, first, day):
-    """The header has the day of the earthquake: the first sample comes within twelve hours of
-    it."""
+    """The header states the day of the earthquake, and the first sample is within twelve hours of
+    the origin time."""
     header = files.unam().replace("2004/01/01", "2004/03/05").replace("00:00:01    ", first)
     header = header.replace("23:58:02.7", origin)
     hour, minute, second = first.split(":")

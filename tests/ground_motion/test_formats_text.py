@@ -1,4 +1,4 @@
-"""Plain text of one or two columns: what is declared, how, and what is refused."""
+"""Plain text with one or two columns: declarations, column names and refused input."""
 
 import numpy as np
 import pytest
@@ -181,7 +181,8 @@ class TestOtherText:
 
 
 class TestTables:
-    """Several columns: components, or velocity and displacement beside the acceleration."""
+    """Tests of tables with several components, or with velocity and displacement next to the
+    acceleration."""
 
     t = np.arange(60) * 0.02
 

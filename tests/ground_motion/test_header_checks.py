@@ -1,4 +1,4 @@
-"""What a file says of itself is compared with what is read from it, format by format."""
+"""Statements in the header of a file are compared with the samples, for each format."""
 
 import struct
 from contextlib import nullcontext
@@ -91,7 +91,7 @@ class TestSac:
 
     @pytest.mark.parametrize("peak", [1e-4, 1e4])
     def test_peak_tolerance_is_relative(self, tmp_path, peak):
-        """Whatever the units: a ten-thousandth of it is another number, a millionth is rounding."""
+        """In any units, a difference of 1e-4 is refused, and a difference of 1e-6 is rounding."""
         samples = (wave() * peak / np.max(np.abs(wave()))).astype(np.float32)
         data = bytearray(write(tmp_path / "a", trace(samples), format="SAC").read_bytes())
         struct.pack_into("<f", data, 4 * 2, float(samples.max()) * (1.0 + 1e-6))
@@ -115,8 +115,7 @@ class TestText:
 
     @pytest.mark.parametrize("version", ["1", "2"])
     def test_sections_of_gse_are_counted(self, version):
-        """The number of samples stands in columns of the first line that each version has of its
-        own."""
+        """The number of samples is in different columns of the first line in each version."""
 
         def section(count, *lines, end="CHK{}  12"):
             head = (
@@ -129,7 +128,8 @@ class TestText:
                 [head, "STA2 other line", f"DAT{version}", *lines, end.format(version), ""]
             ).encode()
 
-        # Of the characters of a sample those of 6 bits lead on, A to T and -0..9 end one.
+        # Each character contains 6 bits: some characters continue a sample, and A to T, - and 0 to
+        # 9 end it.
         assert look_at_gse(section(3, "kA", "U1T") + section(2, "+-")) == [3, 2]
         refused_by(
             look_at_gse, section(4, "kA", "U1T"), "its header states 4 samples, the section has 3"
@@ -173,7 +173,8 @@ class TestText:
 
     @pytest.mark.parametrize("order", ["<", ">"])
     def test_invalid_longitudes_of_sac_are_refused(self, tmp_path, order):
-        """Of station and event; 12345 of either sign stands for one that is not known."""
+        """Longitudes of station and event are checked; 12345 with either sign represents an unknown
+        value."""
         path = write(
             tmp_path / "a", trace(wave().astype(np.float32)), format="SAC", byteorder=order
         )
@@ -187,7 +188,8 @@ class TestText:
                     refused(data, "its header states an invalid longitude")
 
     def test_length_of_sac_record_is_compared(self, tmp_path):
-        """The time of the last sample, or of that which would follow; not two of them."""
+        """The header may state the time of the last sample or of the following sample, but not a
+        time in between."""
         data = bytearray(
             write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes()
         )
@@ -215,8 +217,8 @@ class TestText:
     ("off", "remarked"), [(0.0, False), (0.9e-3, False), (-0.9e-3, False), (1.2e-3, True)]
 )
 def test_knet_peaks_are_compared_without_offset(off, remarked):
-    """In gal, to a thousandth beside what another offset makes of it; samples are counts of `calib`
-    m/s^2."""
+    """Peaks are in gal, and may differ by a thousandth because of another offset; samples are
+    counts of `calib` m/s^2."""
     samples = counts(1000) + 777
     one = trace(samples, calib=2e-5)
     peak = np.max(np.abs(samples - samples.mean())) * 2e-5 * 100.0

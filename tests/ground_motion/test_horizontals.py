@@ -1,4 +1,4 @@
-"""Two horizontal components by their names; what is no pair is refused."""
+"""Two horizontal components are identified by their names; other combinations are refused."""
 
 from pathlib import Path
 
@@ -98,7 +98,7 @@ def test_vertical_components_are_recognized():
     ],
 )
 def test_horizontal_components_are_paired(names, found):
-    """By azimuth the second component lies 90 degrees clockwise of the first."""
+    """The azimuth of the second component is 90 degrees clockwise from the first."""
     pair = find_horizontals([record(name) for name in names])
     assert (pair.component, pair.source, pair.notes) == (found, "a.x", ())
 
@@ -252,7 +252,7 @@ def test_missing_component_is_taken_from_file_name():
     ],
 )
 def test_single_components_are_reported_once_with_remedy(files, names):
-    """With names that `PairNames` takes, by which they are pairs."""
+    """The proposed patterns are accepted by `PairNames` and give pairs."""
     failures = []
     for file in files:
         with pytest.raises(RecordError) as caught:

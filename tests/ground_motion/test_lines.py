@@ -1,5 +1,4 @@
-"""Lines of a text file, read one after another: what is passed over, and the number of the line
-that messages name."""
+"""Sequential reading of the lines of a text file: skipped lines, and line numbers in messages."""
 
 import pytest
 
@@ -10,7 +9,7 @@ TEXT = "first\n\n \n\n1 2\n3 4\nend\n"
 
 
 def test_blank_lines_are_skipped_individually():
-    """Three of them, and one: a step of two lines would pass over a row or fall beyond it."""
+    """Skipping two lines at once would skip a row or pass the end for one or three blank lines."""
     lines = Lines(TEXT)
     assert (lines.peek(), lines.number) == ("first", 0)
     lines.skip(1)

@@ -53,8 +53,8 @@ class TestClosedForms:
         assert found.d5_95 == pytest.approx(10.0 * 0.95 ** (1 / 3) - start, rel=1e-12)
 
     def test_omitted_arias_intensity_is_reported(self):
-        """Of 2 m/s^2 for 10 s the energy grows with t, of a ramp with t^3: after 5 s come a half
-        and 7 / 8 of it."""
+        """The energy of 2 m/s^2 for 10 s increases with t, and the energy of a ramp with t^3; after
+        5 s, a half and 7 / 8 of it are omitted."""
         step, ramp = (
             replace(record([2.0] * 21), source="step"),
             replace(record(np.arange(21.0)), source="ramp"),
@@ -85,7 +85,7 @@ class TestClosedForms:
         )  # where the velocity is zero, between the samples
 
     def test_measures_of_sine(self):
-        """Twenty periods of A sin(omega t), 400 samples each."""
+        """The record has twenty periods of A sin(omega t) with 400 samples each."""
         amplitude, omega, n = 3.0, 2.0 * math.pi, 8000
         dt = 20.0 / n
         found = measure(record(amplitude * np.sin(omega * dt * np.arange(n + 1)), dt))
@@ -104,13 +104,13 @@ class TestClosedForms:
 
 
 def thousandths(value):
-    """Named: older versions of hypothesis look for the text of a lambda at every draw, for more
-    than a second."""
+    """Round to thousandths. This is a named function, because older versions of hypothesis take
+    more than a second to find the text of a lambda at every example."""
     return round(value, 3)
 
 
 class TestAgainstFineIntegration:
-    """The same straight lines between samples, cut into 2000 pieces each."""
+    """The same straight lines between samples are divided into 2000 intervals each."""
 
     @settings(max_examples=30)
     @given(st.lists(st.floats(-5.0, 5.0).map(thousandths), min_size=2, max_size=8))
@@ -213,7 +213,8 @@ class TestMeasuresOfFrequencyAndLevel:
         assert measure(record(motion, 0.005)).mean_period == pytest.approx(0.4, rel=1e-9)
 
     def test_trailing_zeros_do_not_change_mean_period(self):
-        """The frequencies of a record of 2 s are 0.5 Hz apart; the limit is 0.05 Hz."""
+        """The frequency interval of a record of 2 s is 0.5 Hz; padding with zeros reduces it to the
+        limit of 0.05 Hz."""
         rng = np.random.default_rng(4)
         samples = rng.standard_normal(400) * np.hanning(400)
         short = record(samples, 0.005)

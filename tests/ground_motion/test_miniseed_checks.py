@@ -1,4 +1,4 @@
-"""What a MiniSEED file says of itself is compared with what is read from it."""
+"""Statements in the headers of a MiniSEED file are compared with its samples."""
 
 import struct
 from datetime import timedelta
@@ -31,11 +31,12 @@ class TestMiniSeed:
     def test_sound_file_is_compared(self, data):
         assert read_contents(bytes(data), "file").compared == ("number of samples",)
 
-    # Where, from the beginning or the end of the file, which bytes instead, and what is then said
+    # Position from the start or end of the file, inserted bytes, and message
     @pytest.mark.parametrize(
         ("place", "content", "message"),
         [
-            # libmseed would read them from the memory behind the record, other ones each time.
+            # libmseed would read these samples from the memory after the record, with different
+            # values each time.
             (
                 30,
                 b"\x0b\xb8",
@@ -70,8 +71,8 @@ class TestMiniSeed:
             (11, b"0", r"record 2 of XX\.ABC\.00\.HNE continues record 1 of XX\.ABC0\.00\.HNE"),
             (12, b"0", r"record 2 of XX\.ABC\.00\.HNE continues record 1 of XX\.ABC 0\.00\.HNE"),
             (53, b"\0", "different byte orders"),
-            # Blockettes that lead back, to themselves or to before themselves: whoever follows them
-            # never ends.
+            # Positions of blockettes that refer to themselves or to earlier blockettes would cause
+            # an endless loop.
             (50, b"\0\x30", "the positions of its blockettes are invalid"),
             (50, b"\0\x2f", "the positions of its blockettes are invalid"),
             (50, b"\0\x14", "the positions of its blockettes are invalid"),
@@ -97,8 +98,8 @@ class TestMiniSeed:
         refused(data, message)
 
     def test_fewer_samples_in_last_record_are_reported(self, data):
-        """No gap tells it, but the rest of the record is not empty; compressed samples miss the
-        last one stated."""
+        """There is no time gap, but the rest of the record is not empty; for compressed samples,
+        the stated last sample does not agree."""
         last = len(data) - 512
         (count,) = struct.unpack_from(">H", data, last + 30)
         struct.pack_into(">H", data, last + 30, count - 10)
@@ -129,7 +130,7 @@ def seed_record(
     rate=None,
     **clock,
 ):
-    """A record of MiniSEED put together by hand: a fixed header, blockette 1000, perhaps 100, and
+    """Return a MiniSEED record with a fixed header, blockette 1000, optionally blockette 100, and
     samples."""
     header = struct.pack(
         f"{order}6scc5s2s3s2sHHBBBxHHhhBBBBiHH",
@@ -201,8 +202,8 @@ class TestMiniSeedByHand:
         [(100, 2, 200), (100, -2, 50), (-4, 2, 0.5), (-4, -2, 0.125), (0, 1, 0), (1, 0, 0)],
     )
     def test_sampling_rate_from_factor_and_multiplier(self, factor, multiplier, rate):
-        """SEED manual, chapter 8, fields 10 and 11: each of them positive for a factor, negative
-        for a divisor."""
+        """According to the SEED manual, chapter 8, fields 10 and 11, a positive value is a factor
+        and a negative value is a divisor."""
         (record,) = look_at_mseed(seed_record(factor=factor, multiplier=multiplier))
         assert (record.rate, record.end > record.start) == (rate, rate > 0)
 
@@ -219,7 +220,8 @@ class TestMiniSeedByHand:
 
     @pytest.mark.parametrize(("encoding", "bits"), WIDTHS.items())
     def test_maximum_number_of_samples_of_encoding(self, encoding, bits):
-        """As many samples of each encoding as the bytes behind the header hold, and none more."""
+        """The maximum is the number of samples of each encoding for which the bytes after the
+        header have space."""
         room = (512 - 64) * 8 // bits
         (record,) = look_at_mseed(seed_record(encoding=encoding, samples=room))
         assert record.samples * bits // 8 + record.rest == 512 - 64
@@ -240,7 +242,8 @@ class TestMiniSeedByHand:
         )
 
     def test_channel_continuing_other_channel_is_refused(self):
-        """In up to three letters another name, less than half a sample off."""
+        """The names differ in up to three letters, and the times differ by less than half a
+        sampling interval."""
         first = seed_record(samples=50, second=1, fraction=0)
         for channel, fraction in ((b"HNF", 5000), (b"ABC", 5049)):
             second = seed_record(channel=channel, second=1, fraction=fraction)
@@ -267,7 +270,7 @@ class TestMiniSeedByHand:
 
     @pytest.mark.parametrize("kind", [b"005", b"008", b"010", b"011"])
     def test_control_headers_of_volumes_are_skipped(self, kind):
-        """Of the length that the first one tells, or up to the next header."""
+        """Control headers end after the length that the first one states, or at the next header."""
         for exponent in (8, 12):
             first = b"000001V " + kind + (b"009502.4%02d" % exponent if kind != b"011" else b"")
             volume = first.ljust(2**exponent, b" ") + b"000002S*".ljust(2**exponent, b" ")
@@ -296,7 +299,7 @@ def test_excessive_samples_of_rare_encodings_are_refused(name):
 
 
 class TestSteim:
-    """Frames put together by hand from the manual's tables."""
+    """Tests with frames that follow the tables of the manual."""
 
     @staticmethod
     def frames(words, codes, first, last):
@@ -306,7 +309,8 @@ class TestSteim:
         return struct.pack(">Iii13I", control, first, last, *(words + [0] * (13 - len(words))))
 
     def test_samples_of_steim_1_are_counted(self):
-        # Four differences of a byte (the first one is passed over), two of 16 bits, one of 32.
+        # The frame has four differences of one byte (the first is ignored), two of 16 bits, and one
+        # of 32 bits.
         words = [struct.unpack(">I", struct.pack(">4b", 9, 1, -2, 3))[0]]
         words.append(struct.unpack(">I", struct.pack(">2h", -300, 500))[0])
         words.append(struct.unpack(">I", struct.pack(">i", -100_000))[0])

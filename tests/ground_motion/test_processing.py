@@ -1,5 +1,5 @@
-"""Steps of processing against closed forms, and that nothing is done which is not asked for and
-told."""
+"""Processing steps compared with closed forms; only requested steps are applied, and each step is
+noted."""
 
 import math
 from contextlib import nullcontext
@@ -50,7 +50,7 @@ def gain(corner, frequency, corners, dt=DT):
     return 1.0 / (1.0 + ratio ** (2 * corners))
 
 
-# Whatever is done
+# ---- All steps
 
 
 EVERYTHING = {
@@ -191,8 +191,8 @@ def test_filter_changes_amplitude_but_not_phase_of_sine(frequency, corners):
 @pytest.mark.parametrize("kind", ["highpass", "lowpass"])
 @pytest.mark.parametrize(("corner", "corners"), [(0.05, 4), (2.0, 4), (49.0, 10), (0.001, 1)])
 def test_filter_does_not_depend_on_zero_padding(kind, corner, corners):
-    """The filter is that of the motion which is zero outside its samples, however much of that is
-    written out."""
+    """The filter treats the motion as zero outside its samples, for any number of zeros that the
+    record contains."""
     alone = process(noise(), **{kind: corner}, filter_order=corners).acceleration
     padded = process(
         noise(), pad=(20.0, 500.0), **{kind: corner}, filter_order=corners
@@ -236,7 +236,7 @@ def test_resampling_keeps_constant_and_duration(new):
     assert 15.0 - new < done.duration <= 15.0 + 1e-9
 
 
-# What does not fit
+# ---- Invalid values
 
 
 @pytest.mark.parametrize(
@@ -319,7 +319,8 @@ def test_processing_texts_are_parsed(parse, text, value):
 
 
 def test_quadratic_baseline_is_orthogonal_to_parabolas():
-    """The rest of a least-squares fit is orthogonal to 1, t and t^2; a parabola leaves nothing."""
+    """The residual of a least-squares fit is orthogonal to 1, t and t^2, and is zero for a
+    parabola."""
     t = np.arange(noise().acceleration.size, dtype=float)
     after = process(noise(), baseline="quadratic").acceleration
     scale = np.max(np.abs(noise().acceleration))

@@ -1,4 +1,4 @@
-"""Reading sound files: formats, components, pieces; what a record tells of itself."""
+"""Reading of valid files: formats, components, time gaps and attributes of records."""
 
 import io
 import subprocess
@@ -129,8 +129,8 @@ print([name for name in sys.modules if name.startswith("tdint.ground_motion.form
 
 
 class TestKnet:
-    """The strong-motion record that comes with obspy: counts with an offset, peak 4.383 gal by its
-    header."""
+    """Tests with the strong-motion record in ObsPy, which contains counts with an offset and states
+    a peak of 4.383 gal."""
 
     @pytest.fixture
     def path(self):
@@ -272,7 +272,8 @@ class TestPieces:
 
 
 class TestOwnPlugins:
-    """A reader of this project joins through `plugins` and tells its units in the trace."""
+    """Tests of a reader of this project that is added to `plugins` and states its units in the
+    trace."""
 
     @pytest.fixture
     def path(self, tmp_path, monkeypatch):

@@ -32,7 +32,7 @@ class TestNoFile:
         refused("-", "standard input is closed")
 
     def test_file_without_permission_is_refused(self, tmp_path, monkeypatch):
-        """Whoever runs the tests: the superuser may read everything."""
+        """The error is simulated, because the superuser may read every file."""
 
         def refuse(*_):
             raise PermissionError(13, "Permission denied")
@@ -103,7 +103,7 @@ class TestNoRecord:
     @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
     @pytest.mark.parametrize("start", [b"", b"obspy.core.stream"])
     def test_pickle_is_not_loaded(self, tmp_path, protocol, start):
-        """ObsPy's own read() loads this file, and so creates the other one."""
+        """The read() function of ObsPy loads this file, which creates the directory."""
         trap = tmp_path / "executed"
 
         class Crafted:
@@ -192,7 +192,9 @@ class TestFilesCrashingReaders:
     def test_nothing_reaches_standard_error(self, tmp_path, capfd):
         data = bytearray(write(tmp_path / "a", trace(counts()), reclen=512).read_bytes())
         data[8] = (
-            0xE4  # A station code that is not ASCII, on which ObsPy's callback for messages fails.
+            # A station code that is not ASCII causes an error in the callback of ObsPy for
+            # messages.
+            0xE4
         )
         data[700] ^= 0xFF
         refused(data, "corrupt")
@@ -203,8 +205,8 @@ class TestFilesCrashingReaders:
     ("slip", "noted"), [(0.0, False), (0.0005, False), (0.001, True), (-0.002, True), (0.005, True)]
 )
 def test_time_gap_below_sampling_interval_is_noted(tmp_path, slip, noted):
-    """At 100 Hz; libmseed joins records up to half a sampling interval apart. Of two breaks the
-    larger one is told."""
+    """The sampling rate is 100 Hz, and libmseed joins records with gaps up to half a sampling
+    interval. The larger of two gaps is reported."""
     samples = np.sin(0.1 * np.arange(2000)).reshape(4, 500)
     starts = (START, START + 5.0, START + 10.0 + slip, START + 15.0 + 0.4 * slip)
     pieces = [trace(piece, start=start) for piece, start in zip(samples, starts, strict=True)]

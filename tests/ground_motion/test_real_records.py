@@ -1,6 +1,6 @@
-"""Real records are read right, if TDINT_RECORDS names a folder that has them.
+"""Real records are read correctly if TDINT_RECORDS is set to a directory that contains them.
 
-Peaks are those that the files' own headers or their publishers state.
+The expected peaks are stated in the headers of the files or by their publishers.
 """
 
 import pytest

@@ -1,4 +1,4 @@
-"""The Record itself."""
+"""Samples, sampling interval and scaling of `Record`."""
 
 import numpy as np
 import pytest

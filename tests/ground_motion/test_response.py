@@ -70,7 +70,7 @@ def response(poles=(), zeros=(), factor=1.0, units="M/S**2", stages=True, taps=N
 
 
 def station_xml(path, *channels, **options):
-    """Write a StationXML file with these channels, all of one response."""
+    """Write a StationXML file with the given channels, which have the same response."""
     instruments = [
         Channel(
             code,
@@ -94,7 +94,7 @@ PULSE = wave(4000) * np.exp(-(((np.arange(4000) - 2000) / 300) ** 2))
 
 
 def read(folder, data, **options):
-    """The record of these counts, with the response of a file of one channel removed."""
+    """Return the record of the counts after removal of the response of a file with one channel."""
     path = write(folder / "a.mseed", trace(np.round(data).astype(np.int32)), encoding="INT32")
     return read_record(path, inventory=str(station_xml(folder / "a.xml", "HNE", **options)))
 
@@ -113,7 +113,7 @@ def test_flat_response_divides_by_gain(tmp_path):
 
 
 def test_frequencies_stopped_by_digital_filter_are_faded_out(tmp_path):
-    """Three taps, 1/4, 1/2 and 1/4, leave cos^2(pi f dt) of the amplitude."""
+    """Three taps of 1/4, 1/2 and 1/4 multiply the amplitude by cos^2(pi f dt)."""
     taps = [0.25, 0.5, 0.25]
     record = read(tmp_path, 1e8 * np.convolve(PULSE, taps, mode="same"), taps=taps)
     (note,) = (note for note in record.notes if "faded" in note)
@@ -141,7 +141,8 @@ def test_motion_at_rest_at_both_ends_is_exact(tmp_path):
 
 
 def test_response_of_pole_is_removed(tmp_path):
-    """A sensor of one pole at 20 Hz: a low-pass filter whose output is known in closed form."""
+    """A sensor with one pole at 20 Hz is a low-pass filter, whose output is known in closed
+    form."""
     corner = 2 * np.pi * 20.0
     omega, time = 2 * np.pi * 2.0, np.arange(4000) * 0.01
     envelope = np.exp(-(((time - 20) / 5) ** 2))
@@ -149,8 +150,8 @@ def test_response_of_pole_is_removed(tmp_path):
     data = 1e8 * envelope * (seen * np.exp(1j * omega * time)).imag
     record = read(tmp_path, data, poles=[-corner], factor=corner)
     expected = 1e8 / GAIN * envelope * np.sin(omega * time)
-    # The envelope is slow, not constant: the closed form holds to the ratio of its rate to the
-    # corner.
+    # The envelope changes slowly, so that the error of the closed form is the ratio of its rate to
+    # the corner frequency.
     np.testing.assert_allclose(record.acceleration, expected, atol=4e-3 * expected.max())
     assert record.pga > 1.003 * np.abs(data).max() / GAIN
 

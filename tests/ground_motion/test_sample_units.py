@@ -1,5 +1,5 @@
-"""Units of several files in one call: by format, by the end of the path, by a table; with an
-inventory beside them."""
+"""Units of several files in one call: by format, by the end of the path, by a table, and with an
+inventory."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNITS = {"SAC": "g", "*.mseed": "m/s^2"}
 
 @pytest.fixture
 def suite(tmp_path: Path) -> dict[str, Path]:
-    """The same motion in four files, of which one says its units."""
+    """Return four files with the same motion, one of which states its units."""
     (tmp_path / "in").mkdir()
     folder = tmp_path / "in"
     return {
@@ -63,7 +63,7 @@ def test_inventory_applies_to_counts_without_units(suite, tmp_path) -> None:
     for units in (
         UNITS,
         {"c.mseed": "counts", "*.mseed": "g"},
-    ):  # m/s^2 is no unit of counts, and says so alone
+    ):  # m/s^2 is not a unit of counts and does not contradict the inventory
         record = read_record(suite["counts"], units=units, inventory=station)
         assert record.units_from == "inventory"
         np.testing.assert_array_equal(record.acceleration, by_response.acceleration)
@@ -120,8 +120,8 @@ def test_invalid_units_are_refused(suite, units, message) -> None:
 
 
 def test_entries_without_matching_file_are_refused(suite, tmp_path) -> None:
-    """Nothing is assumed of a file for which an entry was meant; what shows only in the file, in an
-    archive, counts."""
+    """If an entry was intended for a file, its units are not assumed. Paths within archives, which
+    are only known after reading, count as matches."""
     with pytest.raises(UsageError, match=r"units by file .*: at2"):
         read_record(write(tmp_path / "assumed", trace(wave(peak=1.0))), units={"AT2": "g"})
     folder = str(suite["sac"].parent)
@@ -132,7 +132,8 @@ def test_entries_without_matching_file_are_refused(suite, tmp_path) -> None:
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.write(suite["sac"], "within/x.sac")
     records_of([str(tmp_path / "a.zip")], RecordChoice(units="SAC=g,within/x.sac=g"))
-    records_of(["-", str(tmp_path / "none")], RecordChoice(units="AT2=g"))  # reading tells
+    # these names are only checked when the files are read
+    records_of(["-", str(tmp_path / "none")], RecordChoice(units="AT2=g"))
 
 
 def test_contradiction_with_file_is_refused(suite) -> None:

@@ -1,5 +1,5 @@
-"""Text tables that do not tell what they are: their user does, and never against what the file
-tells."""
+"""Text tables without a description of their columns: the user specifies the layout, which must not
+contradict the file."""
 
 import io
 
@@ -60,7 +60,7 @@ class TestStep:
             ("3", 0.02),
         ]
         np.testing.assert_allclose(records[2].acceleration, 0.01 * COLUMNS[2], rtol=1e-15)
-        # The samples of one motion may stand so, too.
+        # The samples of one motion may also have this layout.
         told = (
             "each of 3 columns without names is read as a separate ground motion; if the lines "
             "continue"

@@ -1,5 +1,5 @@
-"""A unit is stated by the format, the file or the user; the one assumption is said, and refused
-where numbers speak against it."""
+"""Units are stated by the format, the file or the user. The only assumption is noted, and it is
+refused for implausible samples."""
 
 import numpy as np
 import pytest
@@ -157,7 +157,7 @@ class TestHeaders:
         path = write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST")
         assert read_record(path, units=given).pga == pytest.approx(pga)
 
-    # LEVEN, false, and IFTYPE, a spectrum: words of the header that obspy does not write otherwise.
+    # LEVEN is false, or IFTYPE is a spectrum; ObsPy does not write these header words.
     @pytest.mark.parametrize(
         ("header", "words", "message"),
         [
@@ -190,8 +190,8 @@ def test_units_with_impossible_peak_are_refused(tmp_path):
 
 
 class TestDifferentiation:
-    """Against a sine, whose central differences are its derivatives times sin(x) / x and (sin(x /
-    2) / (x / 2))^2."""
+    """Tests with a sine, for which central differences are the derivatives times sin(x) / x and
+    (sin(x / 2) / (x / 2))^2."""
 
     dt, omega = 0.01, 2.0 * np.pi * 3.0
 

@@ -1,4 +1,4 @@
-"""Buildings of capacity curves: the rules against a second statement of them, periods, files."""
+"""Buildings from capacity curves: comparison with restated rules, periods and files."""
 
 import math
 
@@ -74,7 +74,8 @@ def test_published_example_is_reproduced():
 def test_published_factor_shortens_period(n, ordinary, soft):
     for is_soft, ratio in ((False, ordinary), (True, soft)):
         made = derive_capacity(CapacityFacts(DEMO, n, soft_story=is_soft, as_published=True))
-        assert made.period / DEMO.period == pytest.approx(ratio, abs=6e-4)  # told to three digits
+        # published with three digits
+        assert made.period / DEMO.period == pytest.approx(ratio, abs=6e-4)
 
 
 def test_capacity_curves_of_two_and_three_points():
@@ -137,8 +138,8 @@ def test_model_with_capacity_curve(curve):
     model = load_model(curve / "model.yaml")
     facts = CapacityFacts(DEMO, 3, 9.0, 3e5, soft_story=True, degradation=True)
     assert model.stories == derive_capacity(facts).stories
-    # Of Martins and Silva's stories: pinching on both sides, and what cycles take of strength and
-    # stiffness.
+    # The laws follow Martins and Silva: pinching on both sides, and cyclic degradation of strength
+    # and stiffness.
     pinching, losses = (
         [0.5, 0.25, 0.05] * 2,
         [0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.4, 0.0, 0.4, 0.9],

@@ -1,4 +1,4 @@
-"""What a right model file says, in SI units."""
+"""Content of valid model files in SI units."""
 
 import hashlib
 import io

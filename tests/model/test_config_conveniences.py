@@ -121,7 +121,7 @@ def test_mapping_equals_model_file(path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_numpy_numbers_and_sequences_are_accepted() -> None:
-    """And sequences of other kinds than lists."""
+    """Sequences other than lists are accepted as well."""
     stories = tuple({"mass": np.float32(2.0), "stiffness": k} for k in np.array([3.0, 4.0]))
     model = load_model(
         {"stories": stories, "initial": {"velocity": np.ones(2)}, "p_delta": np.False_}
@@ -170,8 +170,8 @@ def test_cyclic_and_unsupported_values_are_refused() -> None:
     ],
 )
 def test_unit_of_mass_is_required_for_other_units_than_m_and_n(units: str) -> None:
-    """A mass of 200 beside kN would be 200 kg, a building of T1 0.01 s; a weight says its unit by
-    that of force."""
+    """A mass of 200 with forces in kN would be 200 kg, which gives a period of 0.01 s. The unit of
+    a weight is the unit of force."""
     stories = "stories: [{mass: 0.25, stiffness: 1000}]"
     with pytest.raises(
         ModelError,
@@ -220,7 +220,8 @@ def test_implausible_value_is_reported_with_usual_range(told: str) -> None:
 
 
 def test_equal_warnings_of_several_models_are_merged() -> None:
-    """And of many the first ones, with the number of the others."""
+    """If there are many warnings, only the first ones are printed, with the number of the
+    others."""
     light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]\ndamping: 5%")
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ndamping: 5%")
     models = [replace(light, source="a.yaml"), replace(light, source="b.yaml"), usual]

@@ -25,9 +25,9 @@ WORDS = {
     "<laws>": ", ".join(LAWS),
 }
 
-# A file, its lines joined by a pilcrow, and below it its faults; what is indented further goes on
-# with the line above. A way to be wrong is asked once, under one key: that every key refuses what
-# its kind does not allow is asked in test_schema.py.
+# Each file is one line, with its lines joined by a pilcrow, followed by its errors; further
+# indented lines continue the line above. Each type of error is tested once, for one key.
+# test_schema.py tests that every key refuses invalid types.
 FILES = r"""
 stories: 3
     1:10: stories: must be a list of stories, got '3'
@@ -212,8 +212,7 @@ units: {length: metre, force: KN, mass: , time: s}
     2:43: units.time: unknown key; known: length, force, mass
 """  # noqa: E501
 
-# The law of a story whose mass is all that is sound of it; without the places, which are those of
-# the keys above.
+# Laws of a story with a valid mass, without the positions, which are those of the keys above.
 LAWS_OF_A_STORY = r"""
 bilinar
     stories[1].law: unknown law 'bilinar'; did you mean 'bilinear'?
@@ -301,7 +300,7 @@ def test_excessive_coefficients_in_si_are_refused() -> None:
 
 def test_errors_have_positions_in_order_of_file(tmp_path: Path) -> None:
     """Error messages of the command start with the position. All errors of a file are reported in
-    the order of the file (`storeys` is above the others)."""
+    the order of the file (`storeys` is before the others)."""
     path = tmp_path / "bad.yaml"
     path.write_text(
         "stories:\n  - mass: 200\n    stiffness: 1\n  - mass: abc\n    stiffness: 1\np_delta: "

@@ -1,4 +1,4 @@
-"""What a model file says of the laws that soften and pinch."""
+"""Parameters of softening and pinching laws in model files."""
 
 import io
 import math
@@ -135,7 +135,7 @@ POINTS = "[[10, 4], [20, 6], [40, 5], [80, 1]]"
 
 
 def stiffness_of_its_own(text: str) -> tuple[float, ...]:
-    """Parameters of the law of a story that leaves its stiffness to the law, in SI."""
+    """Return the parameters, in SI units, of a law that defines the stiffness of its story."""
     story = read(text)
     assert story.stiffness == pytest.approx(
         story.law.parameters[1] / story.law.parameters[0], rel=1e-15

@@ -1,5 +1,5 @@
-"""Exposure models of OpenQuake as inventories: equality with an inventory written by hand, the
-types of costs and areas by their definitions, and what is refused."""
+"""Exposure models of OpenQuake as inventories: equality with an inventory that was written by hand,
+definitions of costs and areas, and refused input."""
 
 from __future__ import annotations
 
@@ -83,7 +83,8 @@ def cells(row: InventoryRow) -> dict[str, str]:
 
 
 def of_all_kinds() -> dict[str, list[InventoryRow]]:
-    """The same assets in the XML file, in a CSV file, in two of them, and under other names."""
+    """Return the same assets from XML and CSV files, from two CSV files, and with renamed
+    columns."""
     head, first, second = TABLE.splitlines()
     texts = {
         "exposure.xml": in_xml(),

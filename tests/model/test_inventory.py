@@ -1,4 +1,4 @@
-"""Buildings from an inventory: the rules against numbers worked out by hand, and what is wrong with
+"""Buildings from an inventory: comparison of the rules with hand calculations, and errors of
 rows."""
 
 import io
@@ -31,8 +31,8 @@ HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea"
 
 
 def test_one_story_building_agrees_with_hand_calculation():
-    """PC1, high code: 0.35 s per story, yield at 0.6 g, twice that in the end; 3000 m^2 carry 3000
-    t."""
+    """PC1, high code: a period of 0.35 s per story, yielding at 0.6 g and twice this strength at
+    the end; 3000 m^2 have a mass of 3000 t."""
     row = hazus_types()["high", "PC1"]
     made = derive(BuildingFacts("PC1", 1, 1978, 3000.0))
     stiffness = 4.0 * math.pi**2 * (0.4053 + 0.405 + 0.1869) * 3e6 / row.period_per_story_s**2
@@ -105,7 +105,7 @@ def test_every_building_type_has_hazus_parameters():
             for level in LEVELS:
                 row = hazus_types()[level, kind]
                 assert row.min_stories <= stories <= row.max_stories
-                # The law does not give back more than it took.
+                # The law does not return more energy than it received.
                 slope = (row.overstrength - 1.0) / row.post_yield_ratio
                 assert row.overstrength <= (1.0 + slope) ** (1.0 - row.unloading_exponent)
     assert len(hazus_types()) == 144
@@ -213,8 +213,8 @@ CELLS = {
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cells=st.lists(st.tuples(*CELLS.values()), min_size=1, max_size=9))
 def test_rows_are_read_independently(tmp_path: Path, cells: list[tuple[str, ...]]) -> None:
-    """Which rows are buildings and what is wrong with the others does not depend on how many there
-    are; of an id that is there twice the first sound row counts."""
+    """Valid rows and errors do not depend on the number of rows. If an id is repeated, the first
+    valid row counts."""
     header, lines = ",".join(CELLS), [",".join(row) for row in cells]
     together, faults = inventory(tmp_path, *lines, header=header)
     rows, said = {}, []
@@ -282,8 +282,8 @@ def test_scatter_is_sampled_by_building_id(tmp_path):
     assert np.std(factors) == pytest.approx(0.2, rel=0.15)
     assert np.std([made.damping_ratio / 0.07 for made in many]) == pytest.approx(0.1, rel=0.15)
     assert {made.yield_force[0] for made in many} == {plain.yield_force[0]}
-    # Studies that go on, in parts or in another version, need the same draws: two normal numbers by
-    # seed and id.
+    # Studies that are continued, divided or repeated with another version need the same samples:
+    # two normal numbers for each seed and id.
     first, second = np.random.default_rng([5, *b"b7"]).standard_normal(2)
     assert factors[7] == pytest.approx(1.0 + 0.2 * first, rel=1e-12)
     assert many[7].damping_ratio == pytest.approx(0.07 * (1.0 + 0.1 * second), rel=1e-12)

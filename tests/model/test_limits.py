@@ -1,4 +1,5 @@
-"""Limits of model files: their meaning, and their comparison with demands known by hand."""
+"""Limits of model files: their meaning, and their comparison with demands that are known by
+hand."""
 
 import io
 import math
@@ -40,8 +41,9 @@ def limits_of(text: str) -> tuple[Limit, ...]:
     ],
 )
 def test_limits_apply_to_stories_of_file(text, values):
-    """Numbers have priority over types of laws, and these over `others`; isolators have no drift
-    ratio, and only isolators have an isolator displacement. The units are those of the file."""
+    """Story numbers have priority over types of laws, and types over `others`. Isolators have no
+    drift ratio, and only isolators have an isolator displacement. The units are the units of the
+    file."""
     (limit,) = limits_of(text)
     np.testing.assert_allclose(limit.values, values, rtol=1e-15)
 
@@ -157,7 +159,7 @@ def test_limit_check_of_response_uses_peaks():
 
 @pytest.mark.parametrize("limit", [NAN, math.inf, 0.0, -0.02, [0.01, 0.02], True, np.ones(2), 1j])
 def test_non_positive_limit_is_refused(limit):
-    """A comparison with nan would be neither met nor exceeded."""
+    """For nan, a limit would be neither met nor exceeded."""
     with pytest.raises(tdint.TdintError, match="must be a positive drift ratio"):
         chosen_limits((), limit, np.array([[0.01, 0.02]]), "x")
     assert chosen_limits((), np.float64(0.02), np.array([[0.01, NAN]]), "x")[0].values[0] == 0.02

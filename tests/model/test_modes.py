@@ -1,5 +1,4 @@
-"""Single frequencies of tall buildings against their closed form, and what does not fit into
-memory."""
+"""Single frequencies of tall buildings compared with their closed form, and limits of memory."""
 
 import math
 import threading
@@ -45,7 +44,7 @@ def test_rayleigh_damping_solves_only_for_its_modes(monkeypatch):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_first_mode_agrees_with_solution_for_all_modes(seed):
-    """Frequency and damping ratio from the first mode alone and from the solution for all modes,
+    """Frequency and damping ratio of the first mode alone agree with the solution for all modes,
     with story dampers, floor dampers and modal damping."""
     building = assemble(
         model(
@@ -54,7 +53,7 @@ def test_first_mode_agrees_with_solution_for_all_modes(seed):
         )
     )
     omega, ratio = building.first_mode()
-    # Without a solution for all modes, the first mode alone is computed.
+    # If no solution for all modes is available, only the first mode is computed.
     assert building.approximate_first_mode == (omega, ratio)
     other = replace(building)
     assert other.vibration.modes.omega[0] == pytest.approx(omega, rel=1e-10)
@@ -91,7 +90,8 @@ def test_modal_damping_exceeding_memory_is_refused(monkeypatch):
 
 
 def test_cached_property_holds_no_shared_lock():
-    """While a thread is within the finding others find theirs, as a forked child must."""
+    """While one thread computes the property of an instance, other threads compute it for other
+    instances, as a forked child must."""
 
     class Slow:
         def __init__(self):
@@ -110,7 +110,7 @@ def test_cached_property_holds_no_shared_lock():
     one.begun.wait()
     found = threading.Thread(
         target=lambda: other.value
-    )  # of another instance: one lock for all of them before 3.12
+    )  # of another instance, because Python before 3.12 has one lock for all instances
     found.start()
     found.join(5.0)
     assert vars(other).get("value") == 1

@@ -1,5 +1,4 @@
-"""The JSON schema of model files: what runs is valid, and what it refuses, the reader refuses,
-too."""
+"""JSON schema of model files: accepted models are valid, and the reader refuses invalid models."""
 
 import io
 import json

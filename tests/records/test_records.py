@@ -1,4 +1,4 @@
-"""The project's own ground motions: what the files hold, and that they can be made again."""
+"""Ground motions of this project: content of the files, and their reproduction."""
 
 import importlib.util
 import sys
@@ -18,7 +18,7 @@ G = 9.81
 def maker():
     spec = importlib.util.spec_from_file_location("make_records", FOLDER / "make_records.py")
     module = importlib.util.module_from_spec(spec)
-    # A dataclass looks itself up among the loaded modules.
+    # The creation of a dataclass requires its module in sys.modules.
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "make_records", module)
         spec.loader.exec_module(module)

@@ -1,4 +1,5 @@
-"""The programs of the page import each other by their names, as scripts of one folder do."""
+"""Import path of the programs of the validation page, which import each other by name, as scripts
+of one directory do."""
 
 import sys
 from pathlib import Path

@@ -25,7 +25,7 @@ _LARGEST = 10_000_000  # bytes
 
 @dataclass(frozen=True)
 class Source:
-    """A file: its name, its SHA-256, where it lies, what it is and who may use it."""
+    """File of a validation case: name, SHA-256, address, content and license."""
 
     file: str
     sha256: str
@@ -34,11 +34,11 @@ class Source:
 
     @property
     def path(self) -> Path:
-        """Where it is once it is here."""
+        """Return the path of the file after it was fetched."""
         return FOLDER / self.file
 
     def here(self) -> bool:
-        """Whether it is here, and is the one that is meant."""
+        """Return True if the file exists with the expected checksum."""
         return (
             self.path.is_file()
             and hashlib.sha256(self.path.read_bytes()).hexdigest() == self.sha256
@@ -72,7 +72,7 @@ SOURCES = {
 
 
 class NotFetched(Exception):
-    """A file could not be had; its text says why and what to do."""
+    """Error: a file could not be fetched; the message contains the reason and the remedy."""
 
 
 def fetch(name: str) -> Path:
@@ -99,7 +99,7 @@ def fetch(name: str) -> Path:
 
 
 def take_from(folder: Path) -> list[str]:
-    """Copy what lies in a folder; returns the names."""
+    """Copy the files that a directory contains; return their names."""
     found = [name for name, source in SOURCES.items() if (folder / source.file).is_file()]
     for name in found:
         path = folder / SOURCES[name].file

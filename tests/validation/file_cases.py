@@ -156,7 +156,8 @@ def berkeley_cases() -> tuple[ValidationCase, ...]:
 
 
 def kaikoura_cases() -> tuple[ValidationCase, ...]:
-    """What GeoNet's files of the shipped records say of themselves."""
+    """Return the cases that compare the GeoNet files of the shipped records with the values in
+    their headers."""
     stated = {
         "WTMC": ((9.7331, 7.9664, 18.0219), (1.01655, 0.68643, 0.39493)),
         "HSES": ((2.3646, 2.5537, 1.5712), (0.29849, 0.27623, 0.09796)),

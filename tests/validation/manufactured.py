@@ -1,10 +1,11 @@
-"""Manufactured solutions: an oscillator whose motion is chosen, under the force that makes it move
-so.
+"""Manufactured solutions: the motion of an oscillator is prescribed, and the force follows from the
+equation of motion.
 
-The motion is u = A sin(w t). A smooth law's force along it is a Fourier series of odd sines, which
-ends (polynomials) or falls off exponentially (tanh), so that the force of the floor is a sum of
-harmonics: exact to rounding. Bouc-Wen's law has a memory with kinks where the rate turns; no such
-series ends there, and its motions are compared with SciPy's DOP853 elsewhere (tests/kernels).
+The motion is u = A sin(w t). Along this motion, the force of a smooth law is a Fourier series of
+odd sines, which is finite (polynomials) or decreases exponentially (tanh). The floor force is
+therefore a sum of harmonics, which is exact to rounding. A Bouc-Wen law has a memory with kinks at
+changes of sign of the rate, so that its series is not finite. Its motions are compared with DOP853
+of SciPy elsewhere (tests/kernels).
 """
 
 from collections.abc import Callable, Mapping
@@ -77,7 +78,7 @@ def model(law: str) -> dict[str, Any]:
 
 
 def observe(method: str, law: str) -> Observed | None:
-    """The errors of a method on a law; None if the method does not take it."""
+    """Return the errors of a method for a law, or None if the method does not support it."""
     integrator = parse(method)
     if integrator.family.linear_only:
         return None

@@ -1,11 +1,10 @@
-"""OpenSees on models of this project: python tests/validation/opensees.py writes opensees.json
-anew.
+"""OpenSees results for models of this project: python tests/validation/opensees.py writes
+opensees.json again.
 
-The models are written out here for OpenSeesPy by themselves, with nothing of tdint: ten equal
-stories (Elastic; Steel01) and ten unequal ones, Rayleigh damping from the initial stiffness,
-average acceleration with Newton's method,
-0.01 s, records/firm-soil.mseed HN1. Kept are the largest drifts at the steps. `pip install
-openseespy` is needed to make them anew, not to compare.
+The models are defined here for OpenSeesPy, independent of tdint: ten equal stories (Elastic and
+Steel01) and ten unequal stories, Rayleigh damping from the initial stiffness, average acceleration
+with Newton's method, 0.01 s, records/firm-soil.mseed HN1. The maximum drifts at the steps are
+stored. `pip install openseespy` is only required to write them again, not for the comparison.
 """
 
 import json
@@ -100,12 +99,13 @@ def ours(frame: Frame) -> Array:
 
 
 def kept() -> dict[str, Any]:
-    """What OpenSees gave, and its version."""
+    """Return the stored results of OpenSees and its version."""
     return dict(json.loads(KEPT.read_text(encoding="utf-8")))
 
 
 def made_anew() -> dict[str, list[float]]:
-    """Peak drifts by name where OpenSeesPy is installed and can be loaded, else nothing."""
+    """Return peak drifts by name, computed with OpenSeesPy, or an empty dictionary if it cannot be
+    loaded."""
     if find_spec("openseespy") is None:
         return {}
     done = subprocess.run(
@@ -113,7 +113,7 @@ def made_anew() -> dict[str, list[float]]:
     )
     answers = [
         line for line in done.stdout.splitlines() if line.startswith("{")
-    ]  # OpenSees prints lines of its own
+    ]  # OpenSees also prints other lines
     found = json.loads(answers[0]) if answers else {}
     return {name: one["peak_drift_m"] for name, one in found.items() if name != "version"}
 
@@ -160,7 +160,7 @@ def _peak_drifts(ops: Any, frame: Frame, ground: Array) -> list[float]:
 
 
 def main() -> None:
-    """Make the numbers anew; with --print they are printed, not kept."""
+    """Compute the results again; with --print, they are printed instead of stored."""
     from obspy import read
 
     from tdint.analysis.chart.opensees_worker import load

@@ -1,9 +1,8 @@
 """Write the validation page: python tests/validation/run.py
 
-The page is README.md beside this file, with its pictures. Cases whose files are not here
-(`fetch.py`) are left out of it with a line that says how to get them. With --check nothing is
-written: the cases are carried out and compared with their tolerances, exit code 1 if one is
-outside.
+The page is README.md in this directory, with its figures. Cases with missing files (`fetch.py`) are
+replaced by a line that states how to obtain them. With --check, nothing is written: the cases are
+computed and compared with their tolerances, and the exit code is 1 if a case exceeds its tolerance.
 """
 
 import argparse
@@ -58,7 +57,7 @@ digits, or another value of g). Differences that exceed their tolerance are mark
 
 
 def tdint_command(*arguments: str) -> str:
-    """What a command of this installation prints on standard output."""
+    """Return the standard output of a command of this installation."""
     done = subprocess.run(
         [sys.executable, "-c", "from tdint_cli.main import main; main()", *arguments],
         cwd=ROOT,
@@ -84,7 +83,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def shown(result: ValidationResult) -> str:
-    """A case: what it is, and its numbers."""
+    """Return the text of a case: description and values."""
     case = result.case
     unit = "" if case.unit == "1" else f", {case.unit}"
     size = "relative difference" if case.relative else "difference"
@@ -101,7 +100,7 @@ def shown(result: ValidationResult) -> str:
 
 
 def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> str:
-    """The cases of a group, carried out."""
+    """Compute the cases of a group and return their text."""
     found = [compute_case(case) for case in group]
     results += found
     return "\n".join(map(shown, found))
@@ -247,7 +246,7 @@ def recorded_structures(results: list[ValidationResult]) -> str:
 
 
 def machine() -> str:
-    """The versions and the machine of this page."""
+    """Return the versions and the machine for this page."""
     import numba
     import obspy
     import scipy
@@ -264,7 +263,7 @@ def machine() -> str:
 
 
 def page() -> tuple[str, list[ValidationResult]]:
-    """The page, and the results that it is made of."""
+    """Return the page and the results that it contains."""
     results: list[ValidationResult] = []
     sections = {
         "Code verification": code_verification(results),

@@ -1,5 +1,5 @@
-"""A three-story model frame on a shake table: the shear building that was identified from it,
-beside its floors."""
+"""Three-story model frame on a shake table: comparison of the identified shear building with the
+recorded floors."""
 
 import csv
 import io

@@ -1,5 +1,5 @@
-"""The cases of the validation page hold, the page shows them, and files are taken only if they are
-the ones meant."""
+"""The cases of the validation page are within their tolerances, the page shows them, and only files
+with the expected checksum are accepted."""
 
 import dataclasses
 import math
@@ -29,7 +29,7 @@ def test_case_is_within_tolerance_and_on_page(name):
         "| published" + unit + " | " + " | ".join(map(run.number, result.case.published)) + " |"
         in PAGE
     )
-    if "conservation" not in result.case.source:  # what is left there is rounding
+    if "conservation" not in result.case.source:  # the remaining error of these cases is rounding
         assert (
             "| computed" + unit + " | " + " | ".join(map(run.number, result.computed)) + " |"
             in PAGE
