@@ -1,5 +1,5 @@
-"""The Bouc-Wen law against its closed forms, scipy's DOP853, and what no numerical form of it may
-break."""
+"""Bouc-Wen law compared with closed forms and DOP853 of SciPy, and properties that every numerical
+form must have."""
 
 import math
 
@@ -45,8 +45,8 @@ def test_loading_from_rest_agrees_with_closed_form(exponent, closed, sign):
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 6.0])
 @pytest.mark.parametrize("beta", [0.5, pytest.param(0.75, marks=pytest.mark.slow), 1.0])
 def test_cycle_agrees_with_dop853(exponent, beta):
-    """The differential equation as it is written in Wen (1976), by another solver, along each
-    straight piece."""
+    """The differential equation of Wen (1976) is integrated by another solver along each straight
+    segment."""
     w = 0.0
     here = 0.0
     expected = []
@@ -70,7 +70,8 @@ def test_cycle_agrees_with_dop853(exponent, beta):
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 2.0, 10.0])
 def test_force_does_not_depend_on_number_of_steps(exponent):
-    """Rate independence: one stretch of the drift, or hundred pieces of it."""
+    """The law is independent of the rate: one segment of the drift gives the same force as a
+    hundred substeps."""
     law_parameters = law(exponent, 0.7)
     for turn in (0.5 * DY, 4.0 * DY):
         path = [turn, -3.0 * DY]
@@ -85,12 +86,13 @@ def test_force_does_not_depend_on_number_of_steps(exponent):
 
 
 def gone_straight(law_parameters, turn, drifts):
-    """The forces at some drifts behind a turning point, as most methods go there."""
+    """Return the forces at drifts after a reversal, with straight paths as in most methods."""
     return [follow(law_parameters, [turn, drift])[0][-1] for drift in drifts]
 
 
 def gone_along(law_parameters, turn, drifts, go=forces_behind.function):
-    """The same, as moment4 goes there; by the kernel as it is written."""
+    """Return the forces at drifts after a reversal, with the path integration of moment4 in plain
+    Python."""
     begun = law_state_table(law_parameters)
     start(law_parameters, begun, 0, 0.0)
     scratch, forces = np.zeros((path.PATH_ROWS, 2)), np.zeros(len(drifts))
@@ -101,7 +103,7 @@ def gone_along(law_parameters, turn, drifts, go=forces_behind.function):
 
 
 def gone_along_compiled(law_parameters, turn, drifts):
-    """The same, compiled for this law alone."""
+    """Return the forces of `gone_along`, compiled only for this law."""
     alone = Variant(("bouc-wen",), modal=False, forces=False, dashpots=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compilable, "WHOLE", False)

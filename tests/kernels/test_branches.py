@@ -51,7 +51,8 @@ def test_declarations_of_law_agree_with_its_functions(name):
     state = law_state_table(law_parameters)
     start(law_parameters, state, 0, 0.0)
     assert math.isinf(state[rows.SLOPE, 0]) == LAWS[name].curved
-    # Force, tangent and branches agree along paths from elastic to far beyond yielding.
+    # Force, tangent and branches agree along paths from the elastic range to drifts far beyond
+    # yielding.
     numbers, values = law_parameters[:, 0], list(LAW_CASES[name])
     assert path_faults(LAWS[name], numbers, LAWS[name].yield_drift(K, values)) == []
     assert path_faults(LAWS[name], numbers) == []
@@ -59,8 +60,8 @@ def test_declarations_of_law_agree_with_its_functions(name):
 
 @pytest.mark.parametrize("name", sorted(set(LAW_CASES) - {"polynomial", "multilinear-pinching"}))
 def test_declared_dimensions_of_parameters_are_correct(name):
-    """In units in which a force is 1000 times and a length 100 times the number, every force along
-    a path is 1000 times the number. Laws with lists as parameters are left out."""
+    """If the unit of force is a thousandth and the unit of length a hundredth, every force along a
+    path is 1000 times the number. Laws with lists as parameters are omitted."""
     by_force, by_length = 1000.0, 100.0
     parameters = LAWS[name].parameters
     assert len(parameters) == len(LAW_CASES[name])
@@ -140,8 +141,8 @@ def test_peak_oriented_loop_agrees_with_hand_calculation():
 
 
 def _origin_oriented():
-    """Straight to and from the origin up to the farthest drift, where it goes on with a tenth of
-    the stiffness; one row of its own: how often it has turned there."""
+    """Return an origin-oriented law: linear up to the maximum drift, and then with a tenth of the
+    stiffness. Its own state row counts the reversals at the maximum drift."""
 
     def strain_energy(law_parameters, law_state, i):
         return 0.5 * law_state[rows.FORCE, i] * law_state[rows.DRIFT, i]
@@ -175,8 +176,7 @@ KNOWING = [
 
 
 def _along(functions, law_parameters, law_state, drifts):
-    """Tangent, force and work at each of the drifts, one reached from the other, each in a trial
-    block of its own."""
+    """Return tangent, force and work at successive drifts, each computed in its own trial block."""
     results = []
     for previous, drift in enumerate(drifts):
         trial = (previous + 1) * rows.LAW_STATE_ROWS
@@ -190,8 +190,8 @@ def _along(functions, law_parameters, law_state, drifts):
 
 @pytest.mark.parametrize("name", [*KNOWING, *PLUGINS])
 def test_branch_shortcut_changes_no_bit(name, monkeypatch):
-    """Of forces, tangents, work and committed states, on random ways over up to three blocks, done
-    again with other drifts as iterations do, against the plain walk."""
+    """Forces, tangents, work and committed states agree with the plain path follower, on random
+    paths over up to three blocks, repeated with other drifts as in iterations."""
     law = {**LAWS, **PLUGINS}[name]
     looking = SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
     with monkeypatch.context() as patch:
@@ -210,7 +210,7 @@ def test_branch_shortcut_changes_no_bit(name, monkeypatch):
         )
         plain.enter(law_parameters, law_state, 0)
     looking_at, walked = tables
-    looking_at[rows.LAW_STATE_ROWS : rows.ADDRESS] = 1e3  # whatever stood there
+    looking_at[rows.LAW_STATE_ROWS : rows.ADDRESS] = 1e3  # any earlier content of the trial blocks
     generator = np.random.default_rng(len(name))
     drift, borrowed, of_a_block, of_its_own = 0.0, 0, 0, 0
     for part in np.linspace(0.0, 1.0, 500):
@@ -264,8 +264,8 @@ def test_first_crossing_of_cubic(seed):
 
 
 def test_cubic_starting_beyond_limit_returns_before_crossing():
-    """As where the last event was missed by a little; or it turns outside, and goes beyond from
-    there."""
+    """The last event may have been missed slightly, or the cubic turns outside of the limit and
+    crosses it again."""
     assert _crossing((1.0, 0.0, 0.0, 1.0), 0.999, 0.0, NONE) == pytest.approx(1.0, abs=1e-3)
     assert _crossing((1.0, 0.0, 0.0, 1.0), 0.2, 0.0, NONE) == pytest.approx(0.5)
     assert _crossing((1.0, 0.5, 0.2, 0.1), 0.999, 0.0, NONE) == NONE

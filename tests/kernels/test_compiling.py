@@ -94,7 +94,7 @@ def test_kernel_is_compiled_once_and_loaded_without_compiler(small):
 WANTED = [
     (scaled, EVERYTHING),
     (scaled, Variant(("linear",))),
-]  # the same: the kernel does not go by the laws
+]  # equal, because the kernel does not depend on the laws
 
 
 def file_for(target):
@@ -166,13 +166,14 @@ def test_kernel_runs_from_memory_if_disk_is_full(cache, monkeypatch, caplog):
 def test_kernels_are_compiled_ahead_for_several_processors(tmp_path, ahead, monkeypatch):
     folder = shutil.copytree(ahead, tmp_path / "ahead")
     assert compile_ahead(WANTED, ["native"], folder, print) == []
-    # Where kernels are kept: copied there once, then there.
+    # The kernels are copied once to the cache directory and then found there.
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("TDINT_KERNELS_DIR", str(folder))
     (kept,) = compile_ahead(WANTED, ["native"], None, lambda done: None)
     assert kept.is_relative_to(tmp_path / "cache")
     assert compile_ahead(WANTED, ["native"], None, print) == []
-    # A folder that is named is taken as it is; the object for other processors does as well.
+    # A directory that is set explicitly is used unchanged; the object for other processors is also
+    # accepted.
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path / "other"))
     assert computed() == 24.0
     if named("x86-64-v2") in runnable():
@@ -321,9 +322,9 @@ def test_corrupt_object_is_not_loaded(cache, harm):
             path.write_bytes(b"")
         case "deep":
             path.write_bytes(b"[" * 200_000 + b"\n")
-        case "symbol":  # what stands in the head is hashed with the code
+        case "symbol":  # the head is included in the hash of the code
             path.write_bytes(data.replace(b'"symbol": "b"', b'"symbol": "c"'))
-        case _:  # a sound object of something else under this one's name
+        case _:  # a valid object of another kernel with the file name of this kernel
             path.write_bytes(packed("a:b", **{harm: "other"}))
     assert store.find_object("a:b", "all", (SOME,)) is None
     if harm not in ("a folder", "a pipe"):

@@ -1,4 +1,5 @@
-"""A first run at once: as its loops are written, which are compiled beside it."""
+"""The first run starts at once with interpreted loops, while the loops are compiled in the
+background."""
 
 import json
 import os
@@ -50,7 +51,7 @@ CASES += [
 
 
 def environment(cache, **further):
-    """Of a user: no variables of tests or of jobs, an empty cache."""
+    """Return the environment of a user: an empty cache, and no variables of tests or jobs."""
     kept = {
         name: value
         for name, value in os.environ.items()
@@ -100,7 +101,7 @@ def of_user(tmp_path, monkeypatch):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "find_object", lambda *arguments, **how: None)
-    # Kernels of this process stay as they are.
+    # Kernels of this process remain unchanged.
     monkeypatch.setattr(
         "tdint.kernels.building.compilable.Compilable.install", lambda *arguments, **how: None
     )
@@ -117,7 +118,7 @@ def begun(model="ten-story", method="impulse4", steps=1000):
 
 
 def test_only_short_run_is_interpreted(of_user):
-    """180 000 steps times floors, the ground among them, of which ten stories have eleven."""
+    """The limit is 180 000 steps times floors including the ground; ten stories have eleven."""
     assert begun(steps=180_000 // 11) and len(of_user) == 1
     assert not begun(steps=180_000 // 11 + 1)
     assert not begun("fluid-dampers", steps=1)
@@ -218,8 +219,7 @@ CACHES = ["/proc", "/dev/null", "/dev/full", "", "file", "loop"]
 @pytest.mark.parametrize(("way", "cache"), [*((way, "cache") for way in WAYS),
                                             *(("nohup", cache) for cache in CACHES)])  # fmt: skip
 def test_first_run_succeeds_in_every_environment(tmp_path, way, cache):
-    """Its results are those of a compiled run but for rounding, and nothing is said that is no
-    note."""
+    """The results agree with a compiled run within rounding, and all messages are notes."""
     shutil.copy(CONFIGS / "hardening.yaml", tmp_path / "model.yaml")
     (tmp_path / "file").touch()
     (tmp_path / "loop").symlink_to("loop")
@@ -243,7 +243,8 @@ def test_first_run_succeeds_in_every_environment(tmp_path, way, cache):
 
 
 def end_what_is_marked(mark):
-    """End the processes with this text in their environment: they compile for nobody."""
+    """End the processes with this text in their environment, because no process waits for their
+    results."""
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and int(entry.name) != os.getpid():
             with suppress(OSError):
@@ -264,7 +265,7 @@ def test_second_run_is_compiled(tmp_path):
         )
         assert process.returncode == 0, process.stderr
         said.append("TDINT_COMPILE=wait" in process.stderr)
-        # The process beside holds the lock from its start until the last object is kept.
+        # The background process holds the lock from its start until the last object is stored.
         deadline = time.monotonic() + 300.0
         while not list(cache.rglob("*.object")) and time.monotonic() < deadline:
             time.sleep(1.0)

@@ -1,5 +1,5 @@
-"""Objects for other systems: what they leave open, and that they compute the same where this
-machine can run them."""
+"""Objects for other systems: undefined symbols, and equal results where this machine can execute
+the objects."""
 
 import importlib.util
 import math
@@ -109,7 +109,8 @@ def test_object_with_unknown_symbols_is_refused(monkeypatch, objects):
 )
 @pytest.mark.parametrize("system", [pytest.param("macos", marks=pytest.mark.slow), "windows"])
 def test_object_of_other_system_gives_same_result(compiled, objects, system):
-    """By the other's convention of calls, with functions of this machine's library behind it."""
+    """The object is called with the calling convention of the other system and with functions of
+    the library of this machine."""
     given = pickle.dumps((compiled[0][0], objects[f"{system}-x86-64-v2"][0], compiled[1]))
     command = [sys.executable, TESTS / "small_foreign_kernel.py", system]
     done = subprocess.run(command, input=given, capture_output=True, timeout=300)
@@ -147,8 +148,8 @@ def test_unknown_target_is_refused():
     ],
 )
 def test_processor_loads_only_objects_of_its_family(monkeypatch, triple, families):
-    """A stand-in triple: on a processor that no object is made for, only what was compiled there is
-    loaded."""
+    """The triple is simulated: on a processor without objects, only objects that were compiled on
+    it are loaded."""
     features = dict.fromkeys(LEVELS["x86-64-v2"], True)
     monkeypatch.setattr(target.llvm, "get_process_triple", lambda: triple)
     monkeypatch.setattr(target.llvm, "get_host_cpu_features", lambda: features)

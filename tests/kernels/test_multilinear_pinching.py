@@ -100,8 +100,8 @@ FLAT = ((1, 1), (3, 2), (5, 2), (7, 2))
 
 
 def pinched(drift):
-    """On the way from (3, 2) with the usual pinching: from 0.05 F3 past zero force on to a quarter
-    of the force."""
+    """Return the force during unloading from (3, 2) with the usual pinching, from 0.05 F3 beyond
+    zero force to a quarter of the force."""
     return -0.1 - 0.15 * (0.9 - drift) / (0.9 + 0.25)
 
 
@@ -114,7 +114,7 @@ BY_HAND = [
         [1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9],
         [1, 2, -0.1, pinched(0.2), -0.25, -0.5, -1, -1.5, 2.0],
     ),
-    # Without pinching of the drift reloading begins on the axis, before unloading ends: from (1.01,
+    # Without pinching of the drift, reloading starts on the axis before unloading ends: from (1.01,
     # 1.005) straight to a quarter of the force.
     (
         (0.0, 0.25, 0.05),
@@ -124,8 +124,8 @@ BY_HAND = [
     # An unloading force above that of reloading, 0.2 F3 = 0.4 and 0.3 of the yield force: both are
     # a hundredth off their mean, each on the line that it was on.
     ((0.5, 0.3, 0.2), [3, 0.6535, -0.3535, -1], [2, -0.3465, -0.3535, -1]),
-    # Small turns on the pinched part: back from 0.5 by the straight line to (3, 2), and from 0.51,
-    # where the force is beyond 0.05 F3 already, straight to where reloading begins.
+    # Small reversals on the pinched segment: from 0.5 back on the straight line to (3, 2), and from
+    # 0.51, where the force already exceeds 0.05 F3, straight to the start of reloading.
     (
         USUAL,
         [3, 0.5, 0.51, 0.13, -0.25, -1],
@@ -145,8 +145,8 @@ def test_loops_agree_with_hand_calculation(pinching, drifts, shears):
 
 
 def test_exhausted_capacity_increases_maximum_drift():
-    """From 3 to 3.6, by the limit, a fifth, at the turn at 3.1, the only one where the work is
-    beyond the capacity."""
+    """The reversal at 3.1, the only one with work beyond the capacity, increases the maximum drift
+    by the limit of a fifth, from 3 to 3.6."""
     drifts = [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
     intact = along(multilinear(FLAT), drifts)
     work = intact.strain_energy + intact.hysteretic_energy
@@ -170,8 +170,8 @@ def test_forces_do_not_depend_on_number_of_steps():
 
 @pytest.mark.parametrize("case", CASES)
 def test_strain_energy_is_work_of_unloading(case):
-    """From each place of the way back, after four turns: the area under the forces that follow on
-    it."""
+    """After each of four reversals, the strain energy at a point of the unloading path is the area
+    under the remaining path."""
     corners = pairwise([0.0, 6.3, -8.1, 4.2, -9.6])
     path = along(
         CASES[case], [0.0, *np.concatenate([np.linspace(a, b, 2001)[1:] for a, b in corners])]
@@ -215,8 +215,8 @@ def test_no_degradation_before_first_yielding():
 
 
 def uneven(random):
-    """Unlike sides; unloading ends beyond zero force, and before the force from which reloading is
-    straight."""
+    """Return a law with different sides; unloading ends beyond zero force and before the force at
+    which reloading becomes straight."""
     sides, pinchings = [], []
     for _ in range(2):
         k, drift = random.uniform(0.5, 2.0, 2)
@@ -234,8 +234,8 @@ def uneven(random):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_stationary_cycles_gain_no_energy(seed):
-    """Between any two turns, after any history, with sides of any kind: where 0 <= unloading <
-    force."""
+    """The cycles are between any two reversals after any history, with arbitrary sides and 0 <=
+    unloading < force."""
     random = np.random.default_rng(seed)
     law, before, between = (
         uneven(random),
@@ -248,8 +248,8 @@ def test_stationary_cycles_gain_no_energy(seed):
 
 
 def test_stationary_cycle_with_early_end_of_unloading_gains_energy():
-    """Unloading that stops before zero force, above the force of reloading: what the README warns
-    of."""
+    """Unloading ends before zero force and above the force of reloading, a case that the README
+    warns of."""
     points = ((1, 1), (10.4, 0.2), (17.1, 1.5), (24.1, 3.6))
     path = along(
         multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)]
@@ -259,7 +259,8 @@ def test_stationary_cycle_with_early_end_of_unloading_gains_energy():
 
 
 def even(random):
-    """Both sides alike, each part below the line of the stiffness, pinching by the usual parts."""
+    """Return a law with equal sides, segments below the line of the initial stiffness, and the
+    usual pinching."""
     points = [(1.0, 1.0)]
     for _ in range(3):
         way = random.uniform(0.3, 10.0)
@@ -272,7 +273,7 @@ def even(random):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_random_path_gains_no_energy(seed):
-    """What a turn would give back is never more than what was done since rest."""
+    """The energy that a reversal would return is at most the work since the start."""
     random = np.random.default_rng(seed)
     path = along(even(random), [0.0, *random.uniform(-30.0, 30.0, 100)])
     assert np.min(path.hysteretic_energy) >= -1e-12

@@ -228,7 +228,7 @@ def bilinear_reference(ground, dt, omega, xi, hardening, limit):
     """
     k, strength = omega**2, (1.0 - hardening) * omega**2 * limit
     u, v, z, side, peak, events = 0.0, 0.0, 0.0, 0.0, 0.0, 0
-    # In 40 periods without ground motion the oscillator comes to rest; their peaks do not count.
+    # The oscillator comes to rest in 40 periods without ground motion, in which peaks do not count.
     pieces = [(dt, a, (b - a) / dt) for a, b in itertools.pairwise(ground)]
     pieces += [(2.0 * math.pi / omega, 0.0, 0.0)] * 40
     for index, (length, a, slope) in enumerate(pieces):
@@ -311,8 +311,8 @@ def transition(by_u, by_v, h):
 
 @pytest.mark.parametrize("components", [1, 2])
 def test_extremes_of_oscillators_agree_with_fine_steps(components):
-    """Each local maximum of the pseudo-acceleration, or of its radius in the plane, above a level:
-    50 exact steps in the place of one."""
+    """Local maxima of the pseudo-acceleration, or of its radius in the plane, above a level agree
+    with 50 exact steps per step."""
     dt, parts, fine = 0.02, np.array([8.0, 4.0]), 50
     samples = np.random.default_rng(71).normal(size=(components, 60))
     by_u, by_v = np.array([40.0, 11.0]) ** 2, 2.0 * np.array([0.05, 0.2]) * [40.0, 11.0]

@@ -34,14 +34,15 @@ def test_moment_of_force_agrees_with_power_series(half_angle):
         for k in range(20)
     )
     expected = 3.0 * h * share * force_rate(forces, 0, t + 0.5 * h)
-    # Below 0.1 the first term that is left out counts, at most 7e-15; above it the closed form
-    # cancels digits.
+    # Below 0.1, the first omitted term is at most 7e-15; above 0.1, the closed form loses digits by
+    # cancellation.
     close = 2e-14 if half_angle < 0.1 else 1e-12
     assert force_moment(forces, 0, t, h) == pytest.approx(expected, rel=close, abs=0.0)
 
 
 def test_bound_of_acceleration_is_maximum_inner_bezier_point():
-    """Of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)), from its coefficients in powers of s."""
+    """The acceleration A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) is converted to coefficients
+    of powers of s."""
     generator = np.random.default_rng(65)
     s = np.linspace(0.0, 1.0, 101)
     for a0, a1, bulge, tilt in generator.normal(size=(200, 4)):
@@ -56,8 +57,8 @@ def test_bound_of_acceleration_is_maximum_inner_bezier_point():
 
 
 def test_floor_motion_between_corners_integrates_acceleration():
-    """Accelerations that are quadratic in time are integrated exactly; what the step's end is
-    missed by is a cubic, and the rates are its derivative."""
+    """Accelerations that are quadratic in time are integrated exactly. The difference at the end of
+    the step is distributed by a cubic, and the rates are its derivative."""
     h, velocity = 0.02, 0.7
     times = np.array([0.0, 0.15, 0.3, 0.65, 1.0])
     ground = (0.4, -0.9)
@@ -106,7 +107,7 @@ def test_impulse4_refactors_if_tangent_or_step_changes():
     space, building, coefficients, scene = impulse4_parts()
     scratch, factors = space.scratch, equations.FACTORS
     path = (False, coefficients, scene, 1.0, space.memory, factors)
-    assert equations._evaluate_laws(*path)  # nothing is factored yet
+    assert equations._evaluate_laws(*path)  # the matrix has not been factored yet
     equations._factor(coefficients, building.linear_terms, building.modal, 1.0, scratch, factors)
     assert not equations._evaluate_laws(*path)
     tolerance = TANGENT_TOLERANCE * 100.0  # N/m; the stories have 100 N/m
@@ -120,8 +121,8 @@ def test_impulse4_refactors_if_tangent_or_step_changes():
 
 
 def test_impulse4_tolerates_rounding_of_displacements():
-    """The tolerated residual is between one and a thousand units in the last place of the force
-    that the displacements of both floors of a story would need on its own spring."""
+    """The tolerated residual is between one and a thousand units in the last place of the spring
+    forces for the displacements of both floors."""
     space, _, coefficients, scene = impulse4_parts()
     space.state[rows.DISPLACEMENT, :2] = 0.3, -0.2
     equations._evaluate_laws(False, coefficients, scene, 1.0, space.memory, equations.FACTORS)

@@ -1,8 +1,8 @@
-"""Drift laws along a parabola of drift: integrals, tangents, and work compared with stored and
+"""Laws along a parabola of drift: integrals, tangents, and work compared with strain energy and
 dissipated energy.
 
-The functions are executed without compilation. Compiled, they are part of the step of moment4,
-whose energies follow from these integrals.
+The functions are executed without compilation. In compiled form, they are part of the step of
+moment4, whose energies follow from these integrals.
 """
 
 import numpy as np

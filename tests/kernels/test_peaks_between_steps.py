@@ -1,5 +1,5 @@
-"""Peaks between the ends of a step: what the quintic errs, and that nothing is lost by looking
-where a peak may be."""
+"""Peaks between the ends of a step: error of the quintic interpolation, and completeness of the
+restricted search."""
 
 import math
 
@@ -18,8 +18,8 @@ K = 50.0
 
 
 def scene(seed):
-    """Arguments of `find_interstep_peaks`: any motion of some floors over a step, and peaks that
-    are near its ends."""
+    """Return arguments of `find_interstep_peaks`: random motion of several floors over a step, with
+    peaks close to the values at its ends."""
     generator = np.random.default_rng(seed)
     h = 10.0 ** generator.uniform(-3.0, 0.0)
     scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(
@@ -41,8 +41,8 @@ def scene(seed):
     state[:, :STORIES] = scale * generator.normal(size=(3, STORIES))
     if (
         seed % 2
-        # displacements that fit velocities and accelerations: else they tell nothing of what lies
-        # between
+        # displacements that agree with velocities and accelerations, because otherwise no value
+        # between the ends follows
     ):
         rise = 0.5 * h * (old[1] + state[rows.VELOCITY]) - h**2 / 12.0 * (
             state[rows.ACCELERATION] - old[2]
@@ -105,10 +105,11 @@ def arguments(span, linear_terms, law_parameters, old, state, law_state, turns, 
 
 
 def observed(seed, everything):
-    """Peaks after a step of `scene` has been observed, its stories' forces in equilibrium with the
-    motion; before it; and how many stories turned. One quantity is near its peaks, at its ends
-    beyond them in a third of the scenes. With `everything` it is looked at closely whether a peak
-    may be passed or not.
+    """Return the peaks after and before the observation of a step of `scene`, whose story forces
+    are in equilibrium, and the number of reversals.
+
+    One quantity is close to its recorded peak; in a third of the scenes, its values at the ends
+    exceed it. With `everything`, the complete search is made in any case.
     """
     span, building, passage, law_state, _, _, peaks, _ = scene(seed)
     absolute = passage.state[rows.ACCELERATION, :STORIES] + span.ground_1
@@ -117,7 +118,8 @@ def observed(seed, everything):
     )[::-1]
     factors = np.random.default_rng(seed).uniform(1.0, 1.5, STORIES)
     peaks[rows.PEAK_SHEAR] = factors * abs(law_state[rows.FORCE, :STORIES])
-    others = np.arange(rows.PEAK_ROWS) != seed % rows.PEAK_ROWS  # whose peaks are far
+    # the peaks of these rows are far above the values
+    others = np.arange(rows.PEAK_ROWS) != seed % rows.PEAK_ROWS
     peaks[: rows.PEAK_ROWS][others] *= 100.0
     peaks *= 0.8 if seed % 3 == 0 else 1.0
     observer_state = np.zeros((rows.OBSERVER_ROWS, STORIES + 1))
@@ -158,8 +160,8 @@ def test_test_motions_raise_every_peak():
 
 
 def errors(h):
-    """What is missed of the peaks of sin(omega t) and its rates over steps h about them, over the
-    peaks."""
+    """Return the missed parts of the peaks of sin(omega t) and its derivatives, relative to the
+    peaks, for steps of h around the peaks."""
     omega = 2.0
     missed = np.zeros(3)
     # The ground moves against the floor so that the absolute acceleration is -omega^2 sin(omega t)
@@ -193,7 +195,7 @@ def errors(h):
 
 
 def test_peaks_have_order_of_quintic():
-    """u errs by h^6, u' by h^5 at least, u'' by h^4."""
+    """The error is of order h^6 for u, at least h^5 for u' and h^4 for u''."""
     large, small = errors(0.4), errors(0.2)
     assert np.all(np.log2(large / small) >= [5.8, 4.8, 3.8])
     assert large[2] <= (2.0 * 0.4) ** 4 / 1900.0
@@ -282,7 +284,7 @@ def test_quintic_exceeding_parabola_is_searched():
 
 @pytest.mark.parametrize("row", QUANTITIES)
 def test_recorded_peak_just_below_extremum_is_raised(row):
-    """The search finds the same extremum from a peak just below it as from the endpoint values."""
+    """The same extremum is found from a peak just below it as from the values at the ends."""
     possible = row + rows.PEAK_ROWS
     rng = np.random.default_rng(row)
     raised = 0

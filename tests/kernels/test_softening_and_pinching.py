@@ -93,8 +93,8 @@ class TrilinearCurves:
 
 
 class ImkCurves:
-    """Loading goes along a polygon that is drawn at each passage of zero force and at each return
-    to the last peak."""
+    """Story with the IMK law, which is loaded along a polygon that is constructed at each zero
+    crossing of the force and at each return to the last peak."""
 
     def __init__(self, positive, negative, deterioration, exponent, pinching):
         self.sides = {1: dict(zip(["F", "p", "q", "c", "r", "u", "D"], positive, strict=True))}
@@ -137,7 +137,7 @@ class ImkCurves:
         self.loading = side
 
     def aim(self, side, here):
-        """The last peak, if the way there is the steeper one."""
+        """Return the last peak if the path to it is steeper."""
         far, peak = self.sides[side]["far"], self.sides[side]["peak"]
         force = self.backbone(side, far)
         if here[0] < peak[0] and here[1] < peak[1] < force:
@@ -282,8 +282,8 @@ def test_trilinear_law_without_pinching_equals_peak_oriented_law():
 
 
 def test_backbone_curve_of_imk_law():
-    """Yield at 1, capping at 5 with 1.2, down by 0.15 each, residual 0.2 from 5 + 1 / 0.15 on,
-    nothing beyond 15."""
+    """Yielding is at 1 and capping at 5 with 1.2; the slope is then -0.15, the residual 0.2 from 5
+    + 1 / 0.15 on, and the force zero beyond 15."""
     path = imposed(
         imk(side(ultimate=15.0)), [0.5, 1.0, 3.0, 5.0, 7.0, 11.0, 12.0, 14.9, 15.1, 14.0, -3.0]
     )
@@ -296,8 +296,8 @@ def test_backbone_curve_of_imk_law():
 
 
 def test_story_with_complete_deterioration_has_zero_force():
-    """To 3: work 0.5 + 2.1, of which 1.1^2 / 2 is given back: beta = 1.995 / (capacity - 1.995) on
-    turning."""
+    """Up to a drift of 3, the work is 0.5 + 2.1, of which 1.1^2 / 2 is returned; at the reversal,
+    beta = 1.995 / (capacity - 1.995)."""
     spent = 0.5 + 2.1 - 0.5 * 1.1**2
     path = [3.0, 2.9, 0.0, -4.0]
     assert imposed(imk(deterioration=1.99 * spent), path).shear == pytest.approx(
@@ -308,15 +308,15 @@ def test_story_with_complete_deterioration_has_zero_force():
 
 
 def test_reversal_at_zero_residual_force_is_zero_crossing():
-    """Beyond the end of the capping line there is no force; back, the other side is loaded at
-    once."""
+    """The force is zero beyond the end of the capping line, and after a reversal the other side is
+    loaded at once."""
     path = imposed(imk(side(residual=0.0)), [14.0, 13.5, -1.0, -1.5])
     assert path.shear == pytest.approx([0.0, -0.5 / 15.0, -1.0, -1.025], abs=1e-12)
 
 
 def test_zero_crossing_beyond_peak_keeps_force_continuous():
-    """A first turn that takes most of the unloading stiffness: zero force lies beyond the other
-    side's yield point, and the force grows again from there without a jump."""
+    """The first reversal removes most of the unloading stiffness. The force becomes zero beyond the
+    yield point of the other side, and increases again without a jump."""
     law = imk(side(plastic=20.0), deterioration=19.6)
     path = imposed(law, [*np.linspace(0.0, 10.0, 11), *np.linspace(10.0, -20.0, 3001)])
     zero = np.flatnonzero(path.shear < 0.0)[0]
@@ -352,8 +352,7 @@ def test_loops_agree_with_other_program():
         assert np.max(np.abs(path.strain_energy + path.hysteretic_energy - work)) < 1e-5
 
 
-# ---- What is dissipated never becomes less: no path, closed or not, gives back more than was put
-# in
+# ---- The dissipated energy does not decrease: no path returns more energy than it received
 
 PART = st.floats(0.0, 0.99)
 
@@ -365,7 +364,7 @@ def peak_oriented(draw):
 
 @st.composite
 def any_trilinear(draw):
-    """Of those that do not unload past zero drift."""
+    """Return a trilinear law that does not unload beyond zero drift."""
     unloading, drift = draw(PART), draw(st.floats(1.5, 30.0))
     highest = max(drift ** (1.0 - unloading), 1.0)
     return Law(
@@ -412,12 +411,12 @@ def test_cycles_of_hardening_peak_oriented_story(hardening, unloading):
         last = work[-1] - work[-801]
         assert (
             last >= -1e-12 * work[-1]
-        )  # nothing where the bounds make of it a line through the origin
+        )  # zero if the bounds reduce the law to a line through the origin
         assert path.hysteretic_energy[-1] + path.strain_energy[-1] == pytest.approx(
             work[-1], rel=1e-3
         )
-        # Unloading ends on the side where it began: what comes back is at most the triangle to the
-        # origin.
+        # Unloading ends on the side of its start: the returned energy is at most the triangle to
+        # the origin.
         peak = np.argmax(path.drift)
         assert path.strain_energy[peak] <= 0.5 * path.shear[peak] * path.drift[peak] * (1.0 + 1e-12)
 

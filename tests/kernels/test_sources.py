@@ -1,4 +1,4 @@
-"""What a compiled kernel depends on: the modules that it is made of, and no others."""
+"""Dependencies of a compiled kernel: exactly the modules that it consists of."""
 
 import ast
 import shutil
@@ -23,7 +23,7 @@ SMALL = Path(__file__).parents[1] / "small_kernel.py"
 
 
 def forget():
-    """What has been read of files is read anew."""
+    """Clear the caches of file contents, so that files are read again."""
     for cached in (
         sources.digest,
         sources.digest_of_all,
@@ -44,7 +44,7 @@ def copied(tmp_path_factory):
 
 @pytest.fixture
 def copy(copied, monkeypatch):
-    """A copy of the package, whose files are those that are looked at."""
+    """Return a copy of the package whose files are used for the digests."""
     monkeypatch.setattr(sources, "_PACKAGE", copied)
     forget()
     yield copied
@@ -53,8 +53,8 @@ def copy(copied, monkeypatch):
 
 @pytest.fixture
 def changed(copy):
-    """The kernels that are compiled anew after an edit of a file: with all laws, in a linear
-    building."""
+    """Return a function that edits a file and returns the kernels that must be recompiled, with all
+    laws and for a linear building."""
 
     def digests():
         forget()
@@ -73,14 +73,14 @@ def changed(copy):
 
 
 def test_module_of_law_has_name_of_law():
-    """By which those that a kernel is compiled without are found."""
+    """The laws that a kernel is compiled without are identified by this name."""
     for law in LAWS:
         assert law.functions.__module__ == "tdint.kernels.laws." + law.name.replace("-", "_")
 
 
 @cache
 def imported(file):
-    """What a file imports of kernels and methods, as parsing finds it."""
+    """Return the imports of kernels and methods of a file, determined by parsing."""
     found = []
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.ImportFrom):

@@ -73,8 +73,8 @@ def test_block_solution_with_low_rank_term(n, modes):
 
 
 def chain(n, modes, generator):
-    """Masses, dampers, a softening story among stiff ones, one that stands on the ground beside the
-    others; the columns of the solver, and the dense M, C and K."""
+    """Return the columns of the solver and the dense matrices M, C and K of a chain with dampers, a
+    softening story, and one story that stands separately on the ground."""
     linear_terms, law_state = (
         np.zeros((rows.LINEAR_TERM_ROWS, n + 1)),
         np.zeros((rows.EXTRA_ROWS, n + 1)),
@@ -103,8 +103,8 @@ def chain(n, modes, generator):
 @pytest.mark.parametrize("modes", range(6))
 @pytest.mark.parametrize("n", [1, 2, 5, 8])
 def test_complex_solution_with_low_rank_term(n, modes):
-    """(M + l C + l^2 K) w = r, as a dense complex matrix; l from the shortest steps to those that
-    see no mass."""
+    """The dense complex system is (M + l C + l^2 K) w = r, for l from very short steps to steps
+    with negligible mass."""
     modes = min(modes, n)
     generator = np.random.default_rng(n * 10 + modes)
     for size in (1e-3, 1.0, 1e3):
@@ -128,9 +128,9 @@ def test_complex_solution_with_low_rank_term(n, modes):
 @pytest.mark.parametrize("omega_h", [1e-2, 1.0, 30.0, 1e4])
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 1.0])
 def test_direct_step_of_impulse4_equals_newton_step(rho_inf, omega_h):
-    """One complex solve in place of two unknowns a floor, from any state. Rounding is that of the
-    stiffness beside the mass: omega h of it in the motion, once more in the acceleration, which is
-    a difference of forces."""
+    """One complex solve replaces two unknowns per floor, for any state. The rounding error of the
+    motion is proportional to omega h, because of the stiffness relative to the mass. In the
+    acceleration, which is a difference of forces, it is larger by this factor again."""
     for modes in (0, 3):
         generator = np.random.default_rng(modes)
         n = 6

@@ -1,4 +1,4 @@
-"""What is compiled for one scene does what is compiled for all of them does, to the last bit."""
+"""Loops that are compiled for a specific variant and for all variants agree to the last bit."""
 
 from dataclasses import fields, replace
 from pathlib import Path
@@ -23,7 +23,7 @@ CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
 RATES = [
     rows.PEAK_DRIFT_RATE,
     rows.PEAK_ROWS + rows.PEAK_DRIFT_RATE,
-]  # of drift, for dashpots, of which there are none
+]  # of drift rates, for dashpots, which the building does not have
 METHODS = ("newmark-average", "impulse4", "moment4")
 
 APART = tuple(name for name in LAWS if LAWS[name].compiled_separately)
@@ -32,8 +32,8 @@ one."""
 
 SCENES = [(name,) for name in LAWS if name not in APART] + [APART]
 
-# Compiling is what costs: linear stories by all methods, the laws by one each, so that each method
-# has two of them.
+# Compilation dominates the time: linear stories are run with all methods, and other laws with one
+# method each, so that each method has two of the other laws.
 CASES = [pytest.param(("linear",), METHODS, id="linear")] + [
     pytest.param(laws, METHODS[i % 3 : i % 3 + 1], id=" ".join(laws), marks=pytest.mark.slow)
     for i, laws in enumerate(SCENES)
@@ -42,7 +42,7 @@ CASES = [pytest.param(("linear",), METHODS, id="linear")] + [
 
 
 def building(laws):
-    """The ten stories with these laws in turn, which bend where theirs yields, and every third one
+    """Return the ten stories with alternating laws of equal yield force, and every third story
     linear."""
     model = load_model(CONFIG)
     linear = Law("linear", ())
@@ -61,7 +61,7 @@ def building(laws):
 
 
 def marched(prepared, method):
-    """All that a march leaves."""
+    """Return all arrays of the workspace after a time integration."""
     ground = np.random.default_rng(1).normal(0.0, 4.0, 400)
     steps = choose_steps(None, None, 0.02, 0.02 * (ground.size - 1))
     result = prepared.integrate(parse(method), steps, ground, history_rows=steps.count)
@@ -73,14 +73,15 @@ def marched(prepared, method):
 def test_specific_variant_and_general_variant_agree_to_last_bit(laws, methods, monkeypatch):
     assembled = building(laws)
     variant = PreparedBuilding(assembled).variant
-    # At once: what loops of several methods share is compiled once.
+    # All loops are compiled at once, so that common loops are compiled only once.
     wanted = [one for method in methods for one in kernels(parse(method), variant)]
     compile_ahead(wanted, ["native"], None, lambda done: None)
     for method in methods:
         own, everything = {}, {}
         for whole, result in ((True, everything), (False, own)):
             monkeypatch.setattr(compilable, "WHOLE", whole)
-            for kernel, _ in kernels(parse(method), EVERYTHING):  # each remembers what it needs
+            # each kernel caches the required loop
+            for kernel, _ in kernels(parse(method), EVERYTHING):
                 monkeypatch.setattr(kernel, "_required", {})
                 monkeypatch.setattr(kernel, "_last", (EVERYTHING, None))
             result.update(marched(PreparedBuilding(assembled), method))

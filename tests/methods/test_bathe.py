@@ -1,5 +1,5 @@
-"""The composite method of Bathe: the compiled step against the published formulas, and what they
-promise."""
+"""Composite method of Bathe: comparison of the compiled step with the published formulas and
+properties."""
 
 import math
 
@@ -61,8 +61,8 @@ def test_rho_inf_0_equals_method_of_2005(gamma):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_building_with_p_delta_dashpot_and_force_agrees_with_formulas(method):
-    """The load of the first sub-step is that at its end: ground acceleration in between, force at
-    its own time."""
+    """The load of the first substep is the load at its end: the ground acceleration is
+    interpolated, and the force is evaluated at this time."""
     case, record = building(RAYLEIGH), noise(samples=201)
     history = run(case, record, method=method, history=True).history
     rho_inf, gamma = parse(method).values
@@ -111,10 +111,10 @@ def test_failed_second_substep_leaves_state_unchanged():
 
 @pytest.mark.parametrize("gamma", [2.0 - math.sqrt(2.0), 0.5])
 def test_story_laws_follow_path_through_inner_point(gamma):
-    """The lowest story yields before the inner point and unloads elastically from there."""
+    """The lowest story yields before the inner point and unloads elastically after it."""
     stiffness, strength, hardening = 100.0, 5.0, 0.1
     steps = SingleSteps(f"bathe:gamma={gamma!r}", Law("bilinear", (strength, hardening)))
-    inner, end = -20.0, 10.0  # ground acceleration there, m/s^2
+    inner, end = -20.0, 10.0  # ground acceleration at the inner point and at the end, m/s^2
     assert steps.take((inner - gamma * end) / (1.0 - gamma), end) > 0
     law_state = steps.space.law_state[:, 0]
     slip = law_state[rows.FIRST_TRIAL + rows.DRIFT] - strength / stiffness

@@ -93,8 +93,8 @@ def test_free_vibration_of_elastic_perfectly_plastic_oscillator(
 
 
 def test_simultaneous_yielding_of_two_stories():
-    """Two equal oscillators in one chain, connected by a story that is practically rigid, yield at
-    the same time within rounding."""
+    """Two equal oscillators in one chain, which are connected by a practically rigid story, yield
+    at the same time within rounding."""
     record = noise(peak=6.0)
     law = Law("bilinear", (4e5, 0.02))
     single = run(model([story(2e5, 4e7, law)]), record, method="impulse4")
@@ -116,8 +116,8 @@ def test_accumulating_branch_changes_do_not_end_run():
     "method", ["newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"]
 )
 def test_yielded_building_comes_to_rest(method):
-    """Long after the ground motion, residual drifts remain and the iteration does not stall: about
-    one solve per step, and no halved step. This includes gauss4, whose residual is then only
+    """Long after the ground motion, residual drifts remain and the iteration does not stall: it
+    needs about one solve per step and no halved step. This includes gauss4, whose residual is only
     rounding relative to the residual drift."""
     response = run(ten_bilinear(), noise(), method=method, duration=60.0)
     assert np.max(np.abs(response.stories.residual_drift)) > 1e-3
@@ -172,14 +172,14 @@ CURVED = {
 @pytest.mark.parametrize("name", CURVED)
 def test_kinks_are_located_among_curved_laws(name):
     """Order 4 is retained at reversals of a Bouc-Wen story, and if some stories have kinks and
-    others are curved. Average acceleration, whose Newton iteration continues across kinks,
-    converges to the same result."""
+    others are curved. Average acceleration with Newton iteration across kinks converges to the same
+    result."""
     record = noise(peak=6.0)
     building = model([story(2e5, 4e7, law, dashpot=3e5) for law in CURVED[name]])
     runs, finest, errors = refined(building, record, (1, 2, 4, 32))
     assert errors[0] < 2e-3
     assert orders(errors).min() > 3.3
-    # Coarse steps go over the weak ones
+    # Coarse steps ignore weak reversals.
     events = [run.branch_changes for run in runs]
     assert events == sorted(events) and events[0] > 25 and events[-1] > 50
     average, u = at_samples(building, record, "newmark-average", 256)
@@ -190,7 +190,8 @@ def test_kinks_are_located_among_curved_laws(name):
 
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 1.7])
 def test_bouc_wen_stories_of_low_exponent_are_of_order_4(exponent):
-    """The force is not smooth if its hysteretic part changes sign; time steps are divided there."""
+    """The force is not smooth if its hysteretic part changes sign; time steps are divided at this
+    time."""
     building = model(
         [story(2e5, 4e7, Law("bouc-wen", (4e5, 0.05, exponent, 0.7)), dashpot=3e5)] * 2
     )
@@ -216,9 +217,9 @@ def test_weak_reversals_are_located_only_with_small_steps():
 
 
 def test_short_contact_within_step_is_located():
-    """The amplitude of a mass exceeds the gap by a thousandth: the mass touches the stop and leaves
-    it within one step, which is divided at the contact. The motion is a sine, and another sine
-    at the stop, with continuous velocities."""
+    """The amplitude exceeds the gap by a thousandth: the mass touches the stop and leaves it within
+    one step, which is divided at the contact. The motion consists of two sines with continuous
+    velocities."""
     k, stop, gap, omega = 100.0, 1500.0, 0.06, 10.0
     v0 = omega * gap * 1.001
     building = model([story(1.0, k, Law("gap", (gap, stop)))], velocity=(v0,))
@@ -226,7 +227,7 @@ def test_short_contact_within_step_is_located():
     fast = np.sqrt(k + stop)
     rest = stop * gap / fast**2  # where the stop and the spring balance
     touch = 2.0 * np.arctan2(rate / fast, gap - rest) / fast
-    half = 2.0 * np.arcsin(omega * gap / v0) / omega + touch  # from zero up and back to it
+    half = 2.0 * np.arcsin(omega * gap / v0) / omega + touch  # time from zero to the next zero
     time = 4.0 - half * np.floor(4.0 / half)
     into = np.arcsin(omega * gap / v0) / omega
     assert not into < time < into + touch
@@ -252,9 +253,9 @@ def test_error_decreases_with_time_step(seed):
 
 @pytest.mark.slow
 def test_error_decreases_with_time_step_in_random_buildings():
-    """The buildings have all laws that are piecewise linear. If errors cancel by chance with one
-    step, the error with the next smaller step can be slightly more than twice as large. Repeated
-    pounding is excluded, because no method can predict its course."""
+    """The buildings have all piecewise linear laws. If errors cancel by chance with one step, the
+    error with the next smaller step can be slightly more than twice as large. Repeated pounding is
+    excluded, because no method can predict its course."""
     apart = [found for found in map(study, range(200)) if found.worst > 2.0]
     told = [found.worst for found in apart if not found.chaotic]
     assert len(apart) - len(told) <= 4
@@ -272,7 +273,7 @@ def test_rebound_between_stops_conserves_energy():
     peak = (-b + np.sqrt(b * b - 4.0 * a * c)) / (2.0 * a)
     assert coarse.stories.peak_drift[0] == pytest.approx(peak, rel=1e-4)
     assert coarse.branch_changes > 20
-    # A branch conserves its energy; what is lost is where a stop is met a little beside its place,
-    # at order 4.
+    # A branch conserves its energy. The loss is caused by contacts that are located with an error
+    # of order 4.
     assert abs(coarse.energy.error) < 1e-7
     assert abs(fine.energy.error) < abs(coarse.energy.error) / 4.0**4

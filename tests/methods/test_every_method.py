@@ -1,7 +1,7 @@
-"""What every method does: a linear building is the sum of its modes, a yielding one converges, a
-failed step is undone.
+"""Properties of every method: modal superposition of linear buildings, convergence for yielding
+buildings, and recovery from failed steps.
 
-Order, stability, period error and numerical damping of all of them: tests/analysis/assessment.
+Order, stability, period error and numerical damping are tested in tests/analysis/assessment.
 """
 
 import numpy as np
@@ -57,8 +57,8 @@ def average_acceleration():
 def test_yielding_building_converges_to_average_acceleration(
     average_acceleration, method, parts, bound
 ):
-    """With an eighth of the step less than an eighth of the error; the model-based methods take one
-    solve a step."""
+    """With an eighth of the step, the error is less than an eighth. Model-based methods need one
+    solve per step."""
     runs = [run(ten_bilinear(), noise(), method=method, dt=0.01 / part) for part in parts]
     coarse, fine = (
         np.max(np.abs(one.stories.peak_drift / average_acceleration - 1.0)) for one in runs

@@ -30,8 +30,8 @@ def test_first_estimate_of_shortened_step_is_cubic_of_longer_step(fraction):
 
 
 def test_residual_tolerance_does_not_limit_order_4():
-    """Smooth stories: the order remains 4 down to errors far below the largest residual that is
-    permitted, and coarse steps take one or two corrections."""
+    """For smooth stories, the order remains 4 down to errors far below the tolerated residual, and
+    coarse steps need one or two corrections."""
     stories = [story(1e5, 4e7, Law("tanh", (2.5e5,))) for _ in range(3)]
     runs, _, errors = refined(model(stories), noise(samples=301), (1, 2, 4, 8, 32))
     assert runs[0].iterations < 2.0 * runs[0].steps

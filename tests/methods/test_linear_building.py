@@ -62,7 +62,7 @@ def test_ground_is_at_rest_after_record():
     response = run(building, record, method="exact", duration=12.0, history=True)
     assert response.history.time[-1] == pytest.approx(12.0)
     assert not response.history.ground_acceleration[record.acceleration.size :].any()
-    # Free vibration after the record: the reference goes on with a motion padded by zeros.
+    # Free vibration after the record: the reference motion is padded with zeros.
     longer = type(record)(np.append(record.acceleration, np.zeros(400)), record.dt, "", "", "", "")
     reference = exact_linear(building, longer)
     assert np.max(np.abs(response.history.displacement - reference)) < 1e-9 * np.max(

@@ -1,5 +1,5 @@
-"""Steps over several samples of a record: its impulse and first moment are all that a step takes of
-it."""
+"""Time steps over several samples of a record, which use only the impulse and the first moment of
+the samples."""
 
 from dataclasses import replace
 
@@ -17,8 +17,8 @@ ALL = list(catalogue())
 
 
 def building_for(method, yield_force=3e5):
-    """Two stories of 1.2 s and 0.5 s: central difference and rk5 take steps of 0.08 s. All of one
-    compiled variant."""
+    """Return two stories with periods of 1.2 s and 0.5 s, so that central difference and rk5 are
+    stable for steps of 0.08 s. All methods use one compiled variant."""
     linear = catalogue()[method].family.linear_only
     law = Law("linear", ()) if linear else Law("bilinear", (yield_force, 0.1))
     return model([story(1e5, 7e6, law, dashpot=5e4) for _ in range(2)])
@@ -26,8 +26,8 @@ def building_for(method, yield_force=3e5):
 
 @pytest.mark.parametrize("method", ALL)
 def test_long_step_depends_only_on_impulse_and_moment_of_samples(method):
-    """Samples (0, 1, -2, 1, 0) on four intervals have neither impulse nor first moment: the motion
-    stays the same."""
+    """Samples (0, 1, -2, 1, 0) on four intervals have neither impulse nor first moment, and do not
+    change the motion."""
     record = noise(samples=401)
     rng = np.random.default_rng(1)
     ripple = np.zeros(401)
@@ -48,8 +48,8 @@ def test_long_step_depends_only_on_impulse_and_moment_of_samples(method):
 
 @pytest.mark.parametrize("method", ALL)
 def test_order_is_kept_with_several_samples_per_step(method):
-    """Steps of 4 and 2 samples in a linear building: what the jumps between the lines leave in a
-    method's memory would cost it an order."""
+    """Steps of 4 and 2 samples in a linear building keep the order, although the fitted lines have
+    jumps that remain in the memory of a method."""
     dt = DT / 2
     record = noise(samples=801, dt=dt)
     building = building_for(method, yield_force=1e12)
@@ -68,7 +68,7 @@ def test_order_is_kept_with_several_samples_per_step(method):
 
 @pytest.mark.parametrize("method", ALL)
 def test_ground_acceleration_of_short_steps_equals_record(method):
-    """A step of one interval, or a part of it, takes the record's own line."""
+    """A step of one sampling interval, or of a fraction of it, uses the line of the record."""
     record = noise(samples=101)
     rows = [
         run(building_for(method), record, method=method, dt=dt, history=True) for dt in (DT, DT / 2)
@@ -94,8 +94,8 @@ def test_impulse4_is_of_order_4_with_long_steps_of_yielding_building():
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average", "moment4", "park", "rk5"])
 def test_energy_balance_of_long_steps(method):
-    """Input is the work of the lines, whose ends do not meet: what a step of one sample keeps, long
-    steps keep too."""
+    """The input is the work of the fitted lines, which are not continuous. Long steps keep the
+    energy balance of steps of one sample."""
     response = run(ten_linear(), noise(), method=method, dt=2 * DT, allow_unstable=True)
     short = run(ten_linear(), noise(), method=method, dt=DT)
     assert abs(response.energy.error) < 20.0 * abs(short.energy.error) + 1e-9
@@ -107,8 +107,8 @@ def test_energy_balance_of_long_steps(method):
     ("method", "samples"), [("impulse4", 3), ("exact", 2), ("hht:alpha=-0.3", 1)]
 )
 def test_history_has_times_and_absolute_accelerations_of_steps(method, samples):
-    """Absolute accelerations are the forces on the floors over their masses, whatever line stands
-    for the record."""
+    """Absolute accelerations are the floor forces divided by the masses, for any line that
+    approximates the record."""
     response = run(ten_linear(None), noise(), method=method, dt=samples * DT, history=True)
     history = response.history
     assert np.allclose(history.time, samples * DT * np.arange(response.steps + 1), rtol=1e-12)
@@ -123,9 +123,9 @@ def test_history_has_times_and_absolute_accelerations_of_steps(method, samples):
 
 @pytest.mark.parametrize("method", ["impulse4", "gauss4", "moment4"])
 def test_peaks_of_free_vibration_between_steps(method):
-    """Twenty steps a period, none at a peak: all peaks of a sine. The interpolant errs by (omega
-    h)^4 / 1900 of an acceleration, and by some three times the (omega h)^4 / 720 by which the
-    method's motion is slow."""
+    """The steps are a twentieth of the period and contain no peak of the sine. The interpolation
+    has an error of (omega h)^4 / 1900 of the acceleration, and the period error of the method adds
+    about three times (omega h)^4 / 720."""
     omega = 2.0 * np.pi
     h = 0.0517
     response = run(
@@ -144,7 +144,7 @@ def test_peaks_of_free_vibration_between_steps(method):
 
 
 def test_unresolved_modes_cause_note():
-    """omega dt = 30: the peak of velocity is known to be missed, not made up."""
+    """For omega dt = 30, the missed peak of the velocity is reported and not extrapolated."""
     omega = 300.0
     response = run(
         oscillator(omega, displacement=(1.0,)), method="newmark-average", dt=0.1, duration=5.0
@@ -163,7 +163,8 @@ def test_resolved_steps_cause_no_note():
 
 @pytest.mark.parametrize("dt", [1e-7, 1e-8, 1e-9])
 def test_very_short_steps_have_no_peaks_between_steps(dt):
-    """As pieces between two events may be: (omega dt)^2 is below what the displacements round."""
+    """Such steps occur between two events: (omega dt)^2 is below the rounding of the
+    displacements."""
     response = run(
         oscillator(10.0, 0.05, displacement=(1.0,)), method="impulse4", dt=dt, duration=200.0 * dt
     )
@@ -172,9 +173,8 @@ def test_very_short_steps_have_no_peaks_between_steps(dt):
 
 
 def test_peaks_between_steps_are_of_order_of_moment4():
-    """Free vibration of a hardening building in all its modes, with its largest shears where it is
-    stiffest. On the parabolas of the method peaks of drift and displacement would be of order 2 to
-    3."""
+    """The hardening building vibrates in all its modes, with maximum shears at maximum stiffness.
+    With the parabolas of the method, peaks of drift and displacement would be of order 2 to 3."""
     hardening = [story(1e5, 2e7, Law("polynomial", (2e7, 0.0, 1e10))) for _ in range(3)]
     case = model(hardening, displacement=(0.01, -0.01, 0.03), velocity=(0.3, 0.1, -0.2))
     fine = run(case, method="impulse4", dt=0.01 / 32, duration=3.0).stories

@@ -1,9 +1,9 @@
-"""Laws of plug-ins that declare too little, too much or something false: no method may integrate
-them as something else than their force.
+"""Laws of plug-ins with incomplete or false declarations: no method may integrate a force that
+differs from the force of the law.
 
-Each law ends in a refusal that names the declaration, or in the motion of its force with every
-method. The true motion is found here by central differences with a small step, which evaluate the
-force of the law alone.
+Each law is either refused with the name of the declaration, or gives the motion of its force with
+every method. The true motion is computed with central differences and a small step, which only
+evaluate the force of the law.
 """
 
 import math
@@ -24,7 +24,8 @@ from tdint.model.law_checks import verify_laws
 
 K, MASS, DASHPOT = 1000.0, 1.0, 1.0  # N/m, kg, N s/m: a period of 0.2 s, a damping ratio of 0.016
 H, STEPS = 0.0025, 240  # s: 80 steps to the period
-GROUND = 9.0 * np.sin(14.0 * np.arange(STEPS + 1) * H)  # m/s^2: 2 to 4 times what the laws resist
+# m/s^2: 2 to 4 times the resistance of the laws
+GROUND = 9.0 * np.sin(14.0 * np.arange(STEPS + 1) * H)
 PARAMETERS = {
     "linear": (),
     "tanh": (4.0,),
@@ -33,7 +34,7 @@ PARAMETERS = {
     "gap": (0.004, 3.0 * K),
     "peak-oriented": (4.0, 0.05, 0.3),
 }
-FINER = 16  # the step of central differences over that of the methods
+FINER = 16  # ratio of the step of the methods to the step of central differences
 CLOSE = 0.1
 """Allowed error over the largest drift: houbolt has 0.083 at the stops, and all of the others less
 than 0.04. A method that takes these laws as linear is off by more than 1."""
@@ -60,7 +61,7 @@ def straight(law_parameters, law_state, i):
 
 
 def forgets_its_ends(law_parameters, law_state, i, block, event):
-    """The `switch` of `gap`; the lower end of the branch stays as it was."""
+    """Call `switch` of `gap`, but keep the lower end of the branch."""
     lower = law_state[block + rows.LOWER, i]
     LAWS["gap"].functions().switch(law_parameters, law_state, i, block, event)
     law_state[block + rows.LOWER, i] = lower
@@ -74,8 +75,8 @@ def one_point(law_parameters, law_state, i, way):
     return 1.0
 
 
-# Law, declarations that are changed, functions that are changed; what a refusal says, or True for
-# the true motion. The names say what is false.
+# For each case: the law, changed declarations, changed functions, and the refusal message, or True
+# for the true motion. The names describe the false declaration.
 NO_BRANCHES = {"switch": None, "enter": None, "advance": None}
 CASES = {
     "curved-missing": ("tanh", {"curved": False}, {}, "declare `curved=True`"),
@@ -134,7 +135,8 @@ def prepared(name, base):
 
 
 def true_motion(law, parameters):
-    """Drift at the steps, m: central differences, from rest, by the force of the law alone."""
+    """Return the drifts at the steps, m, from rest by central differences with the force of the
+    law."""
     functions = law.functions()
     table = np.zeros((rows.FIRST_PARAMETER + len(parameters), 2))
     table[rows.STIFFNESS, 0], table[rows.FIRST_PARAMETER :, 0] = K, parameters
@@ -142,7 +144,7 @@ def true_motion(law, parameters):
     functions.enter and functions.enter(table, law_state, 0)
     h = H / FINER
     ground = np.interp(h * np.arange(STEPS * FINER + 1), H * np.arange(STEPS + 1), GROUND)
-    u, drifts = [0.0, 0.0], [0.0]  # at t = -h and 0; the ground begins at zero
+    u, drifts = [0.0, 0.0], [0.0]  # at t = -h and 0; the first ground acceleration is zero
     for s in range(STEPS * FINER):
         law_state[rows.FIRST_TRIAL + rows.DRIFT, 0] = u[1]
         functions.force(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL, u[1])
@@ -202,8 +204,8 @@ def test_misdeclared_law_is_refused_or_integrated_correctly(name):
 
 
 def test_each_set_of_parameters_is_verified():
-    """A law whose missing branch shows with some numbers only: the second of two buildings, as
-    random buildings of a study are."""
+    """The missing branch only affects some parameters, such as those of the second of two buildings
+    in a study of random buildings."""
     register_law(replace(law_of("enter-missing"), yield_drift=lambda stiffness, values: math.nan))
     strong = prepared("enter-missing", "bilinear").building.law_parameters.copy()
     strong[rows.FIRST_PARAMETER, 0] = 1e12  # N: linear up to any drift of the path

@@ -90,10 +90,10 @@ def scalars(*values):
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
 @pytest.mark.parametrize("method", METHODS)
 def test_building_agrees_with_published_formulas(method, nonlinear):
-    """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from
-    a deflected start.
+    """Four stories have P-delta, a dashpot, Rayleigh damping, a floor force, ground motion and an
+    initial deflection.
 
-    KR-alpha and CR keep their own lagging velocity here; tdint never forms it.
+    The reference of KR-alpha and CR stores its own lagging velocity, which tdint does not compute.
     """
     case, record = building(RAYLEIGH, nonlinear=nonlinear), noise(samples=201)
     history = run(case, record, method=method, history=True).history
@@ -128,12 +128,12 @@ def test_kr_alpha_equals_transformed_generalized_alpha(rho_inf):
 
 
 def grows(method, omega_h, tangent, steps=4000):
-    """Whether the free motion of an oscillator grows whose tangent is not the initial stiffness of
-    its law.
+    """Return True if the free vibration of an oscillator grows if its tangent differs from the
+    initial stiffness of the law.
 
-    The displacement counts: for a tangent other than the initial one chang's velocities are far too
-    large at omega dt = 100, by energies that `run` calls diverged unless unstable steps are
-    allowed, but they do not grow.
+    Only the displacement counts. For such a tangent, the velocities of chang are far too large at
+    omega dt = 100, so that `run` reports divergence unless unstable steps are allowed; but they do
+    not grow.
     """
     h = 0.01
     k = (omega_h / h) ** 2

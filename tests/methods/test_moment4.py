@@ -78,8 +78,8 @@ def test_amplification_matrix_equals_impulse4(rho_inf, xi):
     "damping", [RAYLEIGH, ModalDamping((0.02, 0.05, 0.03, 0.08))], ids=["rayleigh", "modal"]
 )
 def test_histories_of_linear_buildings_equal_impulse4(rho_inf, case, damping):
-    """Dashpots and P-delta beside Rayleigh damping; a floor force where the load is linear or
-    rho_inf below 1."""
+    """The building has dashpots, P-delta and Rayleigh damping; it has a floor force if the load is
+    linear or rho_inf is below 1."""
     given = building(damping)
     if rho_inf == 1.0:
         given = replace(given, excitation=replace(given.excitation, forces=()))
@@ -187,7 +187,7 @@ def test_energy_of_random_yielding_buildings_does_not_increase(cases, seed):
 
 
 def damped(given):
-    """The same stories with a power-law dashpot each."""
+    """Return the building with a power-law dashpot in each story."""
     stories = [replace(one, power_dashpot=PowerDashpot(2e5, 0.35, 0.002)) for one in given.stories]
     return replace(given, stories=tuple(stories))
 
@@ -233,8 +233,7 @@ def test_dissipative_members_lose_energy_in_every_step(case):
 
 
 def test_energy_loss_agrees_with_equations():
-    """h^2 r / 12 (A1 M A1 + U1 K U1) in each step of an oscillator, A1 and U1 from the motion
-    itself."""
+    """The loss in each step is h^2 r / 12 (A1 M A1 + U1 K U1), with A1 and U1 from the motion."""
     rho_inf, omega, h = 0.5, 3.0, 0.2
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     history = run(
@@ -273,7 +272,7 @@ def test_moment_of_floor_force():
     ("begin", "end"), [(0.0, 1.0), (3.25, 3.5), (2.0, 6.0), (1.5, 4.75), (6.0, 10.0), (9.0, 12.0)]
 )
 def test_fitted_line_has_impulse_and_moment_of_samples(begin, end):
-    """Also beyond the last sample, where the ground is at rest."""
+    """Intervals beyond the last sample, where the ground is at rest, are included."""
     ground = np.random.default_rng(5).normal(size=9)
     knots = np.union1d(np.arange(14.0), [begin, end])
     knots = knots[(knots >= begin) & (knots <= end)]
@@ -385,8 +384,8 @@ def turns_from_rest(monkeypatch, damping):
     "damping", [None, RAYLEIGH, ModalDamping((0.05, 0.05))], ids=["none", "rayleigh", "modal"]
 )
 def test_no_reversal_is_found_from_rest_under_ramp(monkeypatch, damping):
-    """All drifts grow, those of upper stories with higher powers of time: their parabolas start
-    backwards. They would turn if only the parabola were asked."""
+    """All drifts increase, in upper stories with higher powers of time, so that their parabolas
+    start in the opposite direction. Reversals would be found if only the parabola were searched."""
     assert turns_from_rest(monkeypatch, damping) == []
     monkeypatch.setattr(equations, "_has_no_reversal", lambda *_: False)
     assert turns_from_rest(monkeypatch, damping)
@@ -394,9 +393,9 @@ def test_no_reversal_is_found_from_rest_under_ramp(monkeypatch, damping):
 
 @pytest.mark.slow
 def test_energy_balance_of_degrading_buildings():
-    """A hundred random buildings of stories that lose strength and stiffness, whether or not their
-    parabolas turn. Of those that fall, the energies grow far beyond the input: they round by their
-    own size."""
+    """A hundred random buildings have stories that lose strength and stiffness, with and without
+    reversals of their parabolas. In collapsing buildings, the energies grow far beyond the input,
+    so that rounding errors are relative to these energies."""
     for number in range(100):
         case, record = degrading_building(number)
         energy = run(case, record, method="moment4").energy

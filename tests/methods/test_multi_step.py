@@ -1,5 +1,4 @@
-"""Houbolt and Park: the compiled step against the formulas on displacements, and what they
-promise."""
+"""Methods of Houbolt and Park: comparison of the compiled step with the formulas and properties."""
 
 import numpy as np
 import pytest
@@ -20,8 +19,8 @@ PARK = np.array([10.0, -15.0, 6.0, -1.0]) / 6.0
 
 
 def by_formulas(method, case, record, steps):
-    """March with dense matrices: average acceleration twice, then the formulas on older
-    displacements."""
+    """Integrate with dense matrices: two steps of average acceleration, followed by the formulas
+    with older displacements."""
     M, C, K = matrices(case)
     h = record.dt
     u, v = [np.array(case.initial.displacement)], [np.array(case.initial.velocity)]

@@ -17,8 +17,8 @@ R = 1.0 - P
 
 
 def dense_step(M, C, f, h, u0, v0, a0, p_inner, p1):
-    """Two substeps as they were published, each with a predicted velocity. The second prediction
-    is the linear extrapolation of the accelerations."""
+    """Take two substeps of the published method, each with a predicted velocity. The second
+    prediction is the linear extrapolation of the accelerations."""
     s = P * h
     u = u0 + s * v0 + s**2 / 2.0 * a0
     a = np.linalg.solve(M, p_inner - C @ (v0 + s * a0) - f(u))
@@ -36,8 +36,8 @@ def dense_step(M, C, f, h, u0, v0, a0, p_inner, p1):
 
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
 def test_building_with_p_delta_dashpot_and_force_agrees_with_formulas(nonlinear):
-    """The load of the first substep is the load at its end: the ground acceleration is linear in
-    between, and the floor force has its own time."""
+    """The load of the first substep is the load at its end: the ground acceleration is
+    interpolated, and the floor force is evaluated at this time."""
     case, record = building(RAYLEIGH, nonlinear=nonlinear), noise(samples=201)
     history = run(case, record, method="noh-bathe", history=True).history
     M, C, _ = matrices(case)

@@ -1,7 +1,7 @@
-"""Reported peaks of all methods: no farther off than the largest values at the steps or the motion
-itself.
+"""Reported peaks of all methods: their errors are at most the errors of the maxima at the steps or
+of the motion.
 
-The limit is that of `benchmarks/peaks.py`, which measures more.
+The limit is the limit of `benchmarks/peaks.py`, which measures more cases.
 """
 
 from dataclasses import replace
@@ -38,7 +38,8 @@ def linear(rng):
 
 @pytest.fixture(scope="module")
 def buildings():
-    """Linear ones and such with smooth laws and with kinks, each with its motion and a fine run."""
+    """Return linear, smooth and piecewise linear buildings, each with its ground motion and a run
+    with small steps."""
     shaken = []
     for seed, draw in enumerate(
         (linear, linear, shaken_building, shaken_building, piecewise_building)
@@ -60,7 +61,7 @@ def buildings():
 
 
 def errors(building, record, method, parts, truth):
-    """Of each quantity: how far off the reported peaks are, and what they may be."""
+    """Yield the relative errors of the reported peaks and their limits for each quantity."""
     response = run(building, record, method=method, dt=record.dt / parts, history=True)
     for one in QUANTITIES:
         peak = getattr(truth.stories, f"peak_{one}")
@@ -84,7 +85,7 @@ def test_peak_error_is_at_most_error_of_motion_or_steps(buildings, method):
                 good.append([np.all(reported <= limit) for reported, limit in found])
             except (
                 AnalysisError
-            ):  # it does not integrate such a building, or the step is too long for it
+            ):  # the method does not support such a building, or the step is too long
                 continue
     assert len(good) >= 4
     assert np.all(np.mean(good, axis=0) >= 0.9)
@@ -112,7 +113,8 @@ def test_peak_errors_of_linear_buildings_are_of_order_of_method(buildings, metho
 
 
 def test_reference_peaks_agree_with_dop853():
-    """Two stories of tanh springs, without a line of this project's kernels: all five peaks."""
+    """The reference for two stories with tanh springs does not use the kernels of this project; all
+    five peaks agree."""
     masses, springs, strength = np.array([1e5, 8e4]), np.array([4e7, 3e7]), 3e5
     dampers = 0.04 * np.sqrt(masses * springs)
     record = noise(samples=101, peak=5.0, seed=11)
@@ -162,8 +164,8 @@ def test_total_shear_of_top_story_is_inertia_force_of_roof(method, parts):
 
 
 def test_acceleration_peaks_at_yielding_are_found():
-    """Where a story yields, an acceleration has a corner within a step, of which the ends of the
-    step do not tell: moment4 finds it on the paths of its stories."""
+    """At yielding, the acceleration has a corner within a step, which does not follow from the ends
+    of the step. moment4 finds it on the paths of its stories."""
     truth = run(
         OFFICE, NEAR, method="impulse4", dt=NEAR.dt / FINE, duration=20.0
     ).stories.peak_absolute_acceleration

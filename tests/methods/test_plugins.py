@@ -72,7 +72,7 @@ def test_method_of_readme_agrees_with_its_declarations(verlet, monkeypatch):
     assert measured.faults == ()
     assert math.isclose(measured.limit, 2.0, rel_tol=1e-6)
     assert abs(measured.order - 2.0) < 0.1
-    # Stories that yield take the longest, and are looked at above.
+    # Yielding stories take longest and are tested above.
     monkeypatch.setattr(order, "faults_with_yielding", lambda integrator: {})
     false = replace(integrator.method, stability_limit=lambda: 2.2, order=lambda: 4)
     of_order, of_limit = check_method(replace(integrator, method=false)).faults
@@ -366,7 +366,7 @@ excitation: {record: {file: motion.txt, units: m/s^2}}
 @pytest.fixture
 def workshop(tmp_path, hyperbolic, monkeypatch):
     """Return a directory with a record and a model that uses the law of the README, and a function
-    that runs a command in it."""
+    that runs a command in this directory."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "shaken.yaml").write_text(SHAKEN)
     samples = 8.0 * np.sin(np.arange(60) * 0.07)
@@ -390,8 +390,8 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
 
 
 def test_commands_use_methods_and_laws_of_files(workshop, verlet, tmp_path):
-    """`run`, `stability` and `order` in one process each use only the plug-ins of their own
-    --plugin."""
+    """`run`, `stability` and `order` in one process each use only the plug-ins of their --plugin
+    options."""
     plugins = ("--plugin", "verlet.py", "--plugin", "hyperbolic.py")
     (story,) = workshop("run", "shaken.yaml", *plugins, "--method", "verlet", "--dt", "0.005")
     single = tdint.run("shaken.yaml", method="verlet", dt=0.005).stories
@@ -405,7 +405,7 @@ def test_commands_use_methods_and_laws_of_files(workshop, verlet, tmp_path):
     )
     radius = {float(row["dt_over_t"]): float(row["spectral_radius"]) for row in curve}
     assert radius[0.1] == pytest.approx(1.0) and radius[0.5] > 2.0  # the limit is 1 / pi
-    # What is executed makes the numbers: its hash stands beside the table.
+    # The results depend on the executed file, so that its hash is stored with the table.
     (code,) = json.loads((tmp_path / "table.json").read_text())["inputs"]
     assert code == {"file": "verlet.py", "sha256": hashlib.sha256(verlet.read_bytes()).hexdigest()}
     (observed,) = workshop(
@@ -424,7 +424,7 @@ def test_store_refuses_changed_plugin(workshop, verlet, hyperbolic, tmp_path, mo
     text = hyperbolic.read_text().replace(
         "import math\n", "import math\n\nimport outside_helpers\n"
     )
-    # Force and tangent alike: a law whose tangent is not the slope of its force is refused.
+    # Force and tangent are changed equally, because a law with a wrong tangent is refused.
     text = text.replace("* drift / root", "* drift * outside_helpers.FACTOR / root")
     tangent = "/ (root * root * root)"
     assert tangent in text
@@ -454,7 +454,7 @@ def test_store_refuses_changed_plugin(workshop, verlet, hyperbolic, tmp_path, mo
     call(0, *study, "out")
     helpers.write_text(
         "FACTOR = 0.25\n"
-    )  # of another size: Python looks at that and at the second of the last edit
+    )  # of another size, because Python compares the size and the time of the last edit in seconds
     for words in ((*study, "out"), ida):
         refused = call(2, *words)
         assert "plug-in outside_helpers.py: differs" in refused and "-o, or --overwrite" in refused

@@ -1,5 +1,5 @@
-"""Power-law dashpots: every method that takes them, against a linear dashpot, DOP853 and its own
-order."""
+"""Power-law dashpots: methods that support them, compared with a linear dashpot, DOP853 and the
+order of the method."""
 
 import math
 from dataclasses import replace
@@ -75,7 +75,8 @@ def test_order_is_kept_with_power_law_dashpot(name, exponent):
 
 @pytest.mark.parametrize("name", ["impulse4", "moment4", "newmark-average", "gauss4"])
 def test_energy_balance_of_yielding_building_with_fluid_dampers(name):
-    """Exponent 0.35, as of fluid viscous dampers; the dampers take up most of the input."""
+    """The exponent 0.35 is typical of fluid viscous dampers; the dampers dissipate most of the
+    input."""
     record = noise(peak=4.0)
     law = Law("bilinear", (8e5, 0.05))
     building = model([damped(2e5, 8e7, 3e5, 0.35, 0.002, law) for _ in range(5)])

@@ -1,5 +1,5 @@
-"""Plug-ins of published papers, written with `tdint.plugin` alone: tests/methods/recipes, and those
-of the READMEs."""
+"""Plug-ins of published papers that use only `tdint.plugin`: tests/methods/recipes and the
+READMEs."""
 
 import ast
 import math
@@ -70,8 +70,9 @@ def model_of(law, stories=1):
 @pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize("name", METHODS)
 def test_recipe_method_is_accurate_with_yielding_stories(name):
-    """With its order, energy in balance, from fresh scratch and halved steps; in plain Python, with
-    bounds checked. Of bilinear ones: the others are in what it declares."""
+    """Order, energy balance, fresh scratch and halved steps are checked in plain Python with
+    checked bounds. Only bilinear stories are used here; the check of the declarations uses
+    others."""
     loaded(name)
     assert step_check.faults_with_yielding(methods.parse(METHODS[name][0]), ["bilinear"]) == {}
 
@@ -166,7 +167,7 @@ def test_measure_of_readme_is_found_by_name(tmp_path):
 
 
 def test_check_suggests_public_name_of_import(tmp_path):
-    """And where such an import fails, the line says what to write."""
+    """If such an import fails, the message states the replacement."""
     file = tmp_path / "old.py"
     file.write_text(
         "from tdint.kernels import layout as rows\nfrom tdint.kernels.stepping import "

@@ -9,7 +9,7 @@ from tdint.methods.catalogue import catalogue, references, references_of
 
 @pytest.mark.parametrize("name", catalogue())
 def test_sources_of_method_have_references(name):
-    """Each year of the source, and each name before one, stands in a reference."""
+    """Each year in the source, and each name before a year, is in a reference."""
     method = catalogue()[name]
     found = references_of(method)
     assert found

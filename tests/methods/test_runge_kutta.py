@@ -159,7 +159,7 @@ def test_path_of_hysteretic_story_through_stages(method, inner):
     z, d = np.zeros(2), np.zeros(2)
     taken = turned = 0
     for ground in np.random.default_rng(3).uniform(-40.0, 40.0, (40, 2)):
-        if steps.take(*ground) == rows.NOT_CONVERGED:  # far beyond what it is for: omega h is 16
+        if steps.take(*ground) == rows.NOT_CONVERGED:  # far beyond the usual range: omega h is 16
             continue
         law_state = steps.space.law_state[:, :2]
         straight = internal(z, d, law_state[rows.DRIFT])

@@ -42,8 +42,8 @@ def eigenvalues(request, monkeypatch):
     ("beta", "theta"), [(0.24, 1.021712), (0.20, 1.159772), (1 / 6, 1.420815), (0.25, 1.0)]
 )
 def test_theta_of_optimal_collocation(eigenvalues, beta, theta):
-    """Hilber and Hughes (1978) give those of beta 0.24 and 0.20; at 1/4 the roots meet at theta
-    1."""
+    """Hilber and Hughes (1978) state the values for beta = 0.24 and 0.20; for beta = 1/4, the roots
+    coincide at theta = 1."""
     assert collocation_theta(beta) == pytest.approx(theta, abs=5e-7)
 
 
@@ -55,7 +55,7 @@ def test_collocation_uses_optimal_theta(eigenvalues):
 
 @pytest.mark.parametrize("beta", [0.17, 0.2, 0.22, 0.24, 0.2499])
 def test_roots_coincide_at_optimal_theta(beta):
-    """Just below it they are two real ones, just above it a pair."""
+    """The roots are real just below this theta and complex conjugate just above it."""
     theta = collocation_theta(beta)
     for factor, meet in ((1.0 - 1e-6, False), (1.0 + 1e-6, True)):
         matrix = single_step._amplification_at_infinity(collocation(beta, theta * factor))

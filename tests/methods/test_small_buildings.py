@@ -1,8 +1,8 @@
-"""Buildings of two stories against an independent solution by SciPy.
+"""Buildings with two stories compared with an independent solution by SciPy.
 
-The equations of motion, with laws written as ordinary Python, are integrated by `solve_ivp` with a
+The equations of motion, with laws in ordinary Python, are integrated by `solve_ivp` with a
 tolerance far below the errors of the methods. The tests need no compiled loops. The stored results
-of tests/kernels/test_stored_results.py are those of the same buildings.
+of tests/kernels/test_stored_results.py are results of the same buildings.
 """
 
 import itertools
@@ -155,7 +155,7 @@ SOLVED = [
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 @pytest.mark.parametrize("name", SOLVED)
 def test_order_4_is_observed_with_nonlinear_stories(name, method):
-    """With a quarter of the time step, the error decreases to less than 1/30 of it."""
+    """With a quarter of the time step, the error is less than 1/30."""
     coarse, fine = error(name, method, 1), error(name, method, 4)
     assert coarse < (0.03 if name in ("gap", "polynomial") else 2e-3)
     assert fine < min(coarse / 30.0, 2e-4)

@@ -85,8 +85,8 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("seed", range(3))
 def test_order_energy_and_agreement_with_average_acceleration(name, seed):
-    """The finest run of average acceleration goes another way through the laws: over whole steps,
-    without events."""
+    """Average acceleration with the smallest steps follows the laws over complete steps, without
+    branch changes at events."""
     case, record = building(name, seed), noise(samples=501, seed=seed, peak=6.0)
     runs, finest, errors = refined(case, record, (1, 2, 4, 8, 32), size=np.linalg.norm)
     assert runs[0].branch_changes > 40
@@ -98,7 +98,8 @@ def test_order_energy_and_agreement_with_average_acceleration(name, seed):
 
 
 def failing(**more):
-    """One story that carries nothing beyond six yield drifts, kicked past them."""
+    """Return a story with an initial velocity that exceeds its ultimate drift of six yield
+    drifts."""
     side = (5.0, 0.4, 0.8, 1.1, 0.2, 0.3, 1.0)
     law = Law("imk", (*side, *side, *4 * [np.inf], 1.0, 1.0, 1.0))
     return model([story(1.0, 100.0, law, height=10.0)], velocity=(3.0,), **more)
@@ -143,8 +144,8 @@ def test_collapse_before_story_failure_is_reported():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_collapse_time_agrees_with_fine_steps(seed):
-    """A falling branch under P-delta: at the record's step and at a 64th of it, within one interval
-    of the record."""
+    """For a softening branch with P-delta, the collapse times with the sampling interval and with
+    1/64 of it differ by at most one sampling interval."""
     record = noise(samples=1201, seed=seed, peak=14.0)
     case = building("imk", seed, p_delta=True)
     heavy = [story(one.mass, one.stiffness, one.law, height=1.6) for one in case.stories]

@@ -1,5 +1,5 @@
-"""omega h = sqrt(12): the printed formulas of the impulse method divide by zero there, the step
-must not."""
+"""omega h = sqrt(12): the printed formulas of the impulse method divide by zero, but the step must
+not."""
 
 import numpy as np
 import pytest

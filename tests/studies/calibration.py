@@ -1,5 +1,5 @@
-"""A recorded building: which stiffness, strength and damping its roof's motion tells, by Markov
-chains."""
+"""Calibration of a recorded building: posterior distributions of stiffness, strength and damping
+from the motion of the roof, by Markov chains."""
 
 import emcee
 import numpy as np
@@ -7,7 +7,8 @@ from scipy.optimize import least_squares
 
 import tdint
 
-# What was recorded: here the frame with other numbers, and noise, stands for the building.
+# Recorded motion: in this example, the frame with other parameters and added noise represents the
+# building.
 ground = tdint.read_record("records/kaikoura/WTMC.mseed", component="HN1", units="m/s^2")
 ground = tdint.process(ground, trim=(45.0, 75.0))
 frame = tdint.load_model("configs/ten-story-bilinear.yaml")
@@ -16,7 +17,7 @@ chance = np.random.default_rng(1)
 
 
 def roof(**numbers):
-    """Motions of the roof, m, a row for each draw."""
+    """Return the roof displacements, m, with a row for each sample."""
     runs = tdint.run_many(
         frame, ground, vary=numbers, history="displacement", every=10, method="impulse4"
     )
@@ -31,8 +32,8 @@ LOWEST, HIGHEST = np.array([0.5, 0.3, 0.005]), np.array([2.0, 3.0, 0.15])
 
 
 def log_probability(points):
-    """Of all walkers in one call: flat within bounds, the misfit of the roof in terms of the
-    noise."""
+    """Return the log posterior densities of all walkers in one call: flat within the bounds, with
+    the misfit of the roof relative to the noise."""
     inside = np.all((points > LOWEST) & (points < HIGHEST), axis=1)
     told = np.full(len(points), -np.inf)
     if inside.any():
@@ -56,7 +57,7 @@ def misfit(point):
     return (roof(**dict(zip(truth, point[:, None], strict=True)))[0] - recorded) / noise
 
 
-# The mode by least squares; the walkers start about it as the matrix there says.
+# The mode follows from least squares; the walkers start around it with the covariance at the mode.
 mode = least_squares(
     misfit, [1.0, 1.0, 0.05], jac=slopes, bounds=(LOWEST, HIGHEST), x_scale=[1.0, 1.0, 0.05]
 )

@@ -29,7 +29,7 @@ def _functions():
 
     @outlined
     def enter(law_parameters, law_state, i):
-        """At rest, or as it was left."""
+        """Set the branch at rest; otherwise keep the current branch."""
         if law_state[rows.INTERNAL, i] == ELASTIC:
             dy = law_parameters[STRENGTH, i] / law_parameters[rows.STIFFNESS, i]
             set_branch(
@@ -65,7 +65,8 @@ def _functions():
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """By the way back: to the lower line, along it, along the elastic line."""
+        """Return the energy of the unloading path: to the lower line, along it, and along the
+        elastic line."""
         k = law_parameters[rows.STIFFNESS, i]
         f = abs(law_state[rows.FORCE, i])
         if law_state[rows.INTERNAL, i] == ELASTIC:

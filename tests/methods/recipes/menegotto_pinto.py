@@ -27,7 +27,7 @@ def _functions():
         k = law_parameters[rows.STIFFNESS, i]
         b = law_parameters[HARDENING, i]
         reach = law_state[own + REACH, i]
-        if reach == 0.0:  # nothing has moved yet
+        if reach == 0.0:  # the story has not moved yet
             return k * drift, k
         power = law_state[own + POWER, i]
         x = (drift - law_state[own + FROM_DRIFT, i]) / reach
@@ -45,7 +45,7 @@ def _functions():
         before = law_state[previous + rows.DRIFT, i]
         way = drift - before
         if way * law_state[own + SIDE, i] < 0.0 or (law_state[own + SIDE, i] == 0.0 and way != 0.0):
-            # A turn: a new curve begins where the story stands.
+            # At a reversal, a new curve starts at the current point.
             side = math.copysign(1.0, way)
             law_state[own + SIDE, i] = side
             law_state[own + FROM_DRIFT, i] = before
@@ -84,7 +84,7 @@ def _functions():
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """The drift rate has turned: `force` sees that by itself."""
+        """Store the new sign of the drift rate; `force` detects reversals itself."""
         law_state[block + rows.RATE_SIGN, i] = -law_state[block + rows.RATE_SIGN, i]
 
     return LawFunctions(

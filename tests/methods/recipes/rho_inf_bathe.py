@@ -28,7 +28,8 @@ from tdint.plugin import (
 )
 
 GAMMA, Q0, Q1, Q2 = range(4)  # coefficients
-# rows of work: of the first part; those of the second begin in the middle of what is left
+# Rows of scratch of the first substep; rows of the second substep start in the middle of the
+# remaining rows
 FACTORS = EQUILIBRIUM_ROWS
 
 

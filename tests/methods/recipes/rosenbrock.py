@@ -142,7 +142,8 @@ def step(
 
 @inline
 def _stage(linear_terms, modal, by, factors, ku, kv, n):
-    """Rows `ku` and `kv` of work hold s and r, and become the stage."""
+    """Solve for a stage: the rows `ku` and `kv` of scratch contain s and r, and are replaced by the
+    stage."""
     scratch = factors.table
     below = 0.0
     for i in range(n):

@@ -53,8 +53,8 @@ def step(
     scratch,
     step_status,
 ):
-    """One step: three balances with one matrix; the unknown of each is the acceleration of its
-    stage."""
+    """Take one step: three equilibrium equations with the same matrix, with the accelerations of
+    the stages as unknowns."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
@@ -64,7 +64,7 @@ def step(
         step_status[rows.FACTORED_STEP] = h
     iterations = 0
     for stage in range(3):
-        # What the stages before it add; the guess of its acceleration is theirs
+        # Contributions of the earlier stages, whose accelerations are also the first estimate
         part = 0.0
         for earlier in range(stage + 1):
             part += A[stage, earlier]
