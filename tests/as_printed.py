@@ -1,12 +1,12 @@
-"""The equations of the paper of 2022 as printed, their misprints and the corrections.
+"""Equations of the paper of 2022 as printed, their misprints and the corrections.
 
-The linear and the nonlinear step (eqs. 11 to 26, 46 to 54) are functions, with the misprints that
-methods/README lists corrected. The closed forms (eqs. 33, 34, 44, 45 and 57 to 65) are texts in the
-notation of the paper: `evaluate(EQUATIONS[33])` is the equation as printed, and
-`evaluate(corrected(33))` has the corrections of `MISPRINTS`. Nothing is taken from the program.
+The linear and the nonlinear step (eqs. 11 to 26, 46 to 54) are functions, in which the misprints
+listed in methods/README are corrected. The closed forms (eqs. 33, 34, 44, 45 and 57 to 65) are
+texts in the notation of the paper: `evaluate(EQUATIONS[33])` is the equation as printed, and
+`evaluate(corrected(33))` has the corrections of `MISPRINTS`. No equation is taken from the program.
 
-Unknowns of the step: the jerk j0 at the start, eliminated with a division by a1 (eq. 16), then
-k_x u1 = p_x.
+The unknowns of the step are the jerk j0 at the start, which is eliminated with a division by a1
+(eq. 16), and u1 from k_x u1 = p_x.
 """
 
 import re
@@ -23,11 +23,11 @@ def step(m, c, k, h, start, impulse, end, beta=BETA):
 
 
 def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
-    """Eqs. 46 to 54: Newton's iteration for u1, with the tangent k_T at the step's end in place of
-    k.
+    """Solve eqs. 46 to 54 by Newton's iteration for u1, with the tangent k_T at the end of the step
+    instead of k.
 
-    `law` gives the restoring force and its tangent at a displacement; k_T q of eq. 13 is f0 h + k_T
-    (q - u0 h).
+    `law` gives the restoring force and its tangent at a displacement; the term k_T q of eq. 13 is
+    f0 h + k_T (q - u0 h).
     """
     u0, v0, a0 = start
     force_0, _ = law(u0)
@@ -44,7 +44,7 @@ def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
             + k @ (v0 * h**2 / 2.0 + a0 * h**3 / 6.0 - 24.0 * beta * h * (v0 * h + a0 * h**2 / 2.0))
         )
         of_u, known = np.linalg.solve(a1, by_u), np.linalg.solve(a1, rest - impulse)
-        # Velocity and acceleration at the end: parts in (u1 - u0), and the others.
+        # Velocity and acceleration at the end: terms proportional to (u1 - u0), and other terms.
         v_u, v_known = (
             4.0 / h * np.eye(len(m)) - h**2 / 6.0 * of_u,
             -3.0 * v0 - a0 * h - h**2 / 6.0 * known,
@@ -132,9 +132,9 @@ ENTRIES = {57 + 3 * i + j: (i, j) for i in range(3) for j in range(3)}
 
 
 class Misprint(NamedTuple):
-    """A part of an equation as printed and as it must be.
+    """Part of an equation as printed and as corrected.
 
-    `words` names the correction where the parts say too little by themselves.
+    `words` describes the correction if the parts alone are unclear.
     """
 
     printed: str

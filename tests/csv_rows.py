@@ -1,11 +1,11 @@
-"""The rows of a table, as every test of a command asks for them."""
+"""Rows of tables, for tests of commands."""
 
 import csv
 from pathlib import Path
 
 
 def rows(table: str | Path) -> list[dict[str, str]]:
-    """Of a table's text, or of a file: a path, or a name, which is a single line."""
+    """Return the rows of a table, given as text, as a path or as a file name in a single line."""
     of_file = isinstance(table, Path) or (table and "\n" not in table)
     return list(
         csv.DictReader(

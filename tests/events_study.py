@@ -1,4 +1,4 @@
-"""How the error of impulse4 falls with the step in one random building after another."""
+"""Decrease of the error of impulse4 with the time step, in random buildings."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,18 +19,18 @@ _CHANGE = 1e-9
 
 @dataclass
 class Found:
-    """What one building showed.
+    """Results of one building.
 
     Attributes
     ----------
     motion : Record
-        What shook it.
+        Ground motion.
     exact : ndarray, shape (samples, stories)
-        Its displacements.
+        Displacements of the reference run.
     errors : list of float
-        Largest error of a displacement over the largest displacement, at the steps of `PARTS`.
+        Maximum error of the displacements over the maximum displacement, for the steps of `PARTS`.
     worst : float
-        Largest ratio of an error to the one before.
+        Largest ratio of an error to the error with the next larger step.
     """
 
     building: Model
@@ -41,19 +41,19 @@ class Found:
 
     @cached_property
     def growth(self):
-        """By how much a small change of the motion is enlarged."""
+        """Return the factor by which a small change of the motion is amplified."""
         changed = replace(self.motion, acceleration=self.motion.acceleration * (1.0 + _CHANGE))
         _, other = at_samples(self.building, changed, "impulse4", _FINE[0])
         return np.max(np.abs(other - self.exact)) / np.max(np.abs(self.exact)) / _CHANGE
 
     @property
     def chaotic(self):
-        """Whether the building's course hangs on less than any method gives."""
+        """Return True if the response depends on smaller changes than the error of any method."""
         return self.growth > 1e4
 
 
 def study(seed):
-    """March one random building with all steps."""
+    """Run a random building with all time steps."""
     building, motion = piecewise_building(np.random.default_rng(seed))
     (_, exact), (_, other) = (at_samples(building, motion, "impulse4", parts) for parts in _FINE)
     size = np.max(np.abs(exact))

@@ -1,5 +1,7 @@
-"""A checker of the part of JSON schema (draft 7) that tdint's schemas use; anything else in a
-schema is an error. And what a schema must refuse, made from what the keys of a file declare.
+"""Checker for the part of JSON schema (draft 7) that the schemas of tdint use, and generator of
+values that a schema must refuse.
+
+Other keywords in a schema are errors. Invalid values follow from the declarations of the keys.
 """
 
 import copy
@@ -25,7 +27,7 @@ WORDS = ("$schema", "title", "description", "additionalProperties")
 
 
 def valid(value: Any, schema: dict[str, Any]) -> bool:
-    """Whether a value is as the schema says."""
+    """Return True if a value is valid for the schema."""
     return all(
         _holds(word, told, value, schema) for word, told in schema.items() if word not in WORDS
     )
@@ -91,7 +93,7 @@ def tree(text: str) -> Any:
 
 
 def wrong(kind: ValueType) -> list[object]:
-    """Values that a kind does not allow, made from what it declares."""
+    """Return values that a type does not allow, derived from its declaration."""
     if isinstance(kind, Bounds):
         outside = [kind.low - 1.0, kind.high + 1.0, kind.low * (not kind.low_allowed), kind.high]
         return [
@@ -111,7 +113,8 @@ def wrong(kind: ValueType) -> list[object]:
 
 
 def spoiled(model: dict[str, Any], keys: Keys) -> list[dict[str, Any]]:
-    """The model with one wrong value under each key that it has, one key too many, one too few."""
+    """Return copies of the model with an invalid value for each of its keys, with an unknown key,
+    and without each required key."""
     found: list[dict[str, Any]] = []
     for key in keys.declared:
         if key.name not in model:

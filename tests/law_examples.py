@@ -33,7 +33,8 @@ def example(name, stiffness, strength):
         if parameter.many:
             values += [stiffness, -0.1 * stiffness / drift, 0.05 * stiffness / drift**2]
         elif parameter.force or parameter.length:
-            # Of the dimensions force^a length^b: strength^a (strength / stiffness)^b
+            # Parameters with the dimension force^a length^b are scaled by strength^a (strength /
+            # stiffness)^b.
             values.append(strength**parameter.force * drift**parameter.length)
         else:
             width = parameter.high - parameter.low

@@ -1,4 +1,4 @@
-"""A story's law on its own: its table, and the force along a path of the drift."""
+"""Law of a single story: its table, and the force along a path of drifts."""
 
 import numpy as np
 
@@ -24,7 +24,8 @@ def law_table(name, *parameters):
 
 
 def follow(law_parameters, path):
-    """Force along a path that begins at zero, and what is stored and dissipated at its end."""
+    """Return the forces along a path that starts at zero, and the strain energy and dissipated
+    energy at its end."""
     drifts = np.array([0.0, *path])
     result = np.zeros((drifts.size, law_state.RESULT_COLUMNS))
     law_state.follow.compiled(law_parameters, 0, drifts, law_state_table(law_parameters), result)
@@ -36,6 +37,6 @@ def follow(law_parameters, path):
 
 
 def along(law, drifts, **story):
-    """The path of a story of its own, from rest."""
+    """Return the path of a single story from rest."""
     building = assemble(simple_model("one", [simple_story(1.0, law, **story)]))
     return follow_path(building, 1, np.asarray(drifts, float))

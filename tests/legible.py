@@ -1,5 +1,4 @@
-"""What holds of every picture that a test draws: it fits a page, its letters can be read, its
-panels are named."""
+"""Checks of every figure that a test draws: page size, font sizes and labels of panels."""
 
 from typing import Any
 
@@ -20,11 +19,11 @@ def check(figure: Figure) -> None:
     assert width <= max(11.0, 5.0 * columns), "wider than a page on its side"
     lines = [
         axes for axes in panels if not _has_names(axes.xaxis)
-    ]  # others are tables, read cell by cell
+    ]  # other figures are tables that are read by cell
     assert all(axes.get_position().width * width <= 6.3 for axes in lines), (
         "a panel wider than the eye follows a line"
     )
-    # A4 has a height of 11.69 inches; 10.5 leaves margins of 15 mm.
+    # A4 has a height of 11.69 inches; 10.5 inches leave margins of 15 mm.
     fits_a_page = 0.25 * width <= height <= 1.5 * width and height <= 10.5
     assert fits_a_page, f"{width:.2f} by {height:.2f} inches do not fit a page"
     sizes = [
@@ -33,8 +32,8 @@ def check(figure: Figure) -> None:
         if text.get_visible() and text.get_text().strip()
     ]
     assert min(sizes) >= 6.0 and max(sizes) <= 11.0, "letters of another size than those of a page"
-    # The lowest panel of each column says what is across, the first one of each row what is along
-    # it.
+    # The lowest panel of each column must have a label of the horizontal axis, and the first panel
+    # of each row a label of the vertical axis.
     for axes in panels:
         grid, rows, places = _place(axes)
         others = [(below, beside) for same, below, beside in map(_place, panels) if same is grid]

@@ -1,5 +1,5 @@
-"""What OpenSees' manual says of the commands that tdint gives it, for masses in a row: where it is
-not installed."""
+"""Stand-in for OpenSees that follows its manual for the commands of tdint and masses in a row, for
+machines without OpenSees."""
 # ruff: noqa: N802 (its names)
 
 from pathlib import Path
@@ -9,13 +9,12 @@ import numpy as np
 
 
 class Domain:
-    """Masses in a row, springs and dashpots between them, loads, and the step that brings them
-    on."""
+    """Masses in a row, springs and dashpots between them, loads, and time steps."""
 
     recorded: ClassVar = {}
 
     def constraints(self, *_):
-        """Nor do the commands below choose anything that changes a number."""
+        """Ignore commands that do not change results."""
 
     numberer = system = constraints
 
@@ -94,8 +93,8 @@ class Domain:
         self.applied.append((tag - 1, size, self.series[self.loading]))
 
     def __getattr__(self, name):
-        """Of a node's motion `nodeDisp(node, 1)`, `setNodeVel(node, 1, value, "-commit")`, and so
-        on."""
+        """Return functions such as `nodeDisp(node, 1)` and `setNodeVel(node, 1, value,
+        "-commit")`."""
         row = next(i for i, kind in enumerate(("Disp", "Vel", "Accel")) if name.endswith(kind))
         if name.startswith("set"):
             return lambda tag, direction, value, _: self.motion.__setitem__(
@@ -113,7 +112,7 @@ class Domain:
         self.one_solve = kind == "Linear"
 
     def integrator(self, kind, *numbers):
-        """Weights of the end of the step in the inertia and in all else, beta and gamma."""
+        """Set the weights of the end of the step for inertia and other forces, beta and gamma."""
         if kind == "Newmark":
             self.scheme = 1.0, 1.0, numbers[1], numbers[0]
         else:
@@ -121,7 +120,8 @@ class Domain:
             self.scheme = inertia, rest, 0.25 * (1.0 + inertia - rest) ** 2, 0.5 + inertia - rest
 
     def analysis(self, kind):
-        """All is said: matrices, and what of the springs has yielded at the start."""
+        """Create the matrices and the initial state of the springs after the definition of the
+        model."""
         self.m = np.array([self.masses[tag] for tag in range(1, self.nodes)])
         self.drifts = np.eye(self.m.size) - np.eye(self.m.size, k=-1)
         steel = [
@@ -144,7 +144,7 @@ class Domain:
         self.inner = self.springs(self.drifts @ self.motion[0], 0.0 * self.m, 0.0 * self.m)[1]
 
     def springs(self, drift, before, inner):
-        """Forces, what of them yields, and tangents."""
+        """Return forces, inelastic forces and tangents of the springs."""
         soft, most = (1.0 - self.hardening) * self.k, (1.0 - self.hardening) * self.yields
         tried = inner + soft * (drift - before)
         inner = np.clip(tried, -most, most)
@@ -158,7 +158,7 @@ class Domain:
         return next((code for code in (self.step(h) for _ in range(count)) if code), 0)
 
     def step(self, h):
-        """Newmark's formulas; the balance of forces holds at weighted times."""
+        """Take a step with the formulas of Newmark; equilibrium holds at weighted times."""
         inertia, rest, beta, gamma = self.scheme
         u0, v0, a0 = self.motion
         at = self.time + rest * h

@@ -1,9 +1,9 @@
-"""Numbers of a suite of pairs, computed without tdint: python tests/pair_demands.py MOTIONS OUT.
+"""Demands of a suite of pairs, computed without tdint: python tests/pair_demands.py MOTIONS OUT.
 
-MOTIONS is a folder of matched motions in AT2 format (`tdint match --format at2`), OUT the folder
-of their runs. The script prints the RotD100 of each pair and the mean drift ratio over pairs under
-each rule for the demand of a pair. `annual_losses` computes average annual losses from the runs of
-a campaign with events. Only numpy and scipy are used.
+MOTIONS is a directory of matched motions in AT2 format (`tdint match --format at2`), OUT the
+directory of their runs. The script prints the RotD100 of each pair and the mean drift ratio over
+pairs for each rule for the demand of a pair. `annual_losses` computes average annual losses from
+the runs of a campaign with events. Only numpy and scipy are used.
 """
 
 import csv
@@ -29,8 +29,8 @@ def read_at2(path):
 
 
 def displacement(acceleration, dt, period, damping=0.05):
-    """Relative displacement of an oscillator, exact for acceleration that is linear between the
-    samples (discretization of the state equation with a first-order hold)."""
+    """Return the relative displacement of an oscillator, which is exact for a linear acceleration
+    between samples (discretization of the state equation with a first-order hold)."""
     omega = 2.0 * math.pi / period
     state = np.array([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]])
     system = (state, np.array([[0.0], [-1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
@@ -43,8 +43,8 @@ def displacement(acceleration, dt, period, damping=0.05):
 
 
 def rotd100(first, second, period):
-    """Pseudo-acceleration in the direction in which it is largest: the largest distance of the
-    displacement from the origin."""
+    """Return the pseudo-acceleration in the direction of its maximum, from the maximum distance of
+    the displacement from the origin."""
     (one, dt), (two, _) = read_at2(first), read_at2(second)
     size = min(one.size, two.size)
     paths = [displacement(motion[:size], dt, period) for motion in (one, two)]
@@ -68,7 +68,8 @@ def pairs_of(runs, *keys):
 
 
 def combined(values, rule):
-    """Demands that a pair contributes under a rule: one, or those of both components."""
+    """Return the demands that a pair contributes under a rule: one demand, or the demands of both
+    components."""
     return {"larger": [max(values)], "mean": [sum(values) / 2.0], "separate": list(values)}[rule]
 
 
@@ -100,7 +101,7 @@ def annual_losses(damage, rule, rates, states, worth):
     """
     losses = {}
     for (building, event), pair in pairs_of(damage, "building", "event"):
-        # A pair under which the building collapses has the loss of a collapse.
+        # A pair with a collapse has the loss of a collapse.
         drifts = [
             math.inf if run["status"] in FALLEN else float(run["drift_ratio"]) for run in pair
         ]

@@ -40,12 +40,13 @@ ROUNDING = 1e-12  # differences below this are rounding
 DAMPINGS = (0.0, 0.05, 0.2, 0.9, 1.0, 3.0)  # damping ratios xi
 STEPS = (0.3, 2.0, 3.3, 5.0)  # W = omega dt, on both sides of the root of 12
 DTS = (1.0, 0.5, 0.02)  # s; a wrong power of dt shows only where dt is not 1
-BETAS = (BETA, 0.01)  # the paper's number and another one: its equations are for any beta
+# the number of the paper and another value, because the equations hold for any beta
+BETAS = (BETA, 0.01)
 ALL_STEPS = np.geomspace(1e-3, 1e4, 1500) / (2.0 * math.pi)  # dt/T
 
 
 class Below(float):
-    """A measured value of which the page states an upper bound."""
+    """Measured value for which the page states an upper bound."""
 
 
 class Row(NamedTuple):
@@ -143,7 +144,8 @@ def deviation(number, text, beta=BETA, dampings=DAMPINGS, dts=DTS):
 
 
 def corrected_deviation(*numbers):
-    """Return the largest deviation of corrected equations for the paper's beta and another one."""
+    """Return the largest deviation of corrected equations for the beta of the paper and another
+    value."""
     return max(deviation(number, corrected(number), beta) for number in numbers for beta in BETAS)
 
 
@@ -198,7 +200,7 @@ def denominator(w, xi):
 
 
 def determinant_deviation():
-    """Return how far the determinant of the compiled step is from denominator(-xi) over
+    """Return the deviation of the determinant of the compiled step from denominator(-xi) /
     denominator(xi)."""
     return max(
         abs(np.linalg.det(compiled_step(w, xi)) * denominator(w, xi) / denominator(w, -xi) - 1.0)
@@ -207,12 +209,12 @@ def determinant_deviation():
     )
 
 
-# ---- The step itself: eqs. 11 to 26 and 46 to 54
+# ---- Linear and nonlinear step: eqs. 11 to 26 and 46 to 54
 
 
 def kinematics_deviation(factor):
-    """Return how far eq. 12, a1 - a0 = 6 (v0 + v1) / h - factor du / h^2, is from quartic
-    displacements, over both accelerations."""
+    """Return the deviation of eq. 12, a1 - a0 = 6 (v0 + v1) / h - factor du / h^2, from quartic
+    displacements, relative to both accelerations."""
     largest = 0.0
     for coefficients in np.random.default_rng(12).standard_normal((50, 5)):
         u = np.polynomial.Polynomial(coefficients)
@@ -335,7 +337,7 @@ def largest_of(quantity, method="impulse"):
 
 
 def radius_excess(*dampings):
-    """Return by how much the spectral radius of impulse exceeds 1, at any step."""
+    """Return the maximum excess of the spectral radius of impulse over 1 for all steps."""
     radii = [stability("impulse", ALL_STEPS, damping).spectral_radius for damping in dampings]
     return Below(max(0.0, float(np.max(radii)) - 1.0))
 
@@ -358,7 +360,7 @@ def lagging_limit(xi):
 
 
 def cusp(damping):
-    """Return dt/T at which the spectral radius of Wilson's method is smallest."""
+    """Return dt/T of the minimum spectral radius of Wilson's method."""
     steps = np.linspace(2.0, 3.0, 1001)
     return float(steps[np.argmin(stability("wilson:theta=1.4", steps, damping).spectral_radius)])
 
@@ -383,8 +385,8 @@ def order_of(method, load, law="linear"):
 
 
 def regression():
-    """Return alpha and gamma of eq. 43 for impulse under a record, and how far the finest three
-    errors are from the fit, %."""
+    """Return alpha and gamma of eq. 43 for impulse under a record, and the misfit of the three
+    smallest errors in percent."""
     measured = observed("impulse", "record")
     clear = measured.displacement > 3e-12  # smaller errors are rounding
     steps, errors = measured.steps[clear][-3:], measured.displacement[clear][-3:]
@@ -400,8 +402,8 @@ START_PAIRS = ((1.0, 0.0), (0.0, 1.0))  # u and dt v at the start
 
 
 def free_step_deviation(expected, dampings):
-    """Return how far a formula for u1 and dt v1 is from the compiled step, from a displacement and
-    from a velocity."""
+    """Return the deviation of a formula for u1 and dt v1 from the compiled step, for an initial
+    displacement and an initial velocity."""
     return max(
         np.max(np.abs(np.array(expected(w, xi, u, v)) - compiled_step(w, xi) @ np.array([u, v])))
         for xi in dampings
@@ -411,7 +413,7 @@ def free_step_deviation(expected, dampings):
 
 
 def critical_deviation(second, dt=0.5):
-    """Return how far eq. 44 and a text of eq. 45 are from the compiled step at xi = 1."""
+    """Return the deviation of eq. 44 and a text of eq. 45 from the compiled step at xi = 1."""
 
     def expected(w, xi, u, v):
         values = {"u": u, "v": v / dt, "W": w, "dt": dt}
@@ -431,12 +433,12 @@ def step_for_any_damping(w, xi, u, v):
 
 
 def distance_from_limit(w, xi):
-    """Return how far u1 and dt v1 are from their limits u and dt v + 12 u for large W."""
+    """Return the distance of u1 and dt v1 from their limits u and dt v + 12 u for large W."""
     return np.max(np.abs(compiled_step(w, xi) - np.array([[1.0, 0.0], [12.0, 1.0]])))
 
 
 def approach(xi):
-    """Return the power of W with which the compiled step approaches this limit."""
+    """Return the power of W at which the compiled step approaches this limit."""
     near, far = (distance_from_limit(w, xi) for w in (1e4, 1e5))
     return math.log10(far / near)
 
@@ -450,8 +452,9 @@ def powers(method, damping=0.0):
 
 
 def nonlinear_overshoot():
-    """Return the largest velocity of average acceleration (hardening), its largest displacement
-    (softening), and that of moment4, over the exact ones."""
+    """Return the maximum velocity of average acceleration (hardening), its maximum displacement
+    (softening), and the maximum displacement of moment4 (softening), relative to the exact
+    values."""
     hardening = overshoot("newmark-average", "displacement", 0.3, law="hardening")
     softening = overshoot("newmark-average", "velocity", 10.0, law="softening")
     conserving = overshoot("moment4", "velocity", 10.0, law="softening")
@@ -475,8 +478,8 @@ def example_error(number, method, variant="", reference="finer"):
 
 
 def relative_error(number):
-    """Return the error of impulse against what the paper calls exact, % of the largest
-    displacement."""
+    """Return the error of impulse relative to the solution that the paper calls exact, in percent
+    of the maximum displacement."""
     one = errors(number)["impulse", ""]
     return 100.0 * one.error("displacement", "paper") / np.max(np.abs(one.paper.displacement))
 

@@ -1,5 +1,5 @@
-"""A kernel that goes along one stretch after the other from the same state, as moment4 goes: a
-law's force at any number of drifts behind a turning point."""
+"""Kernel that follows several paths from the same state, as moment4 does: the force of a law at
+several drifts after a reversal."""
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import F8, TABLE, VECTOR, kernel
@@ -8,8 +8,8 @@ from tdint.kernels.stories import path
 
 @kernel(F8(TABLE, TABLE, TABLE, VECTOR, TABLE, VECTOR), parts=("laws",))
 def forces_behind(law_parameters, begun, law_state, rises, scratch, forces):
-    """The force of the first story after each rise of its drift from the state `begun`; `springs`
-    and `work` are room, and `springs` has the last state."""
+    """Store the force of the first story after each rise of its drift from the state `begun` in
+    `forces`; `law_state` contains the last state."""
     for j in range(rises.shape[0]):
         for row in range(law_state.shape[0]):
             law_state[row, 0] = begun[row, 0]

@@ -1,12 +1,11 @@
-"""The pictures of the READMEs in configs: `python tests/pictures.py` draws those anew that are out
-of date.
+"""Figures of the READMEs in configs: `python tests/pictures.py` draws figures that are out of date.
 
-What a picture is made from, its command, the files that this names, the methods of the catalogue
-where it shows them, and the sources that draw it, has a digest in configs/pictures.json;
-tests/documentation compares. The command is also stored in the PNG file itself (`png_text`), so
-that a test compares it with the page. Pixels are not compared, because they differ between
-machines. Charts show times: they are drawn on a quiet machine, and only by name, as in
-`python tests/pictures.py chain-150-chart.png`.
+configs/pictures.json stores a digest of the command of a figure, its input files, the methods of
+the catalog if the figure shows them, and the sources that draw it; tests/documentation compares.
+The command is also stored in the PNG file (`png_text`), so that a test compares it with the page.
+Pixels are not compared, because they differ between machines. Work-precision diagrams show times:
+they are drawn on an idle machine, and only by name, as in `python tests/pictures.py
+chain-150-chart.png`.
 """
 
 import ast
@@ -39,7 +38,7 @@ _REGION = " && ".join(
 
 @dataclass(frozen=True)
 class Picture:
-    """How a picture is made: a shell command, with `{file}` for it, and the module of figures that
+    """Definition of a figure: a shell command, with `{file}` for the file name, and the module that
     draws it."""
 
     command: str
@@ -81,7 +80,7 @@ PICTURES = {
 
 
 def _sources(module: str) -> set[Path]:
-    """The module and what it imports of the figures, files in turn."""
+    """Return the source files of a module and of the figure modules that it imports."""
     found: set[Path] = set()
     names = {module}
     while names:
@@ -93,8 +92,7 @@ def _sources(module: str) -> set[Path]:
 
 
 def _inputs(command: str) -> set[Path]:
-    """The files that a command names; of a model its record, of a folder what records it holds, as
-    well."""
+    """Return the files in a command, including the records of models and of directories."""
     named = [readmes.ROOT / word for word in command.split() if (readmes.ROOT / word).exists()]
     files = {file for one in named for file in (one.glob("*.mseed") if one.is_dir() else [one])}
     told = (
@@ -106,8 +104,8 @@ def _inputs(command: str) -> set[Path]:
 
 
 def digest(picture: Picture) -> str:
-    """Of all that a picture is made from, of a chart without what draws it; names of files count,
-    folders do not."""
+    """Return the digest of a command, its inputs and the sources of the figure; work-precision
+    diagrams have no sources. File names count, directories do not."""
     whole = hashlib.sha256(picture.command.encode())
     if picture.of_methods:
         whole.update(" ".join(catalogue()).encode())
@@ -119,7 +117,7 @@ def digest(picture: Picture) -> str:
 
 def _content(file: Path) -> bytes:
     """Return the content of a file; of Python sources only the code, because comments and
-    docstrings do not change a picture."""
+    docstrings do not change a figure."""
     if file.suffix != ".py":
         return file.read_bytes()
     tree = ast.parse(file.read_bytes())
@@ -145,7 +143,7 @@ def is_plain(value: object) -> bool:
 
 
 def out_of_date() -> list[str]:
-    """The pictures whose digest is another one than when they were drawn, or that are not there."""
+    """Return the names of figures with a changed digest or a missing file."""
     known = json.loads(DIGESTS.read_text()) if DIGESTS.exists() else {}
     return [
         name
@@ -155,7 +153,7 @@ def out_of_date() -> list[str]:
 
 
 def draw(names: list[str]) -> None:
-    """Draw pictures, and write their digests."""
+    """Draw figures and write their digests."""
     known = json.loads(DIGESTS.read_text()) if DIGESTS.exists() else {}
     for name in names:
         print(name, flush=True)

@@ -1,6 +1,6 @@
-"""Text chunks of PNG files: the command by which a committed figure was drawn.
+"""Text chunks of PNG files: the command that drew a committed figure.
 
-The pixels are not touched, and no image library is needed.
+The pixels are not changed, and no image library is needed.
 """
 
 import zlib
@@ -10,7 +10,7 @@ COMMAND = "Command"
 """Keyword of the chunk with the command."""
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_HEADER_END = len(_SIGNATURE) + 25  # the header chunk IHDR is always the first one, of 25 bytes
+_HEADER_END = len(_SIGNATURE) + 25  # the header chunk IHDR with 25 bytes is always first
 
 
 def _chunks(data: bytes):
@@ -38,7 +38,7 @@ def texts(file: Path) -> dict[str, str]:
 
 
 def with_command(data: bytes, command: str) -> bytes:
-    """Return the bytes of a PNG file with its command, in place of any earlier one."""
+    """Return the bytes of a PNG file with its command, which replaces any earlier command."""
     for place, kind, content in list(_chunks(data)):
         if kind == b"iTXt" and content.startswith(COMMAND.encode() + b"\0"):
             data = data[:place] + data[place + len(content) + 12 :]

@@ -48,7 +48,7 @@ HYSTERETIC = {
 def random_building(rng, laws):
     """Return a building in free vibration and its first period, s.
 
-    It has one to eight stories with laws drawn from `laws`, sometimes P-delta, and initial drifts
+    It has one to eight stories with laws sampled from `laws`, sometimes P-delta, and initial drifts
     of up to three times `BEND`.
     """
     n = int(rng.integers(1, 9))
@@ -123,7 +123,7 @@ def _frame(rng, n):
 
 
 def _shaken(rng, masses, springs, strengths, laws, samples):
-    """Stories of laws drawn from `laws`, and a motion."""
+    """Return stories with laws sampled from `laws`, and a motion."""
     names = rng.choice(list(laws), len(springs))
     stories = [
         story(
@@ -140,9 +140,9 @@ def _shaken(rng, masses, springs, strengths, laws, samples):
 
 
 def piecewise_building(rng, samples=601):
-    """A building of one to seven stories of laws drawn from `PIECEWISE`, a third of them isolated,
-    with P-delta in two of five, and a motion that takes it far beyond the drifts at which they
-    bend."""
+    """Return a building of one to seven stories with laws sampled from `PIECEWISE`, and a motion
+    that exceeds the drifts at their kinks by far. A third of the buildings are isolated, and two of
+    five have P-delta."""
     n = int(rng.integers(1, 7))
     isolated = rng.random() < 0.35
     masses, springs = _frame(rng, n)
@@ -159,8 +159,8 @@ def piecewise_building(rng, samples=601):
 
 
 def shaken_building(rng, laws=tuple(SMOOTH), samples=601):
-    """A building of one to six stories of smooth laws, and a motion that takes it beyond where they
-    bend."""
+    """Return a building of one to six stories with smooth laws, and a motion that exceeds the
+    drifts of their curvature."""
     n = int(rng.integers(1, 7))
     masses, springs = _frame(rng, n)
     strengths = rng.uniform(0.08, 0.3) * 9.81 * np.cumsum(masses[::-1])[::-1]
@@ -198,7 +198,8 @@ def random_law(name, generator, stiffness, strength):
 
 
 def checked_building(seed, samples=501, step=0.01):
-    """One to eight stories of one law or of all, under a smooth or a rough motion, and a method."""
+    """Return one to eight stories with one law or all laws, a smooth or irregular motion, and a
+    method."""
     generator = np.random.default_rng(seed)
     n = int(generator.integers(1, 9))
     mass = 2e5
@@ -254,8 +255,8 @@ def _shaking(rng, dt, duration, peak):
 
 
 def _law_to_drawn_strength(rng, name, strength, k):
-    """What a model file says of a story's law that yields at about a strength, N, stiffness k,
-    N/m."""
+    """Return the entry of a model file for a law that yields at about the given strength, N, with
+    stiffness k, N/m."""
     drift = strength / k
 
     def times_drift(low, high):
@@ -379,7 +380,7 @@ def any_building(seed, laws=None):
         if law:
             one["law"] = {"type": name, **law}
         if name in ("polynomial", "multilinear-pinching"):
-            del one["stiffness"]  # the law says it
+            del one["stiffness"]  # the law defines the stiffness
         if rng.random() < 0.2:
             viscous = float(0.05 * np.sqrt(k * weights[i] / 9.80665))
             # of every other building's dampers a power law, as strong at 0.1 m/s

@@ -57,7 +57,7 @@ def files():
 
 
 def program(name):
-    """A program that stands beside the package, as a module."""
+    """Return a program in the .github directory as a module."""
     specification = importlib.util.spec_from_file_location(name, ROOT / ".github" / f"{name}.py")
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
@@ -104,7 +104,7 @@ def _dimension(parameter: LawParameter):
 
 
 def _range(parameter: LawParameter):
-    """What a parameter may be: > 0, or [0, 1)."""
+    """Return the range of a parameter as text, such as > 0 or [0, 1)."""
     low, high = parameter.low, parameter.high
     if math.isinf(low) and math.isinf(high):
         return ""
@@ -117,7 +117,7 @@ def _range(parameter: LawParameter):
 
 
 def _key(law: DriftLaw, parameter: LawParameter):
-    """What a model file says of a parameter of a law, or of the group that it belongs to."""
+    """Return the text on the key of a parameter of a law, or of its group."""
     if parameter.group:
         members = ", ".join(
             f"`{one.name}`" for one in law.parameters if one.group == parameter.group
@@ -163,8 +163,8 @@ def model_table():
 
 
 def _bound(problem: HardProblem):
-    """What a run has to keep to for the verdict `pass`; which error it is stands in the table of
-    `tdint failures`."""
+    """Return the limits of a run with the verdict `pass`; the table of `tdint failures` states the
+    type of error."""
     low = max(fault.low for fault in problem.faults)
     high = min(fault.high for fault in problem.faults)
     if problem.by_energy:
@@ -173,8 +173,8 @@ def _bound(problem: HardProblem):
 
 
 def problem_table():
-    """The problems on which methods fail, and what they are judged by; their sources stand in
-    `tdint.analysis`."""
+    """Return the table of the problems on which methods fail, with their criteria; `tdint.analysis`
+    lists the sources."""
     rows = ["| problem | description | passes with |", "|---|---|---|"]
     for problem in problems().values():
         rows.append(f"| `{problem.name}` | {problem.about} | {_bound(problem)} |")
@@ -182,7 +182,7 @@ def problem_table():
 
 
 def _first_sentence(path: Path):
-    """Of a module's docstring: up to the first end of a sentence."""
+    """Return the first sentence of the docstring of a module."""
     text = ast.get_docstring(ast.parse(path.read_text())) or ""
     return (
         " ".join(re.split(r"\.\s|\n\n", text, maxsplit=1)[0].split())
@@ -192,8 +192,8 @@ def _first_sentence(path: Path):
 
 
 def layer_table():
-    """The layers from the top, as the import contract has them, with what their modules say of
-    themselves."""
+    """Return the table of the layers from top to bottom, as in the import contract, with the first
+    sentences of their modules."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
         "contracts"
     ]
@@ -283,7 +283,8 @@ def columns():
 
 
 def column_tables():
-    """The columns of every table, each with its meaning where it first has it."""
+    """Return the columns of every table, with the meaning of each column at its first
+    occurrence."""
     told, lines, groups = set(), [], {}
     for name, group in columns().items():
         cells = [(column.name, column.meaning) for column in group]
@@ -301,8 +302,7 @@ def column_tables():
 
 
 def plugin_names():
-    """The names of `tdint.plugin` by the modules in which they stand, with what they say of
-    themselves."""
+    """Return the names of `tdint.plugin` by module, with their first sentences."""
     groups = {}
     for name, home in plugin.HOMES.items():
         groups.setdefault(home, []).append(name)
@@ -316,8 +316,7 @@ def plugin_names():
 
 
 def _told_name(name):
-    """A line of a name with its arguments, or the members of a tuple, and the first sentence about
-    it; none of what says nothing."""
+    """Return a line with a name, its arguments and its first sentence; empty for constants."""
     thing = getattr(plugin, name)
     if not (inspect.isfunction(thing) or inspect.isclass(thing)):
         return ""
@@ -346,7 +345,7 @@ PARTS = {
 
 
 def generated(text):
-    """A README's text with its generated parts made anew."""
+    """Return the text of a README with its generated parts written again."""
     for name in re.findall(r"^<!-- generated: (\w+) -->$", text, re.MULTILINE):
         begin, end = f"<!-- generated: {name} -->\n", f"<!-- end: {name} -->\n"
         head, _, rest = text.partition(begin)
@@ -356,7 +355,7 @@ def generated(text):
 
 
 def _unique(pattern):
-    """What the only match of a pattern in all READMEs holds."""
+    """Return the content of the only match of a pattern in all READMEs."""
     found = [
         match
         for path in files()
@@ -367,7 +366,7 @@ def _unique(pattern):
 
 
 def block(kind):
-    """The code block behind the line `<!-- test: KIND -->`, in whatever README it stands."""
+    """Return the code block after the line `<!-- test: KIND -->` in any README."""
     return _unique(rf"^<!-- test: {kind} -->\n```\w+\n(.*?)^```")
 
 
@@ -377,19 +376,20 @@ def digest(name):
     return _unique(rf"^<!-- digest: {name} -->\n(.*?)^<!-- end: digest {name} -->")
 
 
-# ---- Sessions: commands with what they print
+# ---- Sessions: commands and their output
 
 
 @contextmanager
 def checkout():
-    """A folder that looks like a checkout, with the models that READMEs show, and an environment
+    """Provide a directory similar to a checkout, with the models of the READMEs, and an environment
     that finds tdint."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         for part in ("configs", "records"):
             (folder / part).mkdir()
             for one in (ROOT / part).iterdir():
-                if one.name != "__pycache__":  # of a program beside the records, which tests import
+                # directory of a program next to the records, which tests import
+                if one.name != "__pycache__":
                     (folder / part / one.name).symlink_to(one)
         studies = ("campaign", "drift-check", "region", "fields", "exposure")
         for shown in ("workshop", "recorded", *studies):
@@ -399,8 +399,8 @@ def checkout():
 
 
 def shell(script, folder, environment):
-    """A shell script's exit code, output and messages; the note on the first compilation is left
-    out."""
+    """Return exit code, output and messages of a shell script, without the note on the first
+    compilation."""
     done = subprocess.run(
         ["bash", "-eu", "-c", script], cwd=folder, env=environment, capture_output=True, text=True
     )
@@ -416,7 +416,7 @@ _SESSION = re.compile(r"(^<!-- session -->\n```console\n)(.*?)(^```)", re.DOTALL
 
 
 def sessions(text):
-    """The sessions of a README: lists of (command, what it prints)."""
+    """Return the sessions of a README: lists of commands with their outputs."""
     return [
         re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", inside, re.MULTILINE)
         for _, inside, _ in _SESSION.findall(text)
@@ -428,8 +428,8 @@ _TIME = re.compile(r"[\d.e-]+ (us|ms|s)\b(?= per step)")
 
 
 def same(printed, shown):
-    """Whether two outputs agree but for times, the last digit, and what machines round differently:
-    1e-4 of a number, 1e-14 of one."""
+    """Return True if two outputs agree except for times, the last digit, and rounding that depends
+    on the machine: 1e-4 relative, 1e-14 absolute."""
     printed, shown = (_TIME.sub("", text) for text in (printed, shown))
     if _NUMBER.sub("#", printed) != _NUMBER.sub("#", shown):
         return False
@@ -441,15 +441,15 @@ def same(printed, shown):
 
 
 def _open(number):
-    """What the digits of a number leave open, at least 1e-4: estimated errors are differences of
-    nearby numbers."""
+    """Return the relative precision of the digits of a number, at least 1e-4, because estimated
+    errors are differences of nearby numbers."""
     digits = len(re.sub(r"e.*|\.|^[-+]?0*\.?0*", "", number))
     return max(1.01 * 10.0 ** (1 - digits), 1e-4) if "." in number else 1e-9
 
 
 def played(text):
-    """A README's text with its sessions played anew: each command with its output, then its
-    messages."""
+    """Return the text of a README with its sessions executed again: each command with its output,
+    followed by its messages."""
 
     def play(match):
         lines = []

@@ -1,5 +1,5 @@
-"""Real records, none of which comes with the project: taken from the folder that TDINT_RECORDS
-names."""
+"""Real records, which are not shipped with the project but read from the directory
+TDINT_RECORDS."""
 
 import os
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 
 def real_file(name: str) -> Path:
-    """The path of a real record; the test that asks for it is skipped where it is not at hand."""
+    """Return the path of a real record, or skip the test if it is not available."""
     folder = os.environ.get("TDINT_RECORDS", "")
     if not folder:
         pytest.skip("TDINT_RECORDS does not name a folder of real records")

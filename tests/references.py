@@ -52,10 +52,10 @@ def finer(record, parts):
 
 
 class OscillatorResponse:
-    """Exact response of one oscillator to a motion that is linear between its samples, at any time.
+    """Exact response of an oscillator to a motion that is linear between its samples, at any time.
 
-    Matrix exponentials only: of the whole interval from sample to sample, of any part of it from a
-    sample on.
+    Only matrix exponentials are used: for the complete sampling interval, and for any part of it
+    from its start.
     """
 
     def __init__(self, record, omega, xi):
@@ -87,8 +87,8 @@ class OscillatorResponse:
         return self._quantities(self.states @ expm(self.matrix * (part * self.h)).T)
 
     def sampled(self, parts):
-        """Largest absolute values of the three at the ends of so many parts of each interval, shape
-        (3,)."""
+        """Return the maximum absolute values of the three quantities, shape (3,), at the ends of
+        `parts` parts of each interval."""
         values = [np.max(np.abs(self.at(k / parts)), axis=1) for k in range(parts)]
         return np.max([*values, np.abs(self._quantities(self.end))[:, 0]], axis=0)
 
@@ -103,7 +103,7 @@ class OscillatorResponse:
         for q, values in enumerate(fine):
             around = np.pad(
                 values, 1, constant_values=-1.0
-            )  # the first and the last may have a peak beside them
+            )  # the first and the last interval may have an adjacent peak
             tops = np.flatnonzero((values >= around[:-2]) & (values >= around[2:]))
             tops = tops[values[tops] > 0.99 * np.max(values)]
             result[q] = max(
@@ -129,7 +129,7 @@ class OscillatorResponse:
 
 
 def smooth(acceleration, u0, v0, times, rtol=1e-13, max_step=0.02):
-    """u'' = acceleration(t, u, v) of one degree of freedom by DOP853; displacement and velocity at
+    """Integrate u'' = acceleration(t, u, v) with DOP853; return displacement and velocity at
     `times`."""
     tolerances = {"rtol": rtol, "atol": 1e-2 * rtol, "max_step": max_step}
 

@@ -1,5 +1,5 @@
-"""For tests of what plug-ins bring: it is forgotten after each, and methods are held to a motion
-that is found soon."""
+"""Fixtures for tests of plug-ins: registrations are removed after each test, and methods are
+compared with a motion that is computed quickly."""
 
 import sys
 from functools import cache
@@ -20,11 +20,11 @@ from tdint.model import definition
 from tdint.model.building import assemble
 from tdint.model.definition import Law, simple_model, simple_story
 
-SHORTER = 80  # steps of `step_check._H`: those with faults are wrong at the 60th
+SHORTER = 80  # steps of `step_check._H`; methods with errors differ at the 60th step
 
 
 def forget():
-    """Take back what files and packages have registered: this process is as a new one."""
+    """Remove everything that files and packages have registered, as in a new process."""
     for name in list(definition.CODES)[OURS:]:
         del definition.CODES[name]
     del NUMBERED[OURS:]
@@ -38,8 +38,7 @@ def forget():
 
 @pytest.fixture(autouse=True)
 def forgotten(monkeypatch):
-    """What a test registers is forgotten after it; what it compiles is compiled for its own
-    scene."""
+    """Remove the registrations of a test after it, and compile specific variants only."""
     monkeypatch.setattr(compilable, "WHOLE", False)
     yield
     forget()
@@ -47,7 +46,8 @@ def forgotten(monkeypatch):
 
 @cache
 def true_motion(law):
-    """What `step_check._reference_displacements` gives, by the compiled march."""
+    """Return the displacements of `step_check._reference_displacements`, computed by the compiled
+    time loop."""
     story = simple_story(1.0, Law(law, step_check._YIELDING[law]), stiffness=1000.0, dashpot=1.0)
     prepared = PreparedBuilding(
         assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3])
@@ -64,15 +64,15 @@ def true_motion(law):
 
 @pytest.fixture
 def compiled_truth(monkeypatch):
-    """The true motion by the compiled march, and no longer one than shows what a method does
-    wrong."""
+    """Compute the reference motion with the compiled time loop, limited to the time in which wrong
+    methods differ."""
     monkeypatch.setattr(step_check, "_SECONDS", SHORTER * step_check._H)
     monkeypatch.setattr(step_check, "_reference_displacements", true_motion)
 
 
 @pytest.fixture
 def plain(monkeypatch):
-    """Kernels as they are written: nothing is compiled."""
+    """Execute kernels without compilation."""
     monkeypatch.setenv("TDINT_KERNELS", "python")
     for kernel, _ in all_kernels():
         monkeypatch.setattr(kernel, "_loaded", {})

@@ -1,7 +1,7 @@
-"""Buildings of two stories for tests without compiled loops, as mappings of model files.
+"""Buildings with two stories for tests without compiled loops, as mappings of model files.
 
 The stories have the initial stiffness `STIFFNESS` and strengths near `STRENGTH`, and `MOTION`
-takes them to several times their yield drift, in both directions.
+causes several times their yield drift in both directions.
 """
 
 from building_cases import noise

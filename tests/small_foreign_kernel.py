@@ -1,9 +1,9 @@
-"""A run of a kernel's object for another system on Linux: python FILE macos|windows, with its
-object for this machine, the other one and the symbol of both, pickled, on the standard input.
+"""Execute the object of a kernel for another system on Linux: python FILE macos|windows. Standard
+input contains, pickled, the object for this machine, the other object, and the symbol of both.
 
-LLVM loads objects of all systems. Those of macOS follow Linux's convention of calls, those of
-Windows one of their own, which a function of LLVM's on either side turns into the other: around the
-kernel, and around each function of the library that it calls.
+LLVM loads objects of all systems. Objects for macOS follow the calling convention of Linux. Objects
+for Windows have another convention, which LLVM functions convert around the kernel and around each
+library function that it calls.
 """
 
 import pickle
@@ -70,7 +70,7 @@ def engine_of(text: str):
 
 
 def main() -> None:
-    """Print what the kernel computes here, and as the other system's object."""
+    """Print the result of the kernel for this machine and of the object for the other system."""
     system = sys.argv[1]
     target = named(f"{system}-x86-64-v2")
     convention = "win64cc" if system == "windows" else "ccc"

@@ -1,5 +1,5 @@
-"""A kernel of a line that is compiled in no time, with a function of its own and one of another
-file in it."""
+"""Kernel of one line that is compiled quickly, with a function of its own file and a function of
+another file."""
 
 from tdint.kernels.compiling import F8, VECTOR, inline, kernel
 from tdint.kernels.time_loop.loop import ground_at

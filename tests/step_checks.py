@@ -1,5 +1,5 @@
-"""What the tests of several families measure on the compiled steps, and dense matrices to compare
-with."""
+"""Measurements on compiled steps for tests of several method families, and dense matrices for
+comparison."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def building(damping=None, nonlinear=False, **more):
 
 
 def matrices(model):
-    """M, C, K of a linear building with Rayleigh damping, written out; C knows nothing of
+    """Return M, C and K of a linear building with Rayleigh damping; C does not depend on
     P-delta."""
     mass = np.array([s.mass for s in model.stories])
     drift = np.eye(mass.size) - np.eye(mass.size, k=-1)
@@ -99,14 +99,15 @@ def superposed(method, model, ratio, record):
 
 
 def at_samples(building, record, method, parts):
-    """A run with so many steps between two samples, and its displacements at the samples."""
+    """Return a run with `parts` steps per sampling interval, and its displacements at the
+    samples."""
     response = run(building, record, method=method, dt=record.dt / parts, history=True)
     return response, response.history.displacement[::parts]
 
 
 def refined(building, record, parts, method="impulse4", size=lambda u: np.max(np.abs(u))):
-    """Runs with more and more steps between two samples, the displacements of the last one at the
-    samples, and how far those of the others are off these, over their size."""
+    """Return runs with increasing numbers of steps per sampling interval, the displacements of the
+    last run at the samples, and the relative differences of the other runs."""
     runs, displacements = zip(
         *(at_samples(building, record, method, part) for part in parts), strict=True
     )
@@ -133,7 +134,7 @@ class SingleSteps:
             enter(self.building.law_parameters, self.space.law_state, i)
 
     def take(self, ground_0, ground_1):
-        """Take one step; returns its code."""
+        """Take one step and return its code."""
         no_forces = np.zeros((0, rows.FORCE_COLUMNS))
         building, space = self.building, self.space
         scene = Scene(
@@ -156,7 +157,7 @@ class SingleSteps:
 
 
 def broken(threshold):
-    """A march that diverges below a step, in place of `Case.integrate`."""
+    """Return a replacement of `Case.integrate` that diverges for time steps below a threshold."""
     march = Case.integrate
 
     def fails(case, steps, history=False):

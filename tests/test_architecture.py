@@ -110,7 +110,8 @@ def test_columns_are_declared_in_table_modules():
 
 
 def modules():
-    """The paths of all modules, below the folder of their package: tdint/..., tdint_cli/..."""
+    """Return the paths of all modules relative to the directory of their package: tdint/...,
+    tdint_cli/..."""
     return [Path(*Path(path).parts[1:]) for _, path, _ in trees()]
 
 
@@ -124,7 +125,7 @@ def test_directories_are_small_and_flat():
     assert sorted(crowded) == ["campaign", "commands"]  # a command a file; a campaign has 17
     assert [
         module for module in found if len(module.parts) > 5
-    ] == []  # the package and three folders
+    ] == []  # the package and three directories
 
 
 def test_module_names_are_used_at_most_twice():
@@ -167,12 +168,12 @@ TABLES_OF_NAMES = {
 
 
 def imported_by_name(name, parts):
-    """Return the modules that the calls of `import_module` and the like in a module can import.
+    """Return the modules that calls of `import_module` or similar functions can import.
 
     Raises
     ------
     AssertionError
-        A call has an argument that is neither text nor accounted for by `ANY_NAME` or
+        A call has an argument that is neither text nor listed in `ANY_NAME` or
         `TABLES_OF_NAMES`, or `__getattr__` of the module is of an unknown kind.
     """
     found, unknown = [], []
@@ -180,7 +181,7 @@ def imported_by_name(name, parts):
         function = isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2]
         if function not in ("import_module", "__import__", "run_module", "modules_on_use"):
             continue
-        # A name that is partly computed stands for all modules of its package.
+        # A partly computed name represents all modules of its package.
         text = ast.unparse(node.args[0])
         below = re.fullmatch(r"f'\{__name__\}\.([\w.]+)'", text)
         member = re.match(r"f'(tdint[\w.]*)\.\{", text)
@@ -211,8 +212,8 @@ def dotted_names():
 
 
 def layers_upward():
-    """Return the layers of the contract of import-linter from the lowest, then the two modules that
-    import from all of them for users of Python."""
+    """Return the layers of the contract of import-linter from the lowest, followed by the two
+    modules that import from all layers for Python users."""
     (contract,) = (
         contract
         for contract in PROJECT["tool"]["importlinter"]["contracts"]
@@ -223,7 +224,8 @@ def layers_upward():
 
 
 def layer_of(name, layers):
-    """Return the number of the layer of a module, from 0; the package `tdint` itself is one."""
+    """Return the number of the layer of a module, from 0; the package `tdint` is a separate
+    layer."""
     exact = [i for i, layer in enumerate(layers) if name == layer]
     inner = [
         i for i, layer in enumerate(layers) if layer != "tdint" and name.startswith(f"{layer}.")
@@ -232,7 +234,7 @@ def layer_of(name, layers):
 
 
 def wrong_imports(graph):
-    """Return the imports of a graph that lead to a higher layer, and a cycle if there is one."""
+    """Return the imports of a graph from a higher layer, and a cycle if one exists."""
     layers = layers_upward()
     upward = [
         f"{name} imports {other}"
@@ -299,7 +301,7 @@ def test_import_by_computed_name_is_refused():
 
 
 def test_getattr_of_modules_is_known():
-    """Module-level `__getattr__` imports by a table or from its own package, or makes kernels."""
+    """Module-level `__getattr__` imports by a table or from its own package, or creates kernels."""
     found = {
         name
         for name, (tree, *_) in dotted_names().items()
@@ -309,7 +311,8 @@ def test_getattr_of_modules_is_known():
     assert found == {
         "tdint",
         "tdint.plugin",
-        "tdint.kernels.laws.compiled_separately",  # kernels of laws, which it imports itself
+        # kernels of laws, which the module imports itself
+        "tdint.kernels.laws.compiled_separately",
         "tdint.output.figures",
         "tdint.output.tables",
         "tdint_cli.options",
@@ -395,7 +398,7 @@ def test_functions_take_at_most_eight_arguments(layer):
     long = []
     for found, path, node in nodes(ast.FunctionDef):
         count = len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs)
-        # Overloads repeat the signature of a function that is counted itself.
+        # Overloads repeat the signature of a function that is counted.
         is_overload = any(ast.unparse(one) == "overload" for one in node.decorator_list)
         if found == layer and count > 8 and not is_border(node) and not is_overload:
             long.append(f"{path}: {node.name} {count}")

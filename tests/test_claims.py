@@ -109,8 +109,8 @@ def test_other_beta_of_compiled_step_is_detected(number):
 
 
 def test_misprinted_equations_hold_in_special_cases():
-    """A12 holds without damping as printed; A13 without damping and with critical damping, in both
-    at any dt; A23 and A31 to A33 hold."""
+    """A12 holds without damping as printed; A13 holds without damping and with critical damping,
+    both for any dt; A23 and A31 to A33 hold."""
     assert paper_claims.printed_deviation(58, dampings=(0.0,)) < ROUNDING
     assert paper_claims.printed_deviation(59, dampings=(0.0, 1.0)) < ROUNDING
 
@@ -136,7 +136,7 @@ def test_equations_contain_only_known_symbols():
         assert symbols <= {"beta", "dt", "omega", "xi", "u", "v", "W"}, number
 
 
-# ---- What one page says of the table of another one
+# ---- Statements on one page about a table on another page
 
 
 def page(name):
@@ -144,7 +144,7 @@ def page(name):
 
 
 def table_row(name, *begin):
-    """Numbers of the only row of a page's tables that begins so."""
+    """Return the numbers of the only table row of a page with the given first cells."""
     (row,) = re.findall(
         rf"\| {re.escape(' | '.join(begin))} \|([^\n]*)", (readmes.ROOT / name).read_text()
     )
@@ -152,7 +152,7 @@ def table_row(name, *begin):
 
 
 def said(name, pattern):
-    """Numbers that a sentence of a page says, in its order."""
+    """Return the numbers in a sentence of a page in their order."""
     (sentence,) = re.finditer(pattern, page(name))
     return [float(number) for number in sentence.groups()]
 
@@ -183,7 +183,7 @@ def test_speed_of_default_method_on_methods_page():
 
 
 def test_ratios_in_table_of_ten_yielding_stories():
-    """How many times closer, and how the error falls per halving."""
+    """The ratios of errors and the decrease of the error per halving agree with the table."""
     at_step, finer = (table_row("tests/README.md", "impulse4", dt) for dt in ("0.01", "0.0025"))
     average, fine_average = (
         table_row("tests/README.md", "newmark-average", dt) for dt in ("0.01", "0.0025")
@@ -255,7 +255,7 @@ def test_underestimation_of_rotd50_at_samples():
 
 @pytest.mark.slow
 def test_table_of_moment4_with_unresolved_modes():
-    """By its command, L2 alone."""
+    """The command prints the L2 errors of the table."""
     command = [sys.executable, readmes.ROOT / "tests/benchmarks/moment4.py", "stiff"]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     section = (
@@ -278,23 +278,23 @@ def test_changelog_states_lines_of_help():
     assert said("CHANGELOG.md", r"`COMMAND --help` has at most (\d+) lines") == [LINES]
 
 
-# ---- Where the numbers of a page come from
+# ---- Sources of the numbers of a page
 
 
 MEASURED_PAGES = ("tests/README.md", "tests/benchmarks/README.md", "tests/validation/README.md")
 
 
 def sections(name):
-    """Return the sections of a page by their headings of the second level, with code blocks left
-    out; the text above the first one has the empty heading."""
+    """Return the sections of a page by their headings of the second level without code blocks; the
+    text before the first heading has the empty heading."""
     text = re.sub(r"^```.*?^```", "", (readmes.ROOT / name).read_text(), flags=re.S | re.M)
     head, *parts = re.split(r"^## (.*)$", text, flags=re.M)
     return {"": head, **dict(zip(parts[::2], parts[1::2], strict=True))}
 
 
 def test_measured_numbers_have_date_or_test():
-    """Each section of tests/README with numbers states when they were measured. The other two pages
-    are written by one command, which states versions and processor at their head."""
+    """Each section of tests/README with numbers states the date of the measurement. The other two
+    pages are written by one command, which states versions and processor at their head."""
     for heading, text in sections("tests/README.md").items():
         if heading in ("", "Running the tests"):
             continue

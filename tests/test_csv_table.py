@@ -1,4 +1,4 @@
-"""CSV files with a header: what every reader of one refuses, and what a column's cells must be."""
+"""CSV files with a header: files that every reader refuses, and allowed cells of columns."""
 
 import io
 import itertools
@@ -42,8 +42,8 @@ READERS = {
 
 @pytest.fixture(params=READERS)
 def refused(request, tmp_path):
-    """Whether a reader refuses a file of some content with a message; `COLUMN` stands for the
-    column that it reads."""
+    """Return a function that checks that a reader refuses a file with a message; `COLUMN`
+    represents the column that it reads."""
     read, error, column = READERS[request.param]
 
     def check(content, message, source=None):
@@ -125,7 +125,7 @@ def test_rows_with_additional_cells_are_refused(tmp_path, reader):
 
 
 def test_empty_cells_at_end_of_row_are_ignored(tmp_path):
-    """As spreadsheets leave them."""
+    """Spreadsheets write such cells."""
     (tmp_path / "t.csv").write_text("drift_m,\n1,,,\n2\n")
     assert read_drift_path(str(tmp_path / "t.csv")) == [1.0, 2.0]
     rows = "id,NumberOfStories,YearBuilt,StructureType,PlanArea,,\na,3,1990,C1,600,,,\nb,3,1990,C1,600,,,1\n"  # noqa: E501
@@ -148,7 +148,7 @@ def test_files_without_rows_are_refused(tmp_path, reader):
 
 
 def ending_in(cell, reader):
-    """A reader's table whose row ends in a cell."""
+    """Return a table of a reader whose row ends with a cell."""
     header, row = FULL[reader]
     return f"{header}\n{row.rpartition(',')[0]}{',' * (',' in row)}{cell}\n"
 
@@ -168,7 +168,7 @@ def test_non_finite_numbers_are_refused(tmp_path, reader, cell):
 @pytest.mark.parametrize("cell", ["1e308", "-1e61", "5e-324"])
 @pytest.mark.parametrize("reader", FULL)
 def test_excessive_numbers_are_refused(tmp_path, reader, cell):
-    """As in model files: the square of such a number is none."""
+    """As in model files, the square of such a number would overflow or underflow."""
     raises(
         reader,
         tmp_path,
@@ -286,8 +286,8 @@ def test_numbers_of_many_cells_equal_numbers_of_each(texts: list[str]) -> None:
 
 @given(st.lists(st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=3)))
 def test_text_column_returns_its_texts(texts: list[str]) -> None:
-    """By iteration, by index from both ends, by slice and by parts; empty texts and texts with line
-    breaks are texts."""
+    """Iteration, indices from both ends, slices and parts return the texts, including empty texts
+    and texts with line breaks."""
     many = texts * 30
     column = TextColumn(iter(many))
     assert list(column) == many and len(column) == len(many)
@@ -306,7 +306,8 @@ def test_long_text_column_is_divided_into_parts() -> None:
 
 
 def test_memory_of_text_column_is_limited() -> None:
-    """Little more than its characters: a list of the same texts takes 60 bytes a text more."""
+    """A column needs little more memory than its characters; a list of the same texts needs 60
+    bytes more per text."""
     tracemalloc.start()
     column = TextColumn(f"b{number:07d}" for number in range(100_000))
     taken = tracemalloc.get_traced_memory()[0]

@@ -1,4 +1,4 @@
-"""What a user installs: metadata, source archive, the package as a command."""
+"""Installed files: metadata, source archive, and the package as a command."""
 
 import json
 import re
@@ -20,7 +20,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 @pytest.mark.parametrize("package", ["tdint", "tdint_cli"])
 def test_package_is_executed_as_command(package, tmp_path):
-    """Words and exit code are those of `tdint`."""
+    """Messages and exit code equal those of `tdint`."""
     command = [sys.executable, "-m", package, "run", "none.yaml"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 3 and "none.yaml: file not found" in done.stderr
@@ -34,9 +34,10 @@ def test_description_for_index_has_only_absolute_links():
 
 
 def index_readme(monkeypatch):
-    """The module that makes what an index shows."""
+    """Return the module that creates the description for a package index."""
     interface = types.ModuleType("hatchling.metadata.plugin.interface")
-    interface.MetadataHookInterface = object  # of the builder, which tests need not have
+    # base class of the builder, which tests do not require
+    interface.MetadataHookInterface = object
     monkeypatch.setitem(sys.modules, interface.__name__, interface)
     for name in ("hatchling", "hatchling.metadata", "hatchling.metadata.plugin"):
         monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
@@ -60,7 +61,8 @@ def test_source_archive_contains_checkout():
         pytest.skip("not a checkout")
     taken = PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
     top = {line.partition("/")[0] for line in listing.stdout.splitlines()}
-    assert top - set(taken) <= {"pyproject.toml", ".gitignore"}  # which hatchling takes by itself
+    # files that hatchling includes itself
+    assert top - set(taken) <= {"pyproject.toml", ".gitignore"}
 
 
 def test_metadata_files_are_consistent():
@@ -68,7 +70,7 @@ def test_metadata_files_are_consistent():
     faults = release.faults("v0.0.1", "2026-01-01")
     assert [
         one for one in faults if "release.py" in one
-    ] == []  # codemeta.json and the BibTeX entry are up to date
+    ] == []  # codemeta.json and the BibTeX entry are current
     assert any("0.0.1 in the tag" in one for one in faults)
     assert any("2026-01-01 in the tagged commit" in one for one in faults)
     required = {name: PROJECT["tool"]["tdint"][name] for name in ("contact", "repository")}
@@ -85,7 +87,7 @@ def test_metadata_files_are_consistent():
 
 
 def test_consistent_release_is_accepted(tmp_path, monkeypatch):
-    """With the tag's version and day everywhere, and somebody to write to."""
+    """All files have the version and the day of the tag, and a contact is specified."""
     module = readmes.program("release")
     citation, project = module.read()
     project["tool"]["tdint"] = {"contact": "somebody", "repository": "somewhere"}

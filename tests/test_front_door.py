@@ -1,5 +1,4 @@
-"""`import tdint`: its names, what they say of themselves, and a program of all of them that is
-typed."""
+"""`import tdint`: public names, their documentation, and a typed program that uses all of them."""
 
 import ast
 import builtins
@@ -174,7 +173,7 @@ def test_names_for_type_checkers_equal_public_names():
 def test_public_functions_document_parameters_returns_and_errors(name):
     function = inspect.unwrap(getattr(tdint, name))
     signature = inspect.signature(function)
-    if not inspect.isfunction(function):  # a package that is loaded, whose docstring is its own
+    if not inspect.isfunction(function):  # a loaded package has a docstring of its own
         function = getattr(import_module(tdint._homes()[name]), tdint._DEFINED_AS.get(name, name))
     text = inspect.getdoc(function)
     sections = [
@@ -274,7 +273,7 @@ def test_public_classes_document_fields_and_members(name):
 
 @pytest.mark.parametrize("name", [name for name in PUBLIC if name not in FUNCTIONS_OF_TDINT])
 def test_documented_parameters_agree_with_signature(name):
-    """Of functions of `tdint.plugin`, and of the methods of public classes."""
+    """The test covers functions of `tdint.plugin` and methods of public classes."""
     value = PUBLIC[name]
     functions = members_of(value) if inspect.isclass(value) else {name: value}
     for called, function in functions.items():

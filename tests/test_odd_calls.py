@@ -1,5 +1,4 @@
-"""Public functions, called with what no argument can be: each call ends in a TdintError, or in a
-result."""
+"""Public functions with invalid arguments: each call raises a TdintError or returns a result."""
 
 import inspect
 import io
@@ -49,7 +48,7 @@ STORY = {"stories": [{"mass": 1e3, "stiffness": 1e6}]}
 
 
 def odd(call, *values):
-    """A call for each of these values."""
+    """Return a test parameter with a call for each of the values."""
     return [pytest.param(lambda value=value: call(value), id=repr(value)[:9]) for value in values]
 
 
@@ -84,7 +83,7 @@ def odd(call, *values):
     ],
 )
 def test_numbers_out_of_range_are_refused(call):
-    """At once: none is computed with."""
+    """The values are refused before any computation."""
     with pytest.raises(TdintError, match=r"must be|stride|null"):
         call()
 
@@ -93,7 +92,7 @@ def test_numbers_out_of_range_are_refused(call):
     "name", [name for name, function in FUNCTIONS.items() if required(function)]
 )
 def test_arguments_of_wrong_types_are_refused(name, tmp_path, monkeypatch):
-    """All arguments of one odd kind, then each of two kinds."""
+    """All arguments have the same unusual value, or two different unusual values."""
     monkeypatch.chdir(tmp_path)
     function = FUNCTIONS[name]
     count = required(function)
@@ -108,12 +107,12 @@ def test_arguments_of_wrong_types_are_refused(name, tmp_path, monkeypatch):
                 assert str(error)
                 refused += 1
     assert refused
-    assert list(tmp_path.iterdir()) == []  # and nothing is written
+    assert list(tmp_path.iterdir()) == []  # no file is written
 
 
 @pytest.mark.parametrize("method", [lambda: "impulse4", 1, None, object()])
 def test_invalid_methods_are_refused(method):
-    """They are refused by their kind, not by a missing attribute."""
+    """The arguments are refused because of their type, not because of a missing attribute."""
     for function in (tdint.order, tdint.overshoot):
         with pytest.raises(TdintError, match="method"):
             function(method)

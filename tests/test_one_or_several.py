@@ -1,5 +1,5 @@
-"""Functions of methods, steps and records take one or several, by the same names; older names are
-warned of."""
+"""Functions accept one or several methods, time steps and records by the same names; older names
+cause warnings."""
 
 import sys
 

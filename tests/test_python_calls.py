@@ -1,4 +1,4 @@
-"""Calls of the Python interface with arguments of the wrong kind: a UsageError that names the
+"""Calls of the Python interface with arguments of wrong types raise a UsageError that contains the
 parameter."""
 
 import inspect
@@ -60,7 +60,7 @@ def test_validation_applies_only_to_failed_calls():
         asked("a", flag=True)
     with pytest.raises(UsageError, match="call: missing a required argument: 'number'"):
         asked()
-    with pytest.raises(TypeError, match="unexpected"):  # as of any function, too
+    with pytest.raises(TypeError, match="unexpected"):  # as for any function
         asked(1.0, other=2)
     assert inspect.signature(asked) == inspect.signature(call)
 
@@ -86,8 +86,8 @@ def test_errors_are_picklable(error):
 
 
 def test_error_in_spawned_process_is_returned():
-    """The function is one of tdint: new processes need not find the tests, which `pytest` alone
-    does not tell them."""
+    """The function is part of tdint, because new processes may not find the tests, whose path is
+    not inherited from `pytest`."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         waiting = pool.apply_async(tdint.load_model, ("none.yaml",))
         with pytest.raises(errors.ModelError, match=r"none\.yaml: file not found"):

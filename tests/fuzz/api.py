@@ -324,7 +324,7 @@ def _some(
 
 
 def outcome(name: str, seed: int) -> str:
-    """Make a call, within a sandbox, and judge; raises Failure."""
+    """Make a call within a sandbox and return its outcome; raise Failure for a forbidden result."""
     try:
         with np.errstate(all="ignore"):
             result = CALLS[name](random.Random(seed))
@@ -346,7 +346,7 @@ def outcome(name: str, seed: int) -> str:
 
 
 def _not_finite(value: Any, path: str) -> str:
-    """Where a number that is not finite stands in a result; empty if nowhere."""
+    """Return the path of a number in a result that is not finite, or an empty text."""
     if re.search("|".join(_NEVER_NUMBERS), path):
         return ""
     if isinstance(value, np.ndarray):

@@ -1,8 +1,8 @@
-"""Command lines from a seed: a sound one of a command, with options added, their values sound or
-strange.
+"""Command lines from a seed: a valid command line with added options, whose values are valid or
+unusual.
 
-Which options and arguments a command has is asked of the command itself, so that a new one is tried
-as soon as it is in GROUPS of `tdint_cli.main`; what it needs to be cheap and sound stands in SOUND.
+Options and arguments are read from the commands, so that new commands are tested as soon as they
+are in GROUPS of `tdint_cli.main`. SOUND contains the arguments that make a command valid and fast.
 """
 
 import random
@@ -225,7 +225,7 @@ _OUTPUTS = (
 
 
 def names() -> list[str]:
-    """The commands, each as often as its weight says."""
+    """Return the names of the commands, repeated by their weights."""
     return [name for name in COMMANDS if name not in LEFT_OUT for _ in range(WEIGHTS.get(name, 5))]
 
 
@@ -256,7 +256,7 @@ def _sound(command: click.Command, name: str, source: random.Random) -> tuple[st
 
 
 def _damage(arguments: list[str], source: random.Random) -> None:
-    """One argument lost, doubled, or another one in its place."""
+    """Remove, duplicate or replace one argument."""
     place = source.randrange(1, len(arguments)) if len(arguments) > 1 else 0
     kind = source.randrange(4)
     if kind == 0 and place:
@@ -276,7 +276,7 @@ def _option(option: click.Option, source: random.Random) -> list[str]:
     name = source.choice([*option.opts, *option.secondary_opts])
     if option.is_flag or option.count:
         return [name]
-    if name == "--plot":  # A picture takes a second.
+    if name == "--plot":  # Drawing a figure takes a second.
         return [name, f"{OUTPUT}/p.png"] if source.random() < 0.05 else ["--plot=none.gif"]
     value = _value(option, source)
     return [f"{name}={value}"] if name.startswith("--") and source.random() < 0.5 else [name, value]
@@ -319,10 +319,10 @@ _BY_NAME = {
         "nan",
         "1e-300",
         "1e308",
-    ),  # Small ones take long.
+    ),  # Small values take long.
     "output": _OUTPUTS,
     "record": RECORDS,
-    "job": ("1", "1", "0", "-1", "x"),  # Processes take a second to start.
+    "job": ("1", "1", "0", "-1", "x"),  # Starting processes takes a second.
     "stories": ("1", "2", "3", "0", "1e9", "-1", "100"),
     "model": (OUTPUT, "", "/nowhere"),
 }

@@ -1,4 +1,4 @@
-"""Sound files of every format that is read, small, and what could tell a change of them."""
+"""Small valid files of every supported format, and the statements that can reveal a change."""
 
 import tempfile
 from dataclasses import dataclass
@@ -40,8 +40,8 @@ _RECORDERS = {
 
 @dataclass(frozen=True)
 class Sound:
-    """A file that is as it should be: its format, its bytes, the units it needs, and what could
-    tell a change."""
+    """Valid file: its format, its bytes, the required units, and the statements that can reveal a
+    change."""
 
     name: str
     data: bytes
@@ -50,7 +50,8 @@ class Sound:
 
     @property
     def ends(self) -> list[int]:
-        """Numbers of samples up to the end of each record but the last, of a file of MiniSEED."""
+        """Return the numbers of samples up to the end of each record except the last, for a
+        MiniSEED file."""
         counts = [
             int.from_bytes(self.data[i + 30 : i + 32], "big") for i in range(0, len(self.data), 512)
         ]
@@ -58,7 +59,7 @@ class Sound:
 
 
 def corpus() -> list[Sound]:
-    """All of them, in an order that does not change."""
+    """Return all valid files in a fixed order."""
     found = [
         Sound(name, make().encode(), _units(make()), frozenset(_OWN[name]))
         for name, makes in sorted(SAMPLES.items())
@@ -75,7 +76,7 @@ def corpus() -> list[Sound]:
 
 
 def _units(text: str) -> str | None:
-    """A table without names tells no units."""
+    """Return the units of a table without column names."""
     return "gal" if text[:1].isdigit() else None
 
 

@@ -1,8 +1,8 @@
-"""What is tried: damaged records, model files, files of studies, stores, command lines, calls of
-the Python interface.
+"""Types of fuzzed input: records, model files, files of studies, stores, command lines, and calls
+of the Python interface.
 
-Each kind has names, and an outcome for a name and a seed; it raises Failure for what must not
-happen.
+Each type has names and a function that returns the outcome for a name and a seed; it raises Failure
+for forbidden behavior.
 """
 
 import functools
@@ -19,7 +19,8 @@ from fuzz.sandbox import run
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of input: the names of what is tried, how a case ends, and what it may end with."""
+    """Type of input: names of the cases, the function that runs a case, and its possible
+    outcomes."""
 
     names: Callable[[], list[str]]
     outcome: Callable[[str, int], str]
@@ -33,7 +34,7 @@ def _sounds() -> dict[str, oracle.Sound]:
 
 @functools.cache
 def _before(name: str) -> tuple[oracle.Record, ...]:
-    """What is read from a sound file."""
+    """Return the content of a valid file."""
     sound = _sounds()[name]
     before = oracle.read(sound.data, sound.units)
     if oracle.outcome(sound, before, sound.data) != oracle.SAME:

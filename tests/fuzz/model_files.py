@@ -1,8 +1,8 @@
-"""Model files from a seed: sound ones with their numbers, words, bytes and lines damaged; what
-becomes of them.
+"""Model files from a seed: valid files with changed numbers, words, bytes and lines, and their
+outcomes.
 
-A file is refused, every fault with its place; or it is a sound model, which runs for a tenth of a
-second under a record and prints nothing that it must not (`fuzz.printed`).
+A file is refused with a position for every error, or it is a valid model, which runs for a tenth of
+a second under a record and prints no forbidden output (`fuzz.printed`).
 """
 
 import functools
@@ -92,7 +92,7 @@ _KEYS = (
 
 
 def sound_models() -> dict[str, str]:
-    """Names and texts: those of the sandbox and of `configs` that run in a moment."""
+    """Return names and texts of the models of the sandbox and of fast models in `configs`."""
     small = (
         "fluid-dampers",
         "hardening",
@@ -127,7 +127,8 @@ def damaged(text: str, seed: int) -> str:
 
 
 def outcome(original: str, text: str) -> str:
-    """What becomes of a damaged model file, within a sandbox; raises Failure."""
+    """Return the outcome of a changed model file within a sandbox; raise Failure for forbidden
+    behavior."""
     model = sound(text)
     if model is None:
         return REFUSED
@@ -140,7 +141,7 @@ def outcome(original: str, text: str) -> str:
 
 
 def sound(text: str) -> Model | None:
-    """The model of a text, which is sound; or None, where every fault has a place in it. Raises
+    """Return the valid model of a text, or None if all its errors have positions; otherwise raise
     Failure."""
     try:
         model = load_model(io.StringIO(text))
@@ -192,7 +193,7 @@ def _check_sound(model: Model) -> None:
 
 
 def _same(model: Model, other: Model) -> bool:
-    """Whether two models differ in nothing but their texts and names."""
+    """Return True if two models are equal except for their texts and names."""
     fields = (
         "stories",
         "damping",

@@ -1,5 +1,5 @@
-"""Ways in which a file comes to harm, each from a seeded generator: flipped bits, lost and doubled
-pieces, numbers."""
+"""Mutations of files with a seeded generator: flipped bits, removed and duplicated parts, changed
+numbers."""
 
 import random
 import re
@@ -60,7 +60,7 @@ def zero_a_piece(data: bytearray, source: random.Random) -> None:
 
 
 def change_a_number(data: bytearray, source: random.Random) -> None:
-    """Of a text: one of its first numbers, which stand in the header, or any."""
+    """Change one of the first numbers of a text, which are in its header, or any number."""
     found = list(_NUMBER.finditer(bytes(data[: source.choice((2000, len(data)))])))
     if found:
         match = source.choice(found)

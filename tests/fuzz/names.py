@@ -1,6 +1,5 @@
-"""Names of files, from a seed: of a model that is begun, which then must be one, of tables, of what
-is not there; and runs of many steps, whose memory must not grow.
-"""
+"""File names from a seed: for new models, which must be valid, for tables and for missing files;
+and runs of many steps with limited memory."""
 
 import random
 import tracemalloc
@@ -55,12 +54,13 @@ MOST_MEMORY = 8e7
 
 
 def names() -> list[str]:
-    """What is called with strange names; `memory` for runs of many steps."""
+    """Return the commands that are called with unusual names, and `memory` for runs of many
+    steps."""
     return [*CALLS, "memory"]
 
 
 def outcome(name: str, seed: int) -> str:
-    """What becomes of a call, within a sandbox; raises Failure."""
+    """Return the outcome of a call within a sandbox; raise Failure for forbidden behavior."""
     source = random.Random(f"{name} {seed}")
     if name == "memory":
         return _memory(source)
@@ -83,7 +83,7 @@ def _file(source: random.Random) -> str:
 
 
 def _memory(source: random.Random) -> str:
-    """Up to 10^6 steps, of which some hundred rows are written."""
+    """Run up to 10^6 steps and write about a hundred rows; raise Failure if the memory grows."""
     steps = round(10.0 ** source.uniform(4.0, 6.0))
     every = max(1, steps // source.choice((10, 100, 300)))
     line = [

@@ -1,5 +1,5 @@
-"""What may become of a damaged file: refused in one line, read as before, or changed where nothing
-could tell."""
+"""Allowed outcomes for a corrupt file: refused in one line, read without change, or changed where
+no statement can reveal it."""
 
 import tempfile
 import time
@@ -37,7 +37,7 @@ leave open."""
 
 
 class Failure(AssertionError):
-    """What must not happen."""
+    """Error: forbidden behavior."""
 
 
 def read(data: bytes, units: str | None) -> tuple[Record, ...]:
@@ -79,8 +79,8 @@ def _judged(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> 
 
 
 def _is_a_whole_part(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> bool:
-    """Whether whole components are gone, or one whole record of MiniSEED: no file states how many
-    of them it has."""
+    """Return True if complete components or one complete MiniSEED record are missing, because no
+    file states their number."""
     if len(after) < len(before):
         return all(
             any(np.array_equal(one.acceleration, other.acceleration) for other in before)
@@ -112,7 +112,8 @@ def _of_component(sound: Sound, before: Record, after: Record) -> str:
 
 
 def _said(records: Sequence[Record]) -> list[str]:
-    """What was said of records but for doubts about the samples, which any samples may raise."""
+    """Return the notes and warnings on records, except doubts about samples, which any samples may
+    cause."""
     notes = [note for record in records for note in (*record.notes, *record.warnings)]
     return [note for note in notes if not note.startswith(_DOUBTS)]
 
@@ -120,8 +121,8 @@ def _said(records: Sequence[Record]) -> list[str]:
 def _silent(
     sound: Sound, what: str, before: Sequence[Record], after: Sequence[Record], text: str
 ) -> str:
-    """A change is a failure where the file still states what could tell it, and nothing was
-    said."""
+    """Raise Failure if a change was not reported although the file still contains a statement that
+    reveals it."""
     known = set(_said(before))
     if any(note not in known for note in _said(after)):
         return SAID

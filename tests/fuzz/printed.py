@@ -1,8 +1,8 @@
-"""What a command may print and write: the oracle over its exit code, its streams and its files.
+"""Allowed output of commands: checks of the exit code, the streams and the written files.
 
     check(code, stdout, stderr, files)        raises Failure
 
-It knows no command, so that it serves any.
+The checks are independent of the command.
 """
 
 import csv
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from fuzz.oracle import LARGEST_MESSAGE, Failure
 
 CODES = {0: "done", 2: "usage", 3: "model file", 4: "record", 5: "analysis", 6: "output"}
-"""Exit codes that a command may have, in words; 1 is a bug."""
+"""Allowed exit codes and their meanings; 1 is a bug."""
 
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 _NO_NUMBER = re.compile(r"[-+]?(nan|inf|infinity)%?", re.IGNORECASE)
@@ -22,18 +22,18 @@ _NO_NUMBER_IN_WORDS = re.compile(r"(?<![\w./:'-])[-+]?(nan|inf)(?![\w./:'])", re
 _LEAKS = re.compile(r"Traceback|encountered in|Warning: .*deprecat|object at 0x", re.IGNORECASE)
 _FORMULA = re.compile(r"(?=[=+\-@\t\r])(?![-+]?([0-9]+\.?[0-9]*|\.[0-9]+)?([eE][-+]?[0-9]+)?\Z)")
 _MOST_LINES = 400
-_LOCK = ".lock"  # the ending of a file that is held, not read
+_LOCK = ".lock"  # suffix of a lock file, which is not read
 
 
 def check(code: int, stdout: bytes, stderr: str, files: Mapping[str, bytes]) -> str:
-    """The exit code in words; raises Failure for what must not be printed or written.
+    """Return the meaning of the exit code; raise Failure for forbidden output.
 
     Parameters
     ----------
     code : int
         Exit code.
     stdout, stderr : bytes, str
-        What was printed.
+        Printed output.
     files : mapping
         Names and contents of the files that were written.
     """
@@ -81,8 +81,8 @@ def _check_file(name: str, content: bytes) -> None:
 
 
 def _check_table(name: str, text: str) -> None:
-    """CSV, JSON, BibTeX or the words of a help: no control character; in a table as many sound
-    cells in every row."""
+    """Check that CSV, JSON, BibTeX or help text has no control characters, and that all rows of a
+    table have equal numbers of valid cells."""
     for line in text.split("\n"):
         if found := _CONTROL.search(line):
             raise Failure(f"{name}: the control character {found[0]!r}: {line[:200]!r}")
@@ -109,7 +109,7 @@ def _check_table(name: str, text: str) -> None:
 
 
 def _text(name: str, content: bytes) -> str:
-    """The content as UTF-8; names of files that are none keep their bytes."""
+    """Return the content as UTF-8 text; invalid bytes in file names are escaped."""
     return content.decode("utf-8", "backslashreplace")
 
 

@@ -170,7 +170,7 @@ SCENES = {
 
 @dataclass(frozen=True)
 class _Made:
-    """What a scene has written: the folder, the outputs, and their bytes."""
+    """Files that a scene has written: directory, outputs and their bytes."""
 
     folder: Path
     outputs: tuple[str, ...]
@@ -215,7 +215,7 @@ def _files() -> Iterator[str]:
 
 @contextmanager
 def plain_figures() -> Iterator[None]:
-    """Draw figures small and without layout, which takes a tenth of the time."""
+    """Draw figures small and without layout to reduce their time by a factor of ten."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -308,7 +308,7 @@ def _link(target: str) -> Callable[[Path, random.Random], None]:
 
 
 def _link_to_other(file: Path, source: random.Random) -> None:
-    """Link to another file of the same kind, or to an input."""
+    """Link to another file of the same type, or to an input."""
     others = [
         other for other in file.parent.iterdir() if other != file and other.suffix == file.suffix
     ]
@@ -512,7 +512,7 @@ contain, or None if it does not apply."""
 
 
 def names() -> list[str]:
-    """Scenes; those with a store and its export twice."""
+    """Return the names of the scenes; scenes with a store are listed again with their export."""
     return [*SCENES, "export"]
 
 
@@ -526,7 +526,7 @@ def _attacks(name: str, outputs: tuple[str, ...]) -> list[tuple[str, str]]:
 
 
 def outcome(name: str, seed: int) -> str:
-    """Attack a scene, within a sandbox; raises Failure if `rerun` approves of it."""
+    """Attack a scene within a sandbox; raise Failure if `rerun` accepts it."""
     made, scene = _made(name), SCENES[name]
     attacks = _attacks(name, made.outputs)
     attack, file = attacks[seed % len(attacks)]

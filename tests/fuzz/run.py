@@ -1,13 +1,12 @@
-"""Damage records, models, studies, command lines and calls by the hundred thousand, and count what
-becomes of them.
+"""Mutate hundreds of thousands of records, models, studies, command lines and calls, and count their
+outcomes.
 
     python tests/fuzz/run.py [--of records|models|studies|stores|names|commands|api] [--cases 100000] [--seed 0]
                              [--jobs 2] [--name MSEED]
     python tests/fuzz/run.py --bits                # every single bit of the headers of MiniSEED and SAC
 
-Each case is a name and a seed; a failure is printed with both, so that `--of KIND --name NAME
---only SEED` repeats it. A case that ends its process (a crash) or does not come back is a failure,
-too.
+Each case has a name and a seed. A failure is printed with both, so that `--of KIND --name NAME
+--only SEED` repeats it. A case that crashes its process or does not return is also a failure.
 """  # noqa: E501
 
 import argparse
@@ -37,7 +36,7 @@ Case = tuple[str, int]
 
 
 def batches(names: list[str], count: int, seed: int) -> list[list[Case]]:
-    """Names and seeds, in batches; a name that stands twice gets twice as many seeds."""
+    """Return batches of names and seeds; a name that is listed twice gets twice as many seeds."""
     share = Counter(names)
     each = -(-count // len(names))
     cases = [(name, seed + i) for name in share for i in range(share[name] * each)]
@@ -55,7 +54,7 @@ def run_batch(kind: str, batch: list[Case]) -> list[tuple[str, int, str, str]]:
         for name, seed in batch:
             signal.setitimer(
                 signal.ITIMER_PROF, LONGEST
-            )  # of the processor: others may keep it busy, or compile.
+            )  # processor time, because other processes or compilation may delay a case
             try:
                 found.append((name, seed, KINDS[kind].outcome(name, seed), ""))
             except Failure as failure:
@@ -75,9 +74,8 @@ def all_outcomes(
     """Counts of outcomes by name, and a line for every failure."""
     table: dict[str, Counter[str]] = defaultdict(Counter)
     failures: list[str] = []
-    # Workers end with this process: a batch can take minutes, and commands catch SIGTERM.
-    # A pool forks from a process with threads when it replaces one of its own, which may stand
-    # still for ever.
+    # Workers end with this process, because a batch can take minutes and commands catch SIGTERM. A
+    # pool that forks from a process with threads, to replace one of its workers, may block forever.
     context = multiprocessing.get_context("spawn")
     with context.Pool(jobs, die_with_parent, (os.getpid(),), maxtasksperchild=20) as pool:
         waiting = [
@@ -87,7 +85,7 @@ def all_outcomes(
         for batch, result in waiting:
             try:
                 found = result.get(timeout=_BATCH * 4.0)
-            except Exception as error:  # A process that crashed never answers.
+            except Exception as error:  # A process that crashed does not return.
                 label = f"{batch[0]} to {batch[-1]}"
                 failures.append(f"{label}: {type(error).__name__} {error}")
                 table[batch[0][0]][FAILED] += 1

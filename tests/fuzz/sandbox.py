@@ -1,4 +1,5 @@
-"""A folder of small models and records, sound and strange, and `tdint` in this process."""
+"""Directory with small valid and unusual models and records, in which `tdint` is executed in this
+process."""
 
 import math
 import os
@@ -78,7 +79,7 @@ _MARK = "made"
 
 @contextmanager
 def sandbox() -> Iterator[Path]:
-    """A new working directory with the files above; gone afterwards."""
+    """Provide a new working directory with the files above, which is removed afterwards."""
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -98,7 +99,7 @@ def replaced(name: str, content: bytes) -> Iterator[None]:
     stamp = (
         times.st_atime_ns,
         times.st_mtime_ns,
-    )  # That of the sandbox: else it would be filled anew.
+    )  # The time of the sandbox, because otherwise the files would be written again.
     file.write_bytes(content)
     os.utime(file, ns=stamp)
     try:
@@ -109,7 +110,8 @@ def replaced(name: str, content: bytes) -> Iterator[None]:
 
 
 def _changed(folder: Path) -> bool:
-    """Whether a case has written over the files of the sandbox, as an output may be told to."""
+    """Return True if a case has overwritten files of the sandbox, which an output option may
+    cause."""
     mark = folder / _MARK
     return any(
         file.stat().st_mtime_ns > mark.stat().st_mtime_ns
@@ -154,13 +156,13 @@ def _fill(folder: Path) -> None:
 
 
 def run(arguments: Sequence[str], stdin: bytes | None = None) -> str:
-    """Run `tdint ARGUMENTS` here and judge what it prints and writes into `out`; its exit code in
-    words.
+    """Run `tdint ARGUMENTS`, check its output and the files in `out`, and return the meaning of its
+    exit code.
 
     Raises
     ------
     Failure
-        Of `fuzz.printed`.
+        The output is forbidden (`fuzz.printed`).
     """
     if _changed(Path()):
         _fill(Path())
@@ -173,13 +175,13 @@ def run(arguments: Sequence[str], stdin: bytes | None = None) -> str:
 
 
 def invoked(arguments: Sequence[str]) -> tuple[int, str]:
-    """Run `tdint ARGUMENTS` here, in the folder as it is: its exit code, and what it says."""
+    """Run `tdint ARGUMENTS` in the current directory; return its exit code and its messages."""
     result = _result(arguments)
     return result.exit_code, result.stderr
 
 
 def invoked_fully(arguments: Sequence[str]) -> tuple[int, str, str]:
-    """Run `tdint ARGUMENTS` here: its exit code, standard output and standard error."""
+    """Run `tdint ARGUMENTS`; return its exit code, standard output and standard error."""
     result = _result(arguments)
     text = (result.stdout_bytes or b"").decode("utf-8", "backslashreplace")
     return result.exit_code, text, result.stderr

@@ -1,8 +1,8 @@
-"""Attacks on the shards of a campaign, from a seed: inputs change between the shards, or a finished
-shard is damaged, exchanged or missing.
+"""Attacks on the shards of a campaign from a seed: inputs change between the shards, or a finished
+shard is corrupted, exchanged or missing.
 
 Either a shard or `campaign merge` refuses, or the merged tables have the bytes of the campaign that
-is computed at once.
+is computed without shards.
 """
 
 import functools
@@ -149,7 +149,7 @@ _BUILDINGS = 30
 
 @functools.cache
 def _tables_at_once() -> dict[str, bytes]:
-    """Return the tables of the campaign that is computed at once."""
+    """Return the tables of the campaign that is computed without shards."""
     shutil.rmtree("whole", ignore_errors=True)
     _run("campaign", _CAMPAIGN, "-o", "whole")
     tables = {name: (Path("whole") / name).read_bytes() for name in _TABLES}

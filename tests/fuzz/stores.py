@@ -48,7 +48,7 @@ _VALUES: tuple[object, ...] = (
 
 @functools.cache
 def _whole(name: str) -> dict[str, bytes]:
-    """The folder of a call that ended well."""
+    """Return the files of a successful call."""
     shutil.rmtree(OUTPUT, ignore_errors=True)
     code, words = invoked(CALLS[name])
     if code:
@@ -57,7 +57,8 @@ def _whole(name: str) -> dict[str, bytes]:
 
 
 def outcome(name: str, seed: int) -> str:
-    """What becomes of a damaged store at the next call, within a sandbox; raises Failure."""
+    """Return the outcome of the next call for a corrupt store within a sandbox; raise Failure for
+    forbidden behavior."""
     whole = _whole(name)
     source = random.Random(f"{name} {seed}")
     file = Path(OUTPUT, next(one for one in whole if one.endswith(".sqlite")))
@@ -86,7 +87,7 @@ def _bytes(file: Path, source: random.Random) -> None:
 
 
 def _page(file: Path, source: random.Random) -> None:
-    """Zeroed, of random bytes, or that of another place."""
+    """Replace a page by zeros, random bytes or another page."""
     data = bytearray(file.read_bytes())
     size = int.from_bytes(data[16:18], "big") or 4096
     first, other = (source.randrange(max(1, len(data) // size)) * size for _ in range(2))
@@ -96,7 +97,7 @@ def _page(file: Path, source: random.Random) -> None:
 
 
 def _row(file: Path, source: random.Random) -> None:
-    """A cell, a row, or a table by hand; what SQLite does not take is no damage."""
+    """Change a cell, a row or a table; changes that SQLite refuses are ignored."""
     with suppress(sqlite3.Error), closing(sqlite3.connect(file)) as connection, connection:
         tables = [
             name
@@ -127,7 +128,7 @@ def _row(file: Path, source: random.Random) -> None:
 
 
 def _beside(file: Path, source: random.Random) -> None:
-    """What a killed process, or a copy, leaves beside a store."""
+    """Write a file that a killed process or a copy may leave next to a store."""
     end = source.choice(("-wal", "-shm", "-journal"))
     content = source.choice(
         (b"", source.randbytes(600), file.read_bytes()[:5000], b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7")

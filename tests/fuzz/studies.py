@@ -1,7 +1,8 @@
-"""Studies from a seed: a command line that ends well, one of the files that it reads damaged; what
-becomes of it.
+"""Studies from a seed: one of the input files of a valid command line is changed, and the outcome
+is checked.
 
-What is printed and written is judged (`fuzz.printed`), in the folder of a campaign, too.
+Printed output and written files are checked (`fuzz.printed`), including the directory of a
+campaign.
 """
 
 import math
@@ -40,7 +41,7 @@ _SCALES, _LEVELS, _TOWN, _FACTORS, _PAIRS, _ASSETS = ([("campaign", *one)] for o
 
 @dataclass(frozen=True)
 class Study:
-    """Command lines, and the files of which one is damaged before one of them."""
+    """Command lines, and the files one of which is changed before one of the command lines."""
 
     lines: list[tuple[str, ...]]
     files: tuple[str, ...]
@@ -100,12 +101,13 @@ WEIGHTS = {
 
 
 def names() -> list[str]:
-    """The studies, each as often as its weight says."""
+    """Return the names of the studies, repeated by their weights."""
     return [name for name in STUDIES for _ in range(WEIGHTS.get(name, 1))]
 
 
 def outcome(name: str, seed: int) -> str:
-    """What becomes of a study one of whose files is damaged, within a sandbox; raises Failure."""
+    """Return the outcome of a study with a changed file within a sandbox; raise Failure for
+    forbidden behavior."""
     study, source = STUDIES[name], random.Random(f"{name} {seed}")
     line = source.choice(study.lines)
     file = source.choice(_read_by(study, line))
@@ -122,7 +124,7 @@ def outcome(name: str, seed: int) -> str:
 
 
 def _takes_long(text: str) -> bool:
-    """Whether a campaign asks for what it may ask for, millions of steps."""
+    """Return True if a campaign requests millions of steps, which is allowed."""
     return any(
         not low <= float(found[1]) <= high
         for name, low, high in (("dt", 1e-4, math.inf), ("duration", -math.inf, 30.0))
@@ -131,8 +133,8 @@ def _takes_long(text: str) -> bool:
 
 
 def _other_numbers(text: str, source: random.Random) -> str:
-    """The text with other numbers at some places: most readers take it, so that what computes meets
-    them."""
+    """Return the text with other numbers at some positions. Most readers accept it, so that the
+    computation is tested."""
     for _ in range(source.choice((1, 1, 2, 3))):
         match = source.choice(list(_NUMBER.finditer(text)))
         near = (
@@ -148,7 +150,7 @@ def _other_numbers(text: str, source: random.Random) -> str:
 
 
 def _read_by(study: Study, line: tuple[str, ...]) -> list[str]:
-    """The files of a study that a command line reads: those that it names, and those that no line
-    does."""
+    """Return the files of a study that a command line reads: files in the command line, and files
+    in no command line."""
     named = {word for one in study.lines for word in one}
     return [one for one in study.files if one in line or one not in named]

@@ -1,5 +1,4 @@
-"""A few damaged inputs of every kind; `python tests/fuzz/run.py` does the same by the hundred
-thousand."""
+"""A few mutated inputs of every type; `python tests/fuzz/run.py` tests hundreds of thousands."""
 
 from collections import Counter
 
@@ -22,8 +21,8 @@ TRIED: dict[str, tuple[int, set[str]]] = {
     "models": (6, {model_files.REFUSED, model_files.RUNS}),
     "commands": (2, set()),
     "studies": (8, {"done"}),
-    # Healing is rarer than one in so few; tests/cli/test_campaign_store.py has it, damage by
-    # damage.
+    # Recovery is too rare for so few cases; tests/cli/test_campaign_store.py tests it for each type
+    # of damage.
     "stores": (8, {stores.REFUSED}),
     "names": (10, set()),
     "api": (16, set(api.OUTCOMES)),
@@ -60,7 +59,7 @@ def test_corrupt_inputs_have_expected_outcomes(work, kind, name):
 
 @pytest.mark.parametrize("name", studies.STUDIES)
 def test_intact_studies_are_done(work, name):
-    """But for a fit, which takes seconds and is asked in tests/cli/test_compare.py."""
+    """Fits are excluded, because they take seconds and are tested in tests/cli/test_compare.py."""
     lines = {line for line in studies.STUDIES[name].lines if "--fit" not in line}
     assert {run(list(line)) for line in lines} == {"done"}
 

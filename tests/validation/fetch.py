@@ -1,13 +1,12 @@
-"""Get a file that a case of the validation page needs and that is not shipped: python
-tests/validation/fetch.py NAME
+"""Fetch a file that a case of the validation page requires and that is not shipped.
 
-    python tests/validation/fetch.py                     # the names, where each comes from, and which are here
-    python tests/validation/fetch.py elcentro            # by its address, checked by its SHA-256
-    python tests/validation/fetch.py --from FOLDER       # all that lie in a folder, checked likewise
+    python tests/validation/fetch.py                 # list names, addresses and existing files
+    python tests/validation/fetch.py elcentro        # download a file and check its SHA-256
+    python tests/validation/fetch.py --from FOLDER   # copy files from a directory and check them
 
-Files go to tests/validation/files (TDINT_VALIDATION_FILES names another folder); git leaves them
-out.
-"""  # noqa: E501
+Files are written to tests/validation/files, or to the directory TDINT_VALIDATION_FILES; git ignores
+them.
+"""
 
 import argparse
 import hashlib
@@ -76,12 +75,12 @@ class NotFetched(Exception):
 
 
 def fetch(name: str) -> Path:
-    """Get a file by its address; returns where it is.
+    """Download a file and return its path.
 
     Raises
     ------
     NotFetched
-        There is no network or no such file any more, or it is another one.
+        There is no network, or the file does not exist or has another checksum.
     """
     source = SOURCES[name]
     by_hand = (

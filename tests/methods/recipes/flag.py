@@ -1,8 +1,8 @@
-"""A self-centering damper: the flag-shaped law of Christopoulos, Filiatrault and Folz (2002,
+"""Flag-shaped law of a self-centering damper by Christopoulos, Filiatrault and Folz (2002,
 Earthquake Engineering and Structural Dynamics 31).
 
-It slides along f = Fy + a k (d - dy), goes back by k until beta Fy below that, along that line, and
-from the elastic line f = k d to zero: no drift stays.
+The damper slides along f = Fy + a k (d - dy), unloads with stiffness k to the parallel line beta Fy
+below, follows this line, and returns to zero along the elastic line f = k d without residual drift.
 """
 
 from tdint.plugin import DriftLaw, LawParameter, rows, yields_at_its_strength

@@ -1,11 +1,10 @@
-"""The law of Menegotto and Pinto (1973) with the isotropic curvature of Filippou, Popov and Bertero
-(1983).
+"""Law of Menegotto and Pinto (1973) with the curvature of Filippou, Popov and Bertero (1983).
 
-From each turn (d0, f0) to the asymptote of the side moved towards, which the line of slope k meets
-at dm:
+Each curve leads from a reversal (d0, f0) to the asymptote in the direction of loading. The line
+with slope k through the reversal intersects the asymptote at dm:
 
     f* = b x + (1 - b) x / (1 + |x|^R)^(1/R),   x = (d - d0) / (dm - d0),   f* = (f - f0) / (k (dm - d0))
-    R = R0 - a1 e / (a2 + e),   e = |farthest drift of that side - dm| / (Fy / k)
+    R = R0 - a1 e / (a2 + e),   e = |maximum drift of this side - dm| / (Fy / k)
 """  # noqa: E501
 
 from tdint.plugin import DriftLaw, LawFunctions, LawParameter, rows, yields_at_its_strength

@@ -1,15 +1,15 @@
 """ROS2, a Rosenbrock method without iterations (Verwer, Spee, Blom and Hundsdorfer 1999, SIAM J.
-Sci. Comput. 20): of order 2 whatever matrix stands for the Jacobian, here that of the tangents at
-the start of the step.
+Sci. Comput. 20). It is of order 2 for any approximation of the Jacobian; here, the Jacobian follows
+from the tangents at the start of the step.
 
-With y = (u, v), y' = F(t, y), J its Jacobian and g = 1 - 1 / sqrt(2), which damps what is
-infinitely stiff at once:
+The equations use y = (u, v), y' = F(t, y), its Jacobian J, and g = 1 - 1 / sqrt(2), which makes the
+method L-stable:
 
     (1 - g h J) k1 = h F(t0, y0) + g h^2 F_t,   (1 - g h J) k2 = h F(t1, y0 + k1) - 2 k1 - g h^2 F_t
     y1 = y0 + 3/2 k1 + 1/2 k2
 
-Of each k the velocity part comes from (M + g h C + (g h)^2 K) kv = r - g h K s, the displacement
-part is s + g h kv.
+The velocity part of each k follows from (M + g h C + (g h)^2 K) kv = r - g h K s, and its
+displacement part is s + g h kv.
 """
 
 import math

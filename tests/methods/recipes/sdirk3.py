@@ -1,9 +1,9 @@
-"""The third-order diagonally implicit Runge-Kutta method with three stages (Alexander 1977, SIAM J.
-Numer. Anal. 14), L-stable, on u' = v, M v' = p - C v - f(u). Its last stage is the end of the step.
+"""L-stable diagonally implicit Runge-Kutta method of order 3 with three stages (Alexander 1977,
+SIAM J. Numer. Anal. 14) for u' = v, M v' = p - C v - f(u). Its last stage is the end of the step.
 
     vi = v0 + h sum Aij aj,   ui = u0 + h sum Aij vj,   M ai + C vi + f(ui) = pi
 
-The stages lie one after the other in time, so each takes the drift laws on from the stage before.
+The stages are in chronological order, so that each stage continues the laws of the previous stage.
 """
 
 import numpy as np
