@@ -30,11 +30,11 @@ def file(tmp_path: Path) -> Path:
 def test_paths_are_accepted_for_models_and_records(file: Path) -> None:
     model = tdint.load_model(MODEL)
     wanted = tdint.run(model, record()).stories.peak_drift
-    for given in (str(file), file):
-        np.testing.assert_array_equal(tdint.run(model, given).stories.peak_drift, wanted)
-        np.testing.assert_array_equal(tdint.run(MODEL, given).stories.peak_drift, wanted)
+    for path in (str(file), file):
+        np.testing.assert_array_equal(tdint.run(model, path).stories.peak_drift, wanted)
+        np.testing.assert_array_equal(tdint.run(MODEL, path).stories.peak_drift, wanted)
         assert (
-            tdint.spectrum(given, np.array([1.0])).psa
+            tdint.spectrum(path, np.array([1.0])).psa
             == tdint.spectrum(record(), np.array([1.0])).psa
         )
     np.testing.assert_array_equal(tdint.modes(MODEL).omega, tdint.modes(model).omega)  # type: ignore[arg-type]
@@ -57,7 +57,7 @@ def test_texts_are_accepted_for_numbers() -> None:
     )
     assert tdint.spectrum(record(), np.array([1.0]), "5%").damping == 0.05  # type: ignore[arg-type]
     assert np.array_equal(*(tdint.pushover(model, size, points=9).drift for size in (0.02, "2%")))
-    halves = [tdint.cyclic_test(model, 1, [given], points=9).path.drift for given in (0.02, "2%")]
+    halves = [tdint.cyclic_test(model, 1, [drift], points=9).path.drift for drift in (0.02, "2%")]
     assert np.array_equal(*halves)
     assert model.replace(damping="2%") == model.replace(damping=0.02)
     response = tdint.run(model, record(), history=True)
@@ -93,9 +93,9 @@ WRONG: list[tuple[type[Exception], Callable[[Any], Any]]] = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "call"), WRONG)
+@pytest.mark.parametrize(("error", "call"), WRONG)
 def test_invalid_arguments_raise_documented_errors(
-    kind: type[Exception], call: Callable[[Any], Any]
+    error: type[Exception], call: Callable[[Any], Any]
 ) -> None:
-    with pytest.raises(kind):
+    with pytest.raises(error):
         call(tdint.load_model(MODEL))

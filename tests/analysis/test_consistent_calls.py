@@ -18,9 +18,9 @@ def test_run_many_accepts_lists_of_methods_and_time_steps():
     single = tdint.run(MODEL, RECORD, method=methods, dt=steps, check=False)
     many = tdint.run_many(MODEL, RECORD, method=methods, dt=steps)
     assert len(single) == len(many) == 4
-    for one, runs in zip(single, many, strict=True):
-        assert (one.dt, one.method) == (runs.dt[0], runs.methods[0])
-        assert np.array_equal(one.stories.peak_drift, runs.stories.peak_drift[0])
+    for response, runs in zip(single, many, strict=True):
+        assert (response.dt, response.method) == (runs.dt[0], runs.methods[0])
+        assert np.array_equal(response.stories.peak_drift, runs.stories.peak_drift[0])
     assert many.to_dict()["method"] == ["impulse4", "impulse4", "hht", "hht"]  # one row per run
     with pytest.raises(tdint.TdintError, match=r"out .*list"):
         tdint.run_many(MODEL, RECORD, method=methods, history="drift", out=np.zeros((1, 1, 1)))

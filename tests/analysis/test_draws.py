@@ -103,13 +103,16 @@ CASES = {
 }
 
 
-def same(many, ones):
-    for one in fields(many.stories):
-        drawn, alone = getattr(many.stories, one.name), getattr(ones.stories, one.name)
-        np.testing.assert_array_equal(drawn, alone, err_msg=one.name)
-    np.testing.assert_array_equal(many.energy_error, ones.energy_error)
-    np.testing.assert_array_equal(many.steps, ones.steps)
-    assert many.status.tolist() == ones.status.tolist()
+def same(many, separate):
+    for quantity in fields(many.stories):
+        drawn, alone = (
+            getattr(many.stories, quantity.name),
+            getattr(separate.stories, quantity.name),
+        )
+        np.testing.assert_array_equal(drawn, alone, err_msg=quantity.name)
+    np.testing.assert_array_equal(many.energy_error, separate.energy_error)
+    np.testing.assert_array_equal(many.steps, separate.steps)
+    assert many.status.tolist() == separate.status.tolist()
 
 
 def by_themselves(building, values):
@@ -146,12 +149,14 @@ def test_sample_equals_building_made_by_replace(name):
 def test_building_properties_are_determined_for_each_sample(method, more):
     building, values = CASES["bilinear, Rayleigh"]
     drawn = tdint.run_many(building, [RECORD, SHORT], vary=values, method=method, **more)
-    ones = tdint.run_many(by_themselves(building, values), [RECORD, SHORT], method=method, **more)
-    same(drawn, ones)
+    separate = tdint.run_many(
+        by_themselves(building, values), [RECORD, SHORT], method=method, **more
+    )
+    same(drawn, separate)
     if "history" in more:
-        np.testing.assert_array_equal(drawn.history["drift"], ones.history["drift"])
+        np.testing.assert_array_equal(drawn.history["drift"], separate.history["drift"])
     if "check" in more:
-        np.testing.assert_array_equal(drawn.errors.peak_drift, ones.errors.peak_drift)
+        np.testing.assert_array_equal(drawn.errors.peak_drift, separate.errors.peak_drift)
 
 
 def test_products_and_pairs_of_varied_parameters():
@@ -185,7 +190,7 @@ def test_collapsed_sample_has_status_of_single_run():
 
 
 @pytest.mark.parametrize(
-    ("vary", "words"),
+    ("vary", "message"),
     [
         (
             {"stories[2].law.hardning": [0.1]},
@@ -209,20 +214,22 @@ def test_collapsed_sample_has_status_of_single_run():
         (5, "vary"),
     ],
 )
-def test_invalid_vary_is_refused_before_first_run(vary, words):
-    with pytest.raises(TdintError, match=words):
+def test_invalid_vary_is_refused_before_first_run(vary, message):
+    with pytest.raises(TdintError, match=message):
         tdint.run_many(model(BILINEAR), RECORD, vary=vary)
 
 
 def test_progress_is_reported_without_bar_in_pipe(capfd):
-    told = []
+    calls = []
     tdint.run_many(
         model(BILINEAR),
         RECORD,
         scales=np.linspace(0.1, 1.0, 130),
-        progress=lambda *one: told.append(one),
+        progress=lambda *progress: calls.append(progress),
     )
-    assert told[-1] == (130, 130) and [done for done, _ in told] == sorted(done for done, _ in told)
+    assert calls[-1] == (130, 130) and [done for done, _ in calls] == sorted(
+        done for done, _ in calls
+    )
     pytest.importorskip("tqdm")
     tdint.run_many(model(BILINEAR), RECORD, progress=True)
     assert capfd.readouterr() == ("", "")
@@ -261,8 +268,8 @@ def test_interrupt_gives_completed_runs():
         np.isfinite(runs.stories.peak_drift[done]).all()
         and np.isnan(runs.stories.peak_drift[~done]).all()
     )
-    whole = tdint.run_many(building, RECORD, scales=scales)
-    np.testing.assert_array_equal(runs.stories.peak_drift[done], whole.stories.peak_drift[done])
+    complete = tdint.run_many(building, RECORD, scales=scales)
+    np.testing.assert_array_equal(runs.stories.peak_drift[done], complete.stories.peak_drift[done])
     assert len(runs.failures) == 640 - done.sum()
     with pytest.raises(KeyboardInterrupt):
         tdint.run_many(building, RECORD, scales=scales, progress=interrupt)

@@ -103,10 +103,10 @@ def test_each_sample_has_its_own_derivatives():
             {**{key: values[1] for key, values in vary.items()}, name: value * (1.0 + d)}
             for d in (-1e-5, 1e-5)
         ]
-        one, other = (
+        below, above = (
             tdint.run(building.replace(**changes), RECORD).stories.peak_drift for changes in near
         )
-        wanted = (other - one) / (2e-5 * value)
+        wanted = (above - below) / (2e-5 * value)
         np.testing.assert_allclose(
             drawn.gradient.peak_drift[1, number], wanted, atol=1e-3 * np.max(np.abs(wanted))
         )
@@ -146,7 +146,7 @@ def test_derivative_at_end_of_range_is_one_sided():
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "message"),
     [
         ("stories.stiffness", "must be the same in all stories"),
         ("stories[0].stiffness", "counting starts at 1"),
@@ -154,10 +154,10 @@ def test_derivative_at_end_of_range_is_one_sided():
         ("damping", "damping requires a model with damping ratios"),
     ],
 )
-def test_invalid_gradient_parameter_is_refused(name, words):
+def test_invalid_gradient_parameter_is_refused(name, message):
     building = model([story(1e5, 1e7), story(1e5, 2e7)])
     for call in (tdint.run, tdint.run_many):
-        with pytest.raises(UsageError, match=words):
+        with pytest.raises(UsageError, match=message):
             call(building, RECORD, gradient=[name])
 
 

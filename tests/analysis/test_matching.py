@@ -74,11 +74,11 @@ def test_derivatives_of_extremes_agree_with_differences(request, of):
     problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 2.0, 12))
     problem.envelope = np.ones_like(problem.envelope)
     found, largest = problem.extremes(samples, 0.99 * problem.wanted)
-    places = largest[1].astype(int)
-    values = found[VALUE:, places]
+    columns = largest[1].astype(int)
+    values = found[VALUE:, columns]
     rows = problem.rows(
-        found[OSCILLATOR, places].astype(int),
-        found[TIME, places],
+        found[OSCILLATOR, columns].astype(int),
+        found[TIME, columns],
         values / np.linalg.norm(values, axis=0),
     )
     change = 1e-5 * np.random.default_rng(1).normal(size=samples.shape)
@@ -87,9 +87,9 @@ def test_derivatives_of_extremes_agree_with_differences(request, of):
         problem.extremes(samples + part * problem.filtered(change), 0.9 * problem.wanted)[1][0]
         for part in (1.0, -1.0)
     )
-    told = problem.wanted * rows.times(change.ravel())[: places.size]
+    changes = problem.wanted * rows.times(change.ravel())[: columns.size]
     np.testing.assert_allclose(
-        told, 0.5 * (after - before), rtol=2e-3, atol=1e-7
+        changes, 0.5 * (after - before), rtol=2e-3, atol=1e-7
     )  # rows are of single precision
 
 
@@ -338,7 +338,7 @@ def test_spectra_extend_beyond_matched_range(matched, pair):
     np.testing.assert_allclose(after, tdint.spectrum(matched.record, periods).psa)
     np.testing.assert_allclose(before, matched.factor * tdint.spectrum(matched.seed, periods).psa)
     both = replace(matched, record=pair, seed=pair)
-    of_both, *of_each = both.spectra_at(periods)
-    for (psa, _), record in zip(of_each, components(pair), strict=True):
+    pair_spectra, *component_spectra = both.spectra_at(periods)
+    for (psa, _), record in zip(component_spectra, components(pair), strict=True):
         np.testing.assert_allclose(psa, tdint.spectrum(record, periods).psa)
-        assert np.all(of_both[0] >= psa * (1.0 - 1e-3))
+        assert np.all(pair_spectra[0] >= psa * (1.0 - 1e-3))

@@ -77,11 +77,11 @@ def test_each_run_equals_single_run(runs):
             single.dt,
         )
         assert runs.energy_error[i] == single.energy.error
-        for one in STORY:
+        for quantity in STORY:
             np.testing.assert_array_equal(
-                getattr(runs.stories, one.name)[i, :n], getattr(single.stories, one.name)
+                getattr(runs.stories, quantity.name)[i, :n], getattr(single.stories, quantity.name)
             )
-            assert np.isnan(getattr(runs.stories, one.name)[i, n:]).all()
+            assert np.isnan(getattr(runs.stories, quantity.name)[i, n:]).all()
         for name, attribute in HISTORY_FIELDS.items():
             expected = getattr(single.history, attribute)
             np.testing.assert_array_equal(
@@ -100,8 +100,8 @@ def test_jobs_and_history_do_not_change_results(method):
         tdint.run_many(small(), RECORDS, scales=SCALES, method=method, history=kept, jobs=jobs)
         for kept, jobs in (("drift", 1), ((), 2))
     ]
-    for one in STORY:
-        np.testing.assert_array_equal(*(getattr(found.stories, one.name) for found in both))
+    for quantity in STORY:
+        np.testing.assert_array_equal(*(getattr(found.stories, quantity.name) for found in both))
     np.testing.assert_array_equal(both[0].energy_error, both[1].energy_error)
     assert np.nanmax(np.abs(both[0].history["drift"])) <= np.max(both[0].stories.peak_drift)
 
@@ -157,32 +157,32 @@ def test_failed_run_after_collapse_is_collapsed():
 
 
 def test_histories_are_written_to_given_array(tmp_path, runs):
-    whole = runs.history["drift"][6:12, :, :2]
+    complete = runs.history["drift"][6:12, :, :2]
     file = np.lib.format.open_memmap(
         tmp_path / "drift.npy", mode="w+", shape=(6, 50, 2), dtype=np.float32
     )
     file[...] = 7.0
-    given = {
+    arguments = {
         "records": RECORDS,
         "scales": SCALES,
         "method": "newmark-average",
         "history": "drift",
         "every": 3,
     }
-    found = tdint.run_many(small(), **given, out=file)
+    found = tdint.run_many(small(), **arguments, out=file)
     assert found.history["drift"] is file
-    thinned = whole[:, : 3 * 50 : 3]
+    thinned = complete[:, : 3 * 50 : 3]
     np.testing.assert_array_equal(np.load(tmp_path / "drift.npy"), thinned.astype(np.float32))
     assert found.time.shape == (1, 50) and found.time[0, -1] == pytest.approx(1.47)
     with pytest.raises(
         UsageError,
         match=r"out of drift must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)",
     ):
-        tdint.run_many(small(), **given, out={"drift": np.zeros((6, 51, 2))})
+        tdint.run_many(small(), **arguments, out={"drift": np.zeros((6, 51, 2))})
     with pytest.raises(UsageError, match="one array for each of: drift, shear"):
-        tdint.run_many(small(), **{**given, "history": ("drift", "shear")}, out=file)
+        tdint.run_many(small(), **{**arguments, "history": ("drift", "shear")}, out=file)
     with pytest.raises(UsageError, match=r"out .* no history"):
-        tdint.run_many(small(), **{**given, "history": ()}, out=file)
+        tdint.run_many(small(), **{**arguments, "history": ()}, out=file)
 
 
 def test_zip_records_pairs_models_and_records(runs):
@@ -218,7 +218,7 @@ def test_columns_of_runs(runs):
 
 
 @pytest.mark.parametrize(
-    ("given", "kind", "message"),
+    ("arguments", "error", "message"),
     [
         ({"history": "drfit"}, UsageError, "unknown quantity 'drfit'; did you mean 'drift'"),
         ({"history": "acceleration"}, UsageError, "absolute_acceleration"),
@@ -231,9 +231,9 @@ def test_columns_of_runs(runs):
         ({"method": "newmrk"}, UsageError, "newmark"),
     ],
 )
-def test_invalid_arguments_are_refused(given, kind, message):
-    with pytest.raises(kind, match=message):
-        tdint.run_many(**{"models": small(), "records": RECORDS[0], **given})
+def test_invalid_arguments_are_refused(arguments, error, message):
+    with pytest.raises(error, match=message):
+        tdint.run_many(**{"models": small(), "records": RECORDS[0], **arguments})
 
 
 @pytest.mark.parametrize("method", ["moment4", "impulse4"])
@@ -245,12 +245,13 @@ def test_errors_equal_errors_of_single_runs(method):
             len(building.stories),
             tdint.run(building, RECORDS[0], method=method, check=True, history=True),
         )
-        for one in STORY:
+        for quantity in STORY:
             np.testing.assert_array_equal(
-                getattr(found.errors, one.name)[i, :n], getattr(single.check.errors, one.name)
+                getattr(found.errors, quantity.name)[i, :n],
+                getattr(single.check.errors, quantity.name),
             )
-            corrected = getattr(single.check.corrected, one.name)
-            np.testing.assert_array_equal(getattr(found.corrected, one.name)[i, :n], corrected)
+            corrected = getattr(single.check.corrected, quantity.name)
+            np.testing.assert_array_equal(getattr(found.corrected, quantity.name)[i, :n], corrected)
         np.testing.assert_array_equal(found.history["drift"][i, :, :n], single.history.drift)
     names = list(found.to_dict())
     assert names[-1].endswith("_error") and "peak_drift_m_error" in names

@@ -47,7 +47,7 @@ def test_sequence_equals_run_of_joined_record(method):
         ), name
     assert np.array_equal(found.history.displacement, alone.history.displacement)
     assert found.energy == alone.energy
-    assert [one.start for one in found.events] == pytest.approx(
+    assert [event.start for event in found.events] == pytest.approx(
         [0.0, (MAIN.acceleration.size - 1) * 0.01 + 20.0]
     )
 
@@ -55,7 +55,7 @@ def test_sequence_equals_run_of_joined_record(method):
 def test_peaks_of_sequence_are_maxima_of_events():
     found = run_sequence(case("moment4"), [AFTER, MAIN, AFTER.scaled(-1.1)], rest=5.0)
     for name in NAMES:
-        largest = np.max([getattr(one.stories, name) for one in found.events], axis=0)
+        largest = np.max([getattr(event.stories, name) for event in found.events], axis=0)
         assert np.array_equal(getattr(found.stories, name), largest, equal_nan=True), name
     assert np.array_equal(found.stories.residual_drift, found.events[-1].stories.residual_drift)
 
@@ -74,10 +74,10 @@ def test_first_event_equals_run_until_rest():
 def test_each_event_has_estimated_errors():
     found = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, check=True)
     fine = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, dt=0.01 / 16)
-    for one, truth in zip(found.events, fine.events, strict=True):
-        off = np.abs(one.stories.peak_drift - truth.stories.peak_drift)
-        assert np.all(off <= 1.5 * one.errors.peak_drift)
-        assert np.all(one.errors.peak_drift < 0.2 * one.stories.peak_drift)
+    for event, truth in zip(found.events, fine.events, strict=True):
+        off = np.abs(event.stories.peak_drift - truth.stories.peak_drift)
+        assert np.all(off <= 1.5 * event.errors.peak_drift)
+        assert np.all(event.errors.peak_drift < 0.2 * event.stories.peak_drift)
 
 
 def test_events_with_different_sampling_intervals_are_resampled():
@@ -105,20 +105,20 @@ def test_event_starts_at_first_step_after_rest(dt, stride):
 
 
 def test_joined_record_keeps_common_attributes():
-    one, other = (
+    first, second = (
         replace(MAIN, units="g", id="A"),
         replace(AFTER, units="g", id="B", component="HNN"),
     )
-    whole = join_records([one.scaled(2.0), other.scaled(2.0)], [0, 900])
-    assert (whole.scale, whole.units, whole.id) == (2.0, "g", "")
-    assert (whole.component, whole.source) == ("HNE + HNN", "main + after")
-    assert join_records([one, other.scaled(2.0)], [0, 900]).scale == 1.0
+    joined = join_records([first.scaled(2.0), second.scaled(2.0)], [0, 900])
+    assert (joined.scale, joined.units, joined.id) == (2.0, "g", "")
+    assert (joined.component, joined.source) == ("HNE + HNN", "main + after")
+    assert join_records([first, second.scaled(2.0)], [0, 900]).scale == 1.0
 
 
 @pytest.mark.parametrize(("rest", "zeros"), [(0.5, 49), (None, 0)])
 def test_joined_records_are_separated_by_rest(rest, zeros):
     shocks = [MAIN, AFTER, MAIN]
-    by_hand = [part for one in shocks for part in (np.zeros(zeros), one.acceleration)][1:]
+    by_hand = [part for record in shocks for part in (np.zeros(zeros), record.acceleration)][1:]
     assert np.array_equal(JoinedRecord.of(shocks, rest).acceleration, np.concatenate(by_hand))
 
 

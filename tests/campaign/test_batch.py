@@ -49,12 +49,12 @@ def rows_by_run(rows: list[RunRow]) -> dict[Run, RunRow]:
 def test_rows_equal_single_runs(model: str, method: str) -> None:
     """The runs include completed runs, collapsed runs, and collapsed runs whose displacement then
     grows without bound."""
-    of = batch(model, method, stories=True)
-    results = of.results(RUNS)
+    subject_batch = batch(model, method, stories=True)
+    results = subject_batch.results(RUNS)
     rows = rows_by_run(results.runs)
     assert set(rows) == set(RUNS)
     for run in RUNS:
-        response, row = single(of, run), rows[run]
+        response, row = single(subject_batch, run), rows[run]
         found = demands(response.stories)
         assert (row.status, row.steps, row.energy_error) == (
             response.status,
@@ -78,18 +78,22 @@ def test_rows_equal_single_runs(model: str, method: str) -> None:
                 response.collapse.story,
             )
         stories = [
-            one for one in results.stories if (one.motion, one.scale) == (run.motion, run.scale)
+            story
+            for story in results.stories
+            if (story.motion, story.scale) == (run.motion, run.scale)
         ]
-        assert [one.story for one in stories] == list(range(1, len(of.subject.model.stories) + 1))
-        for place, quantity in enumerate(STORY):
-            of_stories = getattr(response.stories, quantity.name)
-            np.testing.assert_array_equal([one.values[place] for one in stories], of_stories)
+        assert [story.story for story in stories] == list(
+            range(1, len(subject_batch.subject.model.stories) + 1)
+        )
+        for column, quantity in enumerate(STORY):
+            story_values = getattr(response.stories, quantity.name)
+            np.testing.assert_array_equal([story.values[column] for story in stories], story_values)
     if model == "collapse-prone-frame":
         assert {"done", "collapsed"} <= {row.status for row in rows.values()}
 
 
 @pytest.mark.parametrize(
-    ("model", "method", "runs", "rest"),
+    ("model", "method", "runs", "until_rest"),
     [
         ("ten-story-bilinear", "moment4", RUNS[:4], True),
         ("ten-story-bilinear", "impulse4", RUNS[:1], False),
@@ -98,12 +102,12 @@ def test_rows_equal_single_runs(model: str, method: str) -> None:
     ],
 )
 def test_errors_equal_errors_of_single_runs(
-    model: str, method: str, runs: list[Run], rest: bool
+    model: str, method: str, runs: list[Run], until_rest: bool
 ) -> None:
     """Errors of every demand and story agree, for collapsed runs as well. The estimates do not
     change the runs."""
-    results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
-    plain = batch(model, method, stories=True, until_rest=rest).results(runs)
+    results = batch(model, method, stories=True, check=True, until_rest=until_rest).results(runs)
+    plain = batch(model, method, stories=True, until_rest=until_rest).results(runs)
     assert [row._replace(errors=()).changed(at_rest=0) for row in results.runs] == [
         row.changed(at_rest=0)
         for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
@@ -111,10 +115,10 @@ def test_errors_equal_errors_of_single_runs(
     for row in results.runs:
         run = Run(row.motion, row.scale)
         stories = [
-            one for one in results.stories if (one.motion, one.scale) == (row.motion, row.scale)
+            item for item in results.stories if (item.motion, item.scale) == (row.motion, row.scale)
         ]
-        response = single(batch(model, method), run, check=True, until_rest=rest)
-        own = {one.name: one.error(response.stories, response.check.errors) for one in DEMANDS}
+        response = single(batch(model, method), run, check=True, until_rest=until_rest)
+        own = {item.name: item.error(response.stories, response.check.errors) for item in DEMANDS}
         named = (
             "drift_ratio",
             "drift",
@@ -126,7 +130,7 @@ def test_errors_equal_errors_of_single_runs(
         assert row.errors == tuple(own[name] for name in named)
         for number, quantity in enumerate(STORY):
             np.testing.assert_array_equal(
-                [one.errors[number] for one in stories],
+                [item.errors[number] for item in stories],
                 getattr(response.check.errors, quantity.name),
             )
     assert "collapsed" in {row.status for row in results.runs} or method == "impulse4"
@@ -147,10 +151,10 @@ def test_errors_of_events_in_sequence(fixed: int) -> None:
         .runs
     )
     case = tdint.prepare(subject.model, short[0], method="moment4")
-    whole = run_sequence(case, short, rest=5.0, check=True)
-    stories, errors = whole.stories, whole.check.errors
+    sequence = run_sequence(case, short, rest=5.0, check=True)
+    stories, errors = sequence.stories, sequence.check.errors
     if fixed:
-        stories, errors = whole.events[-1].stories, whole.events[-1].errors
+        stories, errors = sequence.events[-1].stories, sequence.events[-1].errors
     assert row.peak_drift == np.max(stories.peak_drift)
     assert row.errors == demand_errors(stories, errors) and all(
         error >= 0.0 for error in row.errors
@@ -199,9 +203,9 @@ def test_failed_attempt_is_integrated_once(method: str, monkeypatch: pytest.Monk
     individual = []
     real = PreparedBuilding.integrate
 
-    def counted(prepared: PreparedBuilding, *given: Any, **named: Any) -> Any:
-        individual.append(given[1].h)
-        return real(prepared, *given, **named)
+    def counted(prepared: PreparedBuilding, *arguments: Any, **named: Any) -> Any:
+        individual.append(arguments[1].h)
+        return real(prepared, *arguments, **named)
 
     for scale in (3.0, 30.0, 3e3, 1e150):
         individual.clear()

@@ -54,18 +54,23 @@ def by_hand(states: DamageStates) -> list[list[float]]:
     rows = []
     for demand, end in zip(DEMANDS, ENDS, strict=True):
         if end in FALLEN:
-            rows.append([0.0] * 4 + [float(end == one) for one in FALLEN])
+            rows.append([0.0] * 4 + [float(end == boundary) for boundary in FALLEN])
         elif end != DONE:
             rows.append([math.nan] * (4 + len(FALLEN)))
         else:
             beyond = [
                 1.0,
-                *(norm.cdf(math.log(max(demand, 1e-300) / one) / 0.5) for one in states.medians),
+                *(
+                    norm.cdf(math.log(max(demand, 1e-300) / boundary) / 0.5)
+                    for boundary in states.medians
+                ),
                 0.0,
             ]
             if states.dispersion == 0.0:
-                beyond = [1.0, *(float(demand >= one) for one in states.medians), 0.0]
-            rows.append([one - other for one, other in pairwise(beyond)] + [0.0] * len(FALLEN))
+                beyond = [1.0, *(float(demand >= boundary) for boundary in states.medians), 0.0]
+            rows.append(
+                [boundary - other for boundary, other in pairwise(beyond)] + [0.0] * len(FALLEN)
+            )
     return rows
 
 
@@ -77,17 +82,17 @@ def test_damage_outcomes_of_runs(dispersion: float) -> None:
     losses = [0.0, 0.02, 0.2, 0.7, *[1.0] * len(FALLEN)]
     np.testing.assert_allclose(
         of.loss,
-        [math.fsum(p * one for p, one in zip(row, losses, strict=True)) for row in expected],
+        [math.fsum(p * loss for p, loss in zip(row, losses, strict=True)) for row in expected],
     )
     np.testing.assert_allclose(
         of.squared_loss,
-        [math.fsum(p * one**2 for p, one in zip(row, losses, strict=True)) for row in expected],
+        [math.fsum(p * loss**2 for p, loss in zip(row, losses, strict=True)) for row in expected],
     )
     names = ["none", "slight", "moderate", "severe"]
     assert of.known.tolist() == [end == DONE or end in FALLEN for end in ENDS]
     for state, demand, end in zip(of.state, DEMANDS, ENDS, strict=True):
         if end == DONE:
-            assert state == names[sum(demand >= one for one in STATES.medians)]
+            assert state == names[sum(demand >= loss for loss in STATES.medians)]
         else:
             assert state == (end if end in FALLEN else "")
 
@@ -150,17 +155,20 @@ def test_levels_count_ground_motions_instead_of_runs() -> None:
     large |= {Run(2, -2.0, 0): FALLEN[0], Run(3, -2.0, 0): "diverged", Run(4, -2.0, 0): FALLEN[0]}
     large |= {Run(7, -2.0, 0): FALLEN[-1], Run(8, -2.0, 0): "not-converged"}
     first, second = rules.levels(small | large)
-    assert [len(one) for one in first.completed] == [2, 2, 2, 1, 1]
-    assert [(one.pairs, one.collapsed, one.failed) for one in (first, second)] == [
+    assert [len(level_counts) for level_counts in first.completed] == [2, 2, 2, 1, 1]
+    assert [
+        (level_counts.pairs, level_counts.collapsed, level_counts.failed)
+        for level_counts in (first, second)
+    ] == [
         (3, 0, 0),
         (3, 2, 2),
     ]
     assert second.completed == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
     assert (first.level, second.level) == (0.1, 0.4) and math.isnan(first.scale)
-    (one,) = SuiteRules(PairRule("larger", {1: 1, 2: 2}), [], False, ("", "")).levels(
+    (level_counts,) = SuiteRules(PairRule("larger", {1: 1, 2: 2}), [], False, ("", "")).levels(
         {Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE}
     )
-    assert one.scale == 0.5 and math.isnan(one.level)
+    assert level_counts.scale == 0.5 and math.isnan(level_counts.level)
     ranked = [
         level.level
         for level in SuiteRules(PairRule("larger", {1: 1}), [], True, ("", "")).levels(

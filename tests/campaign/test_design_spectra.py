@@ -18,12 +18,14 @@ VALUES = Path(__file__).with_name("design_spectra.csv")
 def _named(text):
     """The design spectrum of mapped values: SDS = 2/3 Fa SS, SD1 = 2/3 Fv S1 (ASCE 7-16, 11.4.4 and
     11.4.5)."""
-    name, _, rest = text.partition(":")
+    name, _, parameters = text.partition(":")
     if name != "map":
         return text
-    given = {key: float(value) for key, value in (part.split("=") for part in rest.split(","))}
-    sds, sd1 = 2.0 / 3.0 * given["fa"] * given["ss"], 2.0 / 3.0 * given["fv"] * given["s1"]
-    return f"asce7:sds={sds!r},sd1={sd1!r},tl={given['tl']!r}"
+    values = {
+        key: float(value) for key, value in (part.split("=") for part in parameters.split(","))
+    }
+    sds, sd1 = 2.0 / 3.0 * values["fa"] * values["ss"], 2.0 / 3.0 * values["fv"] * values["s1"]
+    return f"asce7:sds={sds!r},sd1={sd1!r},tl={values['tl']!r}"
 
 
 def test_code_spectra_have_published_values():
@@ -59,8 +61,10 @@ def test_long_period_branch_starts_at_tl():
     """The spectrum decreases as 1/T up to TL and as 1/T^2 from TL to 20 s; the peak ground
     acceleration at period 0 is 0.4 SDS."""
     target = read_target("mcer:sds=1.0,sd1=0.6,tl=12")
-    told = target.at([0.0, 1.0, 11.0, 12.0, 20.0]) / STANDARD_GRAVITY
-    assert told == pytest.approx([0.6, 0.9, 0.9 / 11.0, 0.9 / 12.0, 0.9 * 12.0 / 400.0], rel=1e-12)
+    ratios = target.at([0.0, 1.0, 11.0, 12.0, 20.0]) / STANDARD_GRAVITY
+    assert ratios == pytest.approx(
+        [0.6, 0.9, 0.9 / 11.0, 0.9 / 12.0, 0.9 * 12.0 / 400.0], rel=1e-12
+    )
     assert target.periods[-1] == pytest.approx(20.0) and 12.0 in target.periods
     with pytest.raises(UsageError, match="0 to 20 s, got 21"):
         target.at([21.0])
@@ -104,7 +108,7 @@ def test_ec8_spectrum_beyond_four_seconds(damping):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("asce7", "asce7 requires sds, sd1, tl, such as asce7:sds=1.0"),
         ("asce7:sds=1,sd1=0.6", "asce7 requires tl"),
@@ -124,8 +128,8 @@ def test_ec8_spectrum_beyond_four_seconds(damping):
         ("ec8:type=1,soil=B,ag=0.25g,damping=0", "damping must be between"),
     ],
 )
-def test_invalid_names_and_parameters_are_refused(text, said):
-    with pytest.raises(UsageError, match=re.escape(said)):
+def test_invalid_names_and_parameters_are_refused(text, message):
+    with pytest.raises(UsageError, match=re.escape(message)):
         read_target(text)
 
 

@@ -46,30 +46,30 @@ def nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_remaining_chunks_are_executed_in_order(
     shard: Shard | None, ready: tuple[int, ...], max_runs: int | None
 ) -> None:
-    of_shard = [
+    shard_chunks = [
         number for number in range(CHUNKS) if shard is None or number % 3 + 1 == shard.number
     ]
     wanted: list[int] = []
-    for number in of_shard:
+    for number in shard_chunks:
         if number not in ready and (max_runs is None or sum(map(size, wanted)) < max_runs):
             wanted.append(number)
-    before = sum(size(number) for number in of_shard if number in ready)
-    store, told = Kept(*ready), list[Advance]()
+    before = sum(size(number) for number in shard_chunks if number in ready)
+    store, reported = Kept(*ready), list[Advance]()
     last = execute_plan(
         SimpleNamespace(chunks=CHUNKS, size=size),
         store,
         engine,
         shard=shard,
         max_runs=max_runs,
-        on_chunk=told.append,
+        on_chunk=reported.append,
     )
     assert store.added == wanted
-    assert [one.done for one in told] == [
+    assert [advance.done for advance in reported] == [
         before + sum(map(size, wanted[: i + 1])) for i in range(len(wanted))
     ]
-    for one in (*told, last):
-        assert (one.runs, one.before) == (before + sum(map(size, wanted)), before)
-        assert 0.0 <= one.seconds < 60.0
+    for advance in (*reported, last):
+        assert (advance.runs, advance.before) == (before + sum(map(size, wanted)), before)
+        assert 0.0 <= advance.seconds < 60.0
     assert last.done == last.runs
 
 

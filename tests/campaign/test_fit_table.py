@@ -62,13 +62,13 @@ def test_runs_at_common_levels_are_fitted_as_stripes(tmp_path: Path) -> None:
     )
     known = lost != "diverged"
     (found,) = result.functions
-    for one, hits, total in (
+    for function, hits, total in (
         (found, over & known, known),
         (found.bounds[0], (over & known) | ~known, np.ones_like(known)),
         (found.bounds[1], over & known, np.ones_like(known)),
     ):
         same = fit_stripes(LEVELS, hits.sum(axis=1), total.sum(axis=1))
-        assert (one.theta, one.beta) == pytest.approx((same.theta, same.beta))
+        assert (function.theta, function.beta) == pytest.approx((same.theta, same.beta))
     assert found.failed == 3
 
 
@@ -104,8 +104,8 @@ def test_stripes_of_type_require_three_motions_per_level(
 ) -> None:
     """Each type has four buildings, and all runs under one ground motion count once."""
     states = DamageStates("drift", ("light",), (0.01,), 0.4, ())
-    places = [(level, motion) for level, count in enumerate(motions) for motion in range(count)]
-    level, motion = np.repeat(np.array(places), 4, axis=0).T
+    pairs = [(level, motion) for level, count in enumerate(motions) for motion in range(count)]
+    level, motion = np.repeat(np.array(pairs), 4, axis=0).T
     demand = 0.005 * 1.3**level * np.exp(0.3 * RANDOM.standard_normal(level.size))
     runs = TypeRuns(
         states, 1.0 + level, demand, np.zeros(level.size, bool), motion, 0, "pga", "m/s^2"
@@ -131,12 +131,14 @@ def test_runs_at_individual_levels_are_fitted_as_cloud(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"intensity levels; .*--fit cloud"):
         fit_table(table(tmp_path, im), FragilityRequest("stripes", (OVER,)))
     # Three runs are sufficient for a level, two are not.
-    whole = np.repeat(LEVELS[:, None], MOTIONS, axis=1)
+    levels = np.repeat(LEVELS[:, None], MOTIONS, axis=1)
     for apart, fit in ((3, "stripes"), (2, "cloud")):
-        whole[0, :apart] = 0.4
-        (found,) = fit_table(table(tmp_path, whole), FragilityRequest(thresholds=(OVER,))).functions
+        levels[0, :apart] = 0.4
+        (found,) = fit_table(
+            table(tmp_path, levels), FragilityRequest(thresholds=(OVER,))
+        ).functions
         assert found.fit == fit
-        whole[0] = LEVELS[0]
+        levels[0] = LEVELS[0]
 
 
 def test_drift_of_collapsed_runs_is_ignored(
@@ -156,11 +158,11 @@ def test_drift_of_collapsed_runs_is_ignored(
         assert found.counted is not None and first.counted is not None
         assert np.array_equal(found.counted.fraction, first.counted.fraction)
     order = np.argsort(im.ravel())
-    for place, sixth in enumerate(np.split(order, 6)):
+    for number, sixth in enumerate(np.split(order, 6)):
         over = (DRIFT.ravel()[sixth] > OVER) | (STATUS.ravel()[sixth] == "collapsed")
-        assert first.counted.fraction[place] == pytest.approx(np.mean(over), abs=1e-12)
-        assert first.counted.runs[place] == 8
-        assert first.counted.im[place] == pytest.approx(
+        assert first.counted.fraction[number] == pytest.approx(np.mean(over), abs=1e-12)
+        assert first.counted.runs[number] == 8
+        assert first.counted.im[number] == pytest.approx(
             math.exp(np.mean(np.log(im.ravel()[sixth])))
         )
 
@@ -208,14 +210,14 @@ def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.nda
     )
     for name, head in (("runs.csv", "im,peak_drift_ratio"), ("cloud.csv", "im,edp")):
         lines = [f"building,status,im_name,unit,record,component,{head}{',event' * event}"]
-        for place, (k, x, d) in enumerate(
+        for number, (k, x, d) in enumerate(
             zip(motion.tolist(), im.tolist(), edp.tolist(), strict=True)
         ):
             # With events, records have different names, and correlated errors are identified by the
             # event.
-            record = f"r{place}" if event else f"r{k}.mseed"
+            record = f"r{number}" if event else f"r{k}.mseed"
             lines.append(
-                f"a,done,pga,m/s^2,{record},{'HNE' if place % 2 else 'HNN'},{x!r},{d!r}{f',M{k}' * event}"  # noqa: E501
+                f"a,done,pga,m/s^2,{record},{'HNE' if number % 2 else 'HNN'},{x!r},{d!r}{f',M{k}' * event}"  # noqa: E501
             )
         (folder / name).write_text("\n".join(lines) + "\n")
     return motion, im, edp
@@ -251,7 +253,7 @@ def test_capacities_of_one_record_count_as_one_motion(tmp_path: Path) -> None:
     equals the error with one capacity per record. The standard error of different motions is
     unchanged."""
     capacity = np.exp(0.4 * np.random.default_rng(12).standard_normal(9))
-    rows = [f"{value!r},r{place}" for place, value in enumerate(capacity.tolist())]
+    rows = [f"{value!r},r{number}" for number, value in enumerate(capacity.tolist())]
     errors = {}
     for name, of in (("single", rows), ("twins", rows + rows)):
         (tmp_path / f"{name}.csv").write_text("\n".join(["capacity,record", *of]))
@@ -298,8 +300,8 @@ def test_failed_fits_are_reported_next_to_successful_fits(tmp_path: Path) -> Non
     with pytest.raises(AnalysisError, match="threshold 10: "):
         fragility(file, 10.0)
     both = fragility(file, (OVER, 10.0))
-    assert [one.threshold for one in both.functions] == [OVER]
-    assert [str(one)[:13] for one in both.failures] == ["threshold 10:"]
+    assert [fit.threshold for fit in both.functions] == [OVER]
+    assert [str(fit)[:13] for fit in both.failures] == ["threshold 10:"]
 
 
 class PairStore:

@@ -125,11 +125,11 @@ def test_cloud_ignores_demands_below_lower_threshold():
     y[low] = math.log(0.01) + 0.3 * (y[low] - math.log(0.01))
     im, edp, states = np.exp(x), np.exp(y), [0.01, 0.02, 0.04]
     found = fit_cloud(im, edp, states, lower_threshold=0.01)
-    for one, bent in zip(found, fit_cloud(im, edp, states), strict=True):
-        above = math.log(one.threshold / 0.01) / 2.0
-        assert abs(math.log(one.theta) - above) < 3.0 * one.theta_error
-        assert abs(one.beta - 0.15) < 3.0 * one.beta_error
-        assert abs(math.log(bent.theta) - above) > 10.0 * one.theta_error or bent.beta > 0.2
+    for function, bent in zip(found, fit_cloud(im, edp, states), strict=True):
+        above = math.log(function.threshold / 0.01) / 2.0
+        assert abs(math.log(function.theta) - above) < 3.0 * function.theta_error
+        assert abs(function.beta - 0.15) < 3.0 * function.beta_error
+        assert abs(math.log(bent.theta) - above) > 10.0 * function.theta_error or bent.beta > 0.2
     assert found[0].cloud.light == low.sum()
     # The fit does not depend on the values below the threshold.
     (same,) = fit_cloud(im, np.where(low, 1e-3 * edp, edp), [0.02], lower_threshold=0.01)
@@ -177,11 +177,11 @@ def test_censored_cloud_agrees_with_minimizer():
 
 
 def test_change_of_unit_only_scales_theta():
-    one, other = (
+    in_g, in_si = (
         fit_stripes(np.array(LEVELS) * unit, COLLAPSES, [40] * 8) for unit in (1.0, 9.80665)
     )
-    assert other.theta == pytest.approx(9.80665 * one.theta, rel=1e-10)
-    assert (other.beta, other.theta_error) == pytest.approx((one.beta, one.theta_error), rel=1e-8)
+    assert in_si.theta == pytest.approx(9.80665 * in_g.theta, rel=1e-10)
+    assert (in_si.beta, in_si.theta_error) == pytest.approx((in_g.beta, in_g.theta_error), rel=1e-8)
 
 
 def test_standard_errors_agree_with_repeated_samples():
@@ -193,8 +193,8 @@ def test_standard_errors_agree_with_repeated_samples():
         x = np.exp(0.4 * random.standard_normal(60))
         found.append(fit_capacities(np.minimum(x, 1.2), x > 1.2))
     for values, errors in (
-        ([math.log(one.theta) for one in found], [one.theta_error for one in found]),
-        ([one.beta for one in found], [one.beta_error for one in found]),
+        ([math.log(fit.theta) for fit in found], [fit.theta_error for fit in found]),
+        ([fit.beta for fit in found], [fit.beta_error for fit in found]),
     ):
         assert np.std(values) == pytest.approx(np.mean(errors), rel=0.12)
 
@@ -276,9 +276,9 @@ def test_largest_disagreement_with_counts_is_reported():
     )
     # Three standard errors of 5 % plus half a motion give 65.5: 65 of 100 are not reported, and 66
     # are.
-    for beyond, told in ((65, False), (66, True)):
+    for beyond, is_reported in ((65, False), (66, True)):
         share = np.concatenate([np.arange(100) < beyond, np.ones(100)])
-        assert bool(SURE.beside_counts(im, share.astype(float)).disagreement) == told
+        assert bool(SURE.beside_counts(im, share.astype(float)).disagreement) == is_reported
     assert SURE.disagreement == ""
 
 

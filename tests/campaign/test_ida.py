@@ -77,39 +77,39 @@ def test_ida_curve_of_linear_building_is_straight():
         [story(1.0, omega**2, dashpot=2.0 * 0.05 * omega, height=height)], method="exact"
     )
     found = ida(building, [motion(1)])
-    (one,) = found.curves
+    (ida_curve,) = found.curves
     assert found.measure.name == "sa(0.8)"
-    assert len(one.stable) > 15
-    for run in one.stable:
+    assert len(ida_curve.stable) > 15
+    for run in ida_curve.stable:
         # The run determines its peaks on a cubic between steps of T/40, and the spectrum at the
         # exact times of the maxima.
         assert run.drift_ratio == pytest.approx(run.im / (omega**2 * height), rel=1e-5)
-        assert run.scale * spectrum(one.record, np.array([0.8]), 0.05).psa[0] == pytest.approx(
-            run.im, rel=1e-12
-        )
+        assert run.scale * spectrum(ida_curve.record, np.array([0.8]), 0.05).psa[
+            0
+        ] == pytest.approx(run.im, rel=1e-12)
     capacity = 0.1 * omega**2 * height
-    assert one.collapse.lower <= capacity * (1 + 1e-5)
-    assert one.collapse.upper >= capacity * (1 - 1e-5)
-    assert one.capacity(0.02).capacity == pytest.approx(0.02 * omega**2 * height, rel=1e-5)
-    assert not one.resurrection
+    assert ida_curve.collapse.lower <= capacity * (1 + 1e-5)
+    assert ida_curve.collapse.upper >= capacity * (1 - 1e-5)
+    assert ida_curve.capacity(0.02).capacity == pytest.approx(0.02 * omega**2 * height, rel=1e-5)
+    assert not ida_curve.resurrection
 
 
 def test_collapse_brackets_have_requested_precision(study):
-    for one in study.curves:
-        assert 1.0 < one.collapse.upper / one.collapse.lower <= 1.05
-        assert one.collapse.lower == one.stable[-1].im
-        assert one.collapse.upper == min(run.im for run in one.runs if run.collapsed)
-        assert sum(run.im > one.collapse.upper for run in one.runs) >= 2
+    for ida_curve in study.curves:
+        assert 1.0 < ida_curve.collapse.upper / ida_curve.collapse.lower <= 1.05
+        assert ida_curve.collapse.lower == ida_curve.stable[-1].im
+        assert ida_curve.collapse.upper == min(run.im for run in ida_curve.runs if run.collapsed)
+        assert sum(run.im > ida_curve.collapse.upper for run in ida_curve.runs) >= 2
 
 
 def test_levels_fill_curves(study):
     """Neighbours differ by less than 20 % in drift, unless their levels are closer than the
     bracket."""
-    for one in study.curves:
-        for low, high in pairwise(one.stable):
+    for ida_curve in study.curves:
+        for low, high in pairwise(ida_curve.stable):
             ratio = max(low.drift_ratio, high.drift_ratio) / min(low.drift_ratio, high.drift_ratio)
             assert ratio <= 1.2 or high.im <= 1.05 * low.im
-        assert one.stable[0].drift_ratio < 0.01
+        assert ida_curve.stable[0].drift_ratio < 0.01
 
 
 def test_number_of_threads_does_not_change_runs(frame, study):
@@ -127,11 +127,11 @@ def test_higher_precision_narrows_bracket(frame, study):
 
 def test_maximum_intensity_censors_capacities(frame):
     found = ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.8, thresholds=(0.001, 0.05)))
-    (one,) = found.curves
-    assert one.collapse.censored
-    assert max(run.im for run in one.runs) == one.collapse.capacity == 0.8
-    assert math.isnan(one.collapse.upper)
-    assert [one.capacity(t).censored for t in found.thresholds] == [False, True, True]
+    (ida_curve,) = found.curves
+    assert ida_curve.collapse.censored
+    assert max(run.im for run in ida_curve.runs) == ida_curve.collapse.capacity == 0.8
+    assert math.isnan(ida_curve.collapse.upper)
+    assert [ida_curve.capacity(t).censored for t in found.thresholds] == [False, True, True]
     assert np.isnan(fractiles(found.curves, np.array([0.09]))).all()
 
 
@@ -167,9 +167,9 @@ def test_resurrection_is_detected():
 
 
 def test_failed_run_does_not_count_as_collapse():
-    one = curve((1.0, 0.01), (2.0, math.nan), (3.0, 0.02), (4.0, math.nan))
-    assert one.collapse.censored
-    assert (one.collapse.capacity, one.capacity(0.015).upper) == (3.0, 3.0)
+    ida_curve = curve((1.0, 0.01), (2.0, math.nan), (3.0, 0.02), (4.0, math.nan))
+    assert ida_curve.collapse.censored
+    assert (ida_curve.collapse.capacity, ida_curve.capacity(0.015).upper) == (3.0, 3.0)
 
 
 def drive(levels, building, most=200):
@@ -215,9 +215,9 @@ def test_search_avoids_levels_of_failed_runs():
 def test_bracket_with_failed_run_is_divided_elsewhere(ratio):
     """At a quarter of its logarithm, then at three: however narrow or wide the bracket is."""
     runs = [IdaRun(2.0, 2.0, "done", 0.02), IdaRun(2.0 * ratio, 2.0 * ratio, "collapsed", 0.1)]
-    for place in (0.5, 0.25, 0.75):
+    for exponent in (0.5, 0.25, 0.75):
         level = LevelSearch(1.0).next(runs)
-        assert level == pytest.approx(2.0 * ratio**place, rel=1e-12)
+        assert level == pytest.approx(2.0 * ratio**exponent, rel=1e-12)
         runs.append(IdaRun(level, level, "not-converged", math.nan))
 
 
@@ -260,15 +260,16 @@ def test_repeated_runs_are_marked(frame, monkeypatch):
         return rows
 
     monkeypatch.setattr(Batch, "results", results)
-    (one,) = ida(frame, [motion(0)], pga()).curves
+    (ida_curve,) = ida(frame, [motion(0)], pga()).curves
     mended, lost = (
-        [run for run in one.runs if low < run.im < high] for low, high in ((1.0, 1.3), (2.0, 2.2))
+        [run for run in ida_curve.runs if low < run.im < high]
+        for low, high in ((1.0, 1.3), (2.0, 2.2))
     )
     assert mended
     assert all(run.stable and run.finer == 2 for run in mended)
     assert lost
     assert all(run.status == "diverged" and math.isnan(run.drift_ratio) for run in lost)
-    assert one.collapse.lower > 2.2
+    assert ida_curve.collapse.lower > 2.2
 
 
 def test_residual_drift_is_taken_at_rest(frame):
@@ -277,8 +278,8 @@ def test_residual_drift_is_taken_at_rest(frame):
     settings = IdaSettings(max_im=1.5, thresholds=())
     short = replace(motion(0), acceleration=motion(0).acceleration[:260])
     cut, rested = (
-        ida(frame, [short], pga(), replace(settings, until_rest=rest)).curves[0].runs[-1]
-        for rest in (False, True)
+        ida(frame, [short], pga(), replace(settings, until_rest=until_rest)).curves[0].runs[-1]
+        for until_rest in (False, True)
     )
     assert cut.im == rested.im
     assert rested.drift_ratio >= cut.drift_ratio
@@ -298,10 +299,10 @@ def test_fractiles_of_one_and_three_curves():
 
 
 def test_components_of_pair_are_run_at_levels_of_pair(frame):
-    one, other = motion(0), replace(motion(1), component="HN2")
-    pair = Horizontals(one, other)
+    first, second = motion(0), replace(motion(1), component="HN2")
+    pair = Horizontals(first, second)
     single, both = (
-        ida(frame, motions, pga(), pair="rotd100") for motions in ([one, other], [pair])
+        ida(frame, motions, pga(), pair="rotd100") for motions in ([first, second], [pair])
     )
     assert (single.im_name, both.im_name) == ("pga", "rotd100-pga")
     for apart, together in zip(single.curves, both.curves, strict=True):
@@ -326,11 +327,11 @@ def test_stored_runs_at_outdated_levels_are_repeated(tmp_path, frame, monkeypatc
     assert ida(frame, [motion(0)], pga(), settings, folder=tmp_path).resumed == 1
 
 
-def same_runs(one, other):
+def same_runs(first, second):
     """Return True if two studies have the same runs to the last bit; errors that were not estimated
     are nan in both."""
-    return repr([curve.runs for curve in one.curves]) == repr(
-        [curve.runs for curve in other.curves]
+    return repr([curve.runs for curve in first.curves]) == repr(
+        [curve.runs for curve in second.curves]
     )
 
 

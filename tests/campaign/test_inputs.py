@@ -103,8 +103,8 @@ def test_at_most_eight_differences_per_type_are_reported() -> None:
         "building a: differs"
     ]
     for count in (8, 9, 20):
-        one, other = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
-        found = differences(one, other, entry_type="record", **known)
+        one, second = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
+        found = differences(one, second, entry_type="record", **known)
         assert found[:8] == [f"record r{i}: differs" for i in range(8)]
         assert found[8:] == (
             [] if count == 8 else [f"and {count - 8} more differences of type record"]
@@ -160,11 +160,11 @@ def pairs() -> list[Horizontals]:
 
 
 def test_scale_with_rule_equals_rule_function(pairs: list[Horizontals]) -> None:
-    def same(one: object, other: object) -> None:
+    def same(one: object, expected: object) -> None:
         assert (one.rule, one.pair, one.damping, one.measure, one.value) == (
-            other.rule, other.pair, other.damping, other.measure, other.value
+            expected.rule, expected.pair, expected.damping, expected.measure, expected.value
         )  # fmt: skip
-        np.testing.assert_array_equal(one.factors, other.factors)
+        np.testing.assert_array_equal(one.factors, expected.factors)
 
     same(scale(pairs, rule="p695"), scale_p695(pairs))
     same(
@@ -176,9 +176,11 @@ def test_scale_with_rule_equals_rule_function(pairs: list[Horizontals]) -> None:
             scale(pairs, measure, 3.0, rule="p695")
         assert str(caught.value).endswith(f"got {measure}")
     target = TargetSpectrum("table", np.array([0.5, 0.7, 1.0]), np.array([5.0, 4.0, 2.0]))
-    places = np.geomspace(0.5, 1.0, 100)
+    grid_periods = np.geomspace(0.5, 1.0, 100)
     rule = {"target": target, "damping": 0.2}
-    same(scale(4 * pairs, **rule, rule="asce7"), scale_asce7(4 * pairs, **rule, periods=places))
+    same(
+        scale(4 * pairs, **rule, rule="asce7"), scale_asce7(4 * pairs, **rule, periods=grid_periods)
+    )
     for wrong in ({}, {"measure": "pga"}, {"value": 3.0}):
         with pytest.raises(UsageError, match="scale requires an intensity measure"):
             scale(pairs, **wrong)

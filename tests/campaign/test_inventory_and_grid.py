@@ -65,26 +65,24 @@ def plan(folder: Path) -> Plan:
     return make_plan(campaign, read_inputs(campaign))
 
 
-def rows_of(whole: Plan) -> list[RunRow]:
-    return [
-        row for number in range(whole.chunks) for row in run_chunk(whole.chunk(number)).rows.runs
-    ]
+def rows_of(plan: Plan) -> list[RunRow]:
+    return [row for number in range(plan.chunks) for row in run_chunk(plan.chunk(number)).rows.runs]
 
 
 def models(folder: Path) -> Iterator[tdint.Model]:
     """The model files that `tdint inventory --models` writes of the rows."""
     rows, _ = read_inventory(str(folder / "buildings.csv"), 0.3048)
-    for one in derive_all(rows, "mdof-lu"):
-        yield tdint.load_model(io.StringIO(model_text(one.row.id, one.building, "mdof-lu")))
+    for derived in derive_all(rows, "mdof-lu"):
+        yield tdint.load_model(io.StringIO(model_text(derived.row.id, derived.building, "mdof-lu")))
 
 
 def check_strongest_run(
-    folder: Path, whole: Plan, done: list[RunRow], building: int, model: tdint.Model
+    folder: Path, plan: Plan, done: list[RunRow], building: int, model: tdint.Model
 ) -> None:
     """Check that the strongest run of a building equals a run of the model under the samples of the
     file times g."""
     row = max((row for row in done if row.building == building), key=lambda row: row.scale)
-    motion = whole.motions[row.motion]
+    motion = plan.motions[row.motion]
     samples = json.loads((folder / f"{motion.name}.json").read_text())[f"data_{motion.component}"]
     record = Record(row.scale * STANDARD_GRAVITY * np.array(samples), 0.01, "", "", "", "")
     response = tdint.run(model, record, method="newmark-average")
@@ -97,13 +95,13 @@ def check_strongest_run(
 def test_runs_equal_runs_of_exported_models(study: Path) -> None:
     """A run of a row is the run of the model that `tdint inventory --models` writes, under the
     motion times g."""
-    whole = plan(study)
-    assert whole.runs == 3 * 4 * 2 * 2  # buildings, samples, components, scales
-    done = rows_of(whole)
-    assert len(done) == whole.runs == len({row[:4] for row in done})
+    campaign = plan(study)
+    assert campaign.runs == 3 * 4 * 2 * 2  # buildings, samples, components, scales
+    done = rows_of(campaign)
+    assert len(done) == campaign.runs == len({row[:4] for row in done})
     for number, model in enumerate(models(study)):
-        assert whole.buildings[number].subject().model.collapse_drift == model.collapse_drift
-        check_strongest_run(study, whole, done, number, model)
+        assert campaign.buildings[number].subject().model.collapse_drift == model.collapse_drift
+        check_strongest_run(study, campaign, done, number, model)
 
 
 def test_samples_depend_only_on_seed_and_id(study: Path) -> None:
@@ -119,11 +117,11 @@ def test_samples_depend_only_on_seed_and_id(study: Path) -> None:
 
 
 def test_components_of_sample_share_number(study: Path) -> None:
-    whole = plan(study)
+    campaign = plan(study)
     for building in range(3):
         samples: dict[int, list[str]] = {}
-        for draw in whole.assignment.draws(building):
-            samples.setdefault(draw.sample, []).append(whole.motions[draw.motion].component)
+        for draw in campaign.assignment.draws(building):
+            samples.setdefault(draw.sample, []).append(campaign.motions[draw.motion].component)
         assert sorted(samples) == [1, 2, 3, 4]
         assert all(sorted(components) == ["x", "y"] for components in samples.values())
 
@@ -158,8 +156,8 @@ def test_weights_are_inverse_squares_of_distances(tmp_path: Path) -> None:
 
 
 def test_building_at_grid_point_samples_only_this_point(study: Path) -> None:
-    whole = plan(study)
-    near = {whole.motions[draw.motion].name for draw in whole.assignment.draws(0)}
+    campaign = plan(study)
+    near = {campaign.motions[draw.motion].name for draw in campaign.assignment.draws(0)}
     assert near <= {"m10", "m11"}
 
 
@@ -167,9 +165,9 @@ def test_single_neighbor_is_nearest_point(study: Path) -> None:
     file = study / "campaign.yaml"
     file.write_text(STUDY.replace("neighbors: 2", "neighbors: 1"))
     (study / "buildings.csv").write_text(BUILDINGS.replace("37.805,-122.265", "37.806,-122.264"))
-    whole = plan(study)
+    campaign = plan(study)
     drawn = [
-        {whole.motions[draw.motion].name[:2] for draw in whole.assignment.draws(number)}
+        {campaign.motions[draw.motion].name[:2] for draw in campaign.assignment.draws(number)}
         for number in range(3)
     ]
     assert drawn == [{"m1"}, {"m0"}, {"m0"}]
@@ -178,10 +176,10 @@ def test_single_neighbor_is_nearest_point(study: Path) -> None:
 def test_unreadable_motions_are_omitted_and_reported(study: Path) -> None:
     (study / "m00.json").write_text("{}")
     (study / "m01.json").unlink()
-    whole = plan(study)
-    assert [type(one) for one in whole.failures] == [RecordError, RecordError]
-    assert all(not motion.name.startswith("m0") for motion in whole.motions)
-    assert whole.runs == 3 * 4 * 2 * 2
+    campaign = plan(study)
+    assert [type(failure) for failure in campaign.failures] == [RecordError, RecordError]
+    assert all(not motion.name.startswith("m0") for motion in campaign.motions)
+    assert campaign.runs == 3 * 4 * 2 * 2
 
 
 @pytest.mark.parametrize(
@@ -230,9 +228,9 @@ def test_buildings_without_coordinates_are_omitted(study: Path) -> None:
     (study / "buildings.csv").write_text(text.replace(",37.805,-122.265", ",,"))
     left = plan(study)
     assert len(left.buildings) == len(before.buildings) - 1
-    ((kind, reason),) = left.unused
+    ((input_type, reason),) = left.unused
     assert (
-        kind == "building"
+        input_type == "building"
         and "buildings.csv:4:6: Latitude: is missing; motions at sites require" in reason
     )
     (study / "buildings.csv").write_text(re.sub(r",3\d[.\d]*,-122[.\d]*", ",,", text))
@@ -244,19 +242,19 @@ def test_scale_includes_factor_of_grid(study: Path) -> None:
     """m00 and m01 are motions of one file with the factors 1 and 0.5. The name is the name of the
     file, and `scale` includes the factor. For levels of a measure, the scale is the level over the
     measure of the motion in the file, for any factor."""
-    whole = plan(study)
-    assert [motion.name for motion in whole.motions] == [
+    campaign = plan(study)
+    assert [motion.name for motion in campaign.motions] == [
         f"m{i}{j}" for i in range(3) for j in range(2) for _ in "xy"
     ]
     runs = {
         (run.motion, run.scale)
-        for n in range(whole.chunks)
-        for one in whole.chunk(n).buildings
-        for run in one.runs
+        for n in range(campaign.chunks)
+        for building in campaign.chunk(n).buildings
+        for run in building.runs
     }
     levels = (1.0, 2.0)
     factors = {
-        motion: 1.0 if whole.motions[motion].name.endswith("0") else 0.5 for motion, _ in runs
+        motion: 1.0 if campaign.motions[motion].name.endswith("0") else 0.5 for motion, _ in runs
     }
     assert runs == {
         (motion, factor * level) for motion, factor in factors.items() for level in levels
@@ -265,14 +263,14 @@ def test_scale_includes_factor_of_grid(study: Path) -> None:
     (study / "campaign.yaml").write_text(
         STUDY.replace(intensity, "intensity: {measure: pga, levels: [0.1 g]}")
     )
-    of_measure = plan(study)
+    measure_campaign = plan(study)
     for run in (
         run
-        for n in range(of_measure.chunks)
-        for one in of_measure.chunk(n).buildings
-        for run in one.runs
+        for n in range(measure_campaign.chunks)
+        for building in measure_campaign.chunk(n).buildings
+        for run in building.runs
     ):
-        whole_motion = of_measure.motions[run.motion].whole
+        whole_motion = measure_campaign.motions[run.motion].whole
         mean = np.sqrt(whole_motion.first.pga * whole_motion.second.pga)
         np.testing.assert_allclose(run.scale, 0.1 * STANDARD_GRAVITY / mean, rtol=1e-12)
 
@@ -293,25 +291,25 @@ def test_sweep_varies_buildings_of_inventory(study: Path) -> None:
     (study / "campaign.yaml").write_text(
         STUDY + "vary: {stiffness_factor: [0.8, 1.3], mass_factor: [1.2]}\n"
     )
-    whole = plan(study)
-    assert whole.runs == 2 * plain.runs
-    names = [whole.buildings[number].name for number in range(6)]
+    campaign = plan(study)
+    assert campaign.runs == 2 * plain.runs
+    names = [campaign.buildings[number].name for number in range(6)]
     assert names[:2] == [
         "a: stiffness_factor=0.8, mass_factor=1.2",
         "a: stiffness_factor=1.3, mass_factor=1.2",
     ]
-    assert len({whole.buildings[number].digest for number in range(6)}) == 6
-    done = rows_of(whole)
+    assert len({campaign.buildings[number].digest for number in range(6)}) == 6
+    done = rows_of(campaign)
     for number, model in enumerate(models(study)):
-        for place, factor in enumerate((0.8, 1.3)):
-            building = 2 * number + place
-            assert whole.assignment.draws(building) == plain.assignment.draws(number)
-            assert whole.buildings[building].varied == {
+        for index, factor in enumerate((0.8, 1.3)):
+            building = 2 * number + index
+            assert campaign.assignment.draws(building) == plain.assignment.draws(number)
+            assert campaign.buildings[building].varied == {
                 "stiffness_factor": factor,
                 "mass_factor": 1.2,
             }
             changed = model.replace(stiffness_factor=factor, mass_factor=1.2)
-            check_strongest_run(study, whole, done, building, changed)
+            check_strongest_run(study, campaign, done, building, changed)
 
 
 @pytest.mark.parametrize(

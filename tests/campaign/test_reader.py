@@ -20,7 +20,7 @@ analysis: {%s}
 
 
 @pytest.mark.parametrize(
-    ("intensity", "analysis", "said"),
+    ("intensity", "analysis", "message"),
     [
         ("levels: [1e308 g]", "", ":3:36: intensity.levels[1]: must be from 1e-06 to 1e+06"),
         ("levels: [1e-320 g]", "", ":3:36: intensity.levels[1]: must be"),
@@ -33,13 +33,13 @@ analysis: {%s}
     ],
 )
 def test_invalid_values_are_refused(
-    tmp_path: Path, intensity: str, analysis: str, said: str
+    tmp_path: Path, intensity: str, analysis: str, message: str
 ) -> None:
     file = tmp_path / "study.yaml"
     file.write_text(STUDY % (intensity, analysis))
     with pytest.raises(ModelError) as caught:
         load_campaign(file)
-    assert said in str(caught.value) and len(str(caught.value).splitlines()) == 1
+    assert message in str(caught.value) and len(str(caught.value).splitlines()) == 1
 
 
 def test_file_name_patterns_of_pairs(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ VALUES = {
 
 
 @pytest.mark.parametrize(
-    ("section", "given", "refused", "said"),
+    ("section", "sound_keys", "refused", "message"),
     [
         (
             "buildings",
@@ -188,10 +188,10 @@ VALUES = {
     ],
 )
 def test_keys_of_other_inputs_are_refused(
-    tmp_path: Path, section: str, given: str, refused: str, said: str
+    tmp_path: Path, section: str, sound_keys: str, refused: str, message: str
 ) -> None:
     """Each of these keys is refused at its position; without them, the input is accepted."""
-    whole = {
+    sections = {
         "buildings": "models: [model.yaml]",
         "records": "files: [a.csv]",
         "intensity": "scales: [1]",
@@ -201,7 +201,7 @@ def test_keys_of_other_inputs_are_refused(
     def faults(text: str) -> str:
         file.write_text(
             "".join(
-                f"{name}: {{{text if name == section else of}}}\n" for name, of in whole.items()
+                f"{name}: {{{text if name == section else of}}}\n" for name, of in sections.items()
             )
         )
         try:
@@ -210,10 +210,10 @@ def test_keys_of_other_inputs_are_refused(
             return str(error)
         return ""
 
-    assert faults(given) == ""
+    assert faults(sound_keys) == ""
     for key in refused.split():
         value = "0.05" if key == "damping" and section == "intensity" else VALUES[key]
-        assert f"{section}.{key}: {said}" in faults(f"{given}, {key}: {value}"), key
+        assert f"{section}.{key}: {message}" in faults(f"{sound_keys}, {key}: {value}"), key
 
 
 @pytest.mark.parametrize("source", ["files: [a.csv]", "fields: f.csv"])

@@ -106,7 +106,7 @@ def test_inelastic_displacement_agrees_with_constant_strength_spectrum():
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("pgx", "unknown intensity measure 'pgx'; did you mean 'pg"),
         ("pga:1", "unknown intensity measure"),
@@ -120,8 +120,8 @@ def test_inelastic_displacement_agrees_with_constant_strength_spectrum():
         ("sa-avg:2:1", "expected sa-avg"),
     ],
 )
-def test_unknown_measures_are_refused(text, words):
-    with pytest.raises(UsageError, match=words):
+def test_unknown_measures_are_refused(text, message):
+    with pytest.raises(UsageError, match=message):
         run_measure(text)
 
 
@@ -135,15 +135,17 @@ def test_regression_line_agrees_with_least_squares():
     y = 0.3 + 1.4 * x + 0.2 * magnitude + 0.1 * rng.standard_normal(40)
     found = line(x, y, {"magnitude": magnitude, "constant": np.ones(40)})
     design = np.column_stack([np.ones(40), x])
-    solution, rest, *_ = np.linalg.lstsq(design, y, rcond=None)
-    beta = math.sqrt(rest[0] / 38.0)
+    solution, residual, *_ = np.linalg.lstsq(design, y, rcond=None)
+    beta = math.sqrt(residual[0] / 38.0)
     error = beta * math.sqrt(np.linalg.inv(design.T @ design)[1, 1])
-    told = (found.slope, found.beta, found.slope_error, found.proficiency)
-    assert told == pytest.approx((solution[1], beta, error, beta / solution[1]), rel=1e-9)
+    reported = (found.slope, found.beta, found.slope_error, found.proficiency)
+    assert reported == pytest.approx((solution[1], beta, error, beta / solution[1]), rel=1e-9)
     assert found.r_squared == pytest.approx(np.corrcoef(x, y)[0, 1] ** 2, rel=1e-9)
-    (one,) = found.dependences
-    assert one.slope == pytest.approx(np.polyfit(magnitude, y - design @ solution, 1)[0], rel=1e-9)
-    assert one.characteristic == "magnitude" and one.p_value < 1e-6
+    (dependence,) = found.dependences
+    assert dependence.slope == pytest.approx(
+        np.polyfit(magnitude, y - design @ solution, 1)[0], rel=1e-9
+    )
+    assert dependence.characteristic == "magnitude" and dependence.p_value < 1e-6
     exact = line(x, 2.0 * x + 1.0, {})
     assert (exact.slope, exact.beta) == pytest.approx((2.0, 0.0), abs=1e-12)
 
@@ -159,13 +161,13 @@ def test_runs_under_one_motion_are_clustered():
     residual = y - np.polyval(np.polyfit(x, y, 1), x)
     slope, intercept = np.polyfit(magnitude, residual, 1)
     left, about = residual - intercept - slope * magnitude, magnitude - magnitude.mean()
-    total = sum(float(about[motion == one] @ left[motion == one]) ** 2 for one in range(9))
+    total = sum(float(about[motion == values] @ left[motion == values]) ** 2 for values in range(9))
     error = math.sqrt(total * 9 / 8 * 35 / 34) / float(about @ about)
     (found,) = line(x, y, {"magnitude": magnitude}, motion=motion).dependences
     (alone,) = line(x, y, {"magnitude": magnitude}).dependences
     assert found.p_value == pytest.approx(2.0 * student.sf(abs(slope) / error, 8), rel=1e-9)
     assert found.p_value > 2.0 * alone.p_value  # which counts 36 runs as 36 motions
-    (thrice,) = line(*(np.tile(one, 3) for one in (x, y)), {"magnitude": np.tile(magnitude, 3)},
+    (thrice,) = line(*(np.tile(values, 3) for values in (x, y)), {"magnitude": np.tile(magnitude, 3)},
                      motion=np.tile(motion, 3)).dependences  # fmt: skip
     of = error * math.sqrt(107 / 106 * 34 / 35)
     assert thrice.p_value == pytest.approx(2.0 * student.sf(abs(slope) / of, 8), rel=1e-9)
@@ -210,7 +212,10 @@ def test_best_measure_is_listed_first(tmp_path):
     best, other = compare_measures(folder_of(tmp_path), ["sa", "pgv"], tmp_path / "events.csv")
     assert (best.im, best.unit, best.runs, best.left_out) == ("pgv", "cm/s", 11, 1)
     assert (best.slope, best.beta) == pytest.approx((1.5, 0.0), abs=1e-9)
-    assert [one.characteristic for one in other.dependences] == ["ln scale", "magnitude"]
+    assert [dependence.characteristic for dependence in other.dependences] == [
+        "ln scale",
+        "magnitude",
+    ]
     assert other.beta > 0.1
 
 

@@ -62,15 +62,17 @@ def turned(pair, measure, percentile):
 def test_measures_of_component():
     """Measures agree with the functions for spectra and for ground motions, which are tested
     separately."""
-    one = record(1)
-    assert pga().of(one) == np.max(np.abs(one.acceleration))
-    assert sa(1.0).of(one) == pytest.approx(spectrum(one, np.array([1.0]), 0.05).psa[0], rel=1e-12)
-    ground = measure(one)
+    component = record(1)
+    assert pga().of(component) == np.max(np.abs(component.acceleration))
+    assert sa(1.0).of(component) == pytest.approx(
+        spectrum(component, np.array([1.0]), 0.05).psa[0], rel=1e-12
+    )
+    ground = measure(component)
     for name, value in (("pgv", ground.pgv), ("arias", ground.arias), ("cav", ground.cav)):
-        assert MotionIntensity(name).of(one) == value
+        assert MotionIntensity(name).of(component) == value
     grid = Grid(0.5, 2.0, 3)
-    values = [sa(period, 0.02).of(one) for period in (0.4, 0.8, 1.6)]
-    assert sa_average(0.8, 0.02, grid).of(one) == pytest.approx(
+    values = [sa(period, 0.02).of(component) for period in (0.4, 0.8, 1.6)]
+    assert sa_average(0.8, 0.02, grid).of(component) == pytest.approx(
         np.prod(values) ** (1 / 3), rel=1e-12
     )
     assert {measured.damping for measured in (sa(0.7), sa_average(0.7))} == {
@@ -89,18 +91,20 @@ def test_measures_of_component():
 )
 def test_measures_grow_with_power_of_factor(measured, power):
     """The factors that scale a motion to a value use this power."""
-    one = record(3)
-    assert measured.of(one.scaled(-2.5)) == pytest.approx(2.5**power * measured.of(one), rel=1e-12)
-    (factor,) = scale_to_value([one], measured, 0.37).factors
-    assert measured.of(one.scaled(float(factor))) == pytest.approx(0.37, rel=1e-12)
+    component = record(3)
+    assert measured.of(component.scaled(-2.5)) == pytest.approx(
+        2.5**power * measured.of(component), rel=1e-12
+    )
+    (factor,) = scale_to_value([component], measured, 0.37).factors
+    assert measured.of(component.scaled(float(factor))) == pytest.approx(0.37, rel=1e-12)
 
 
 def test_measures_of_pair():
     (pair,) = pairs(1)
-    one, other = pair.first, pair.second
+    first, second = pair.first, pair.second
     for measured in (pga(), MotionIntensity("pgv"), sa(0.7)):
         assert measured.of(pair) == pytest.approx(
-            math.sqrt(measured.of(one) * measured.of(other)), rel=1e-12
+            math.sqrt(measured.of(first) * measured.of(second)), rel=1e-12
         )
     for measured in (pga(), *map(MotionIntensity, GROUND)):
         for name, percentile in (("rotd50", 50), ("rotd100", 100)):
@@ -150,8 +154,8 @@ def test_vertical_components_are_omitted_unless_requested(tmp_path):
     samples = np.sin(np.arange(200.0))
     for name, channels in (("both", ("HNE", "HNN", "HNZ")), ("up", ("HNZ",)), ("flat", ("HNE",))):
         traces = [
-            Trace(samples * i, {"channel": one, "delta": 0.01})
-            for i, one in enumerate(channels, start=1)
+            Trace(samples * i, {"channel": channel, "delta": 0.01})
+            for i, channel in enumerate(channels, start=1)
         ]
         Stream(traces).write(str(tmp_path / f"{name}.mseed"), format="MSEED")
     files = [str(tmp_path / f"{name}.mseed") for name in ("both", "up", "flat")]
@@ -180,8 +184,8 @@ def test_scaling_to_a_target_is_least_squares():
     motions = [record(1), record(2)]
     grid = np.geomspace(0.2, 2.0, 12)
     found = scale_to_target(motions, TARGET, grid).factors
-    for one, factor in zip(motions, found, strict=True):
-        spectrum = pseudo_accelerations(one, grid, 0.05)
+    for motion, factor in zip(motions, found, strict=True):
+        spectrum = pseudo_accelerations(motion, grid, 0.05)
         misfit = [
             np.sum((np.log(TARGET.at(grid)) - np.log(f * spectrum)) ** 2)
             for f in (0.999 * factor, factor, 1.001 * factor)
@@ -197,11 +201,11 @@ def test_asce7_scaling_meets_floor_with_common_factor():
     scaling = scale_asce7(motions, target, grid, damping=0.2)
     dense = np.unique([*grid, 0.6, 1.5, scaling.least[1]])
     spectra = np.array([rotated_spectrum(pair, dense, 0.2, [100]).psa[0] for pair in motions])
-    whole = np.exp(np.interp(np.log(dense), np.log(target.periods), np.log(target.psa)))
-    least = np.min(np.mean(scaling.factors[:, None] * spectra, axis=0) / whole)
+    target_psa = np.exp(np.interp(np.log(dense), np.log(target.periods), np.log(target.psa)))
+    least = np.min(np.mean(scaling.factors[:, None] * spectra, axis=0) / target_psa)
     at_grid = np.isin(dense, grid)
-    fitted = np.exp(np.mean(np.log(whole[at_grid] / spectra[:, at_grid]), axis=1))
-    average = np.mean(fitted[:, None] * spectra[:, at_grid], axis=0) / whole[at_grid]
+    fitted = np.exp(np.mean(np.log(target_psa[at_grid] / spectra[:, at_grid]), axis=1))
+    average = np.mean(fitted[:, None] * spectra[:, at_grid], axis=0) / target_psa[at_grid]
     assert scaling.factors / fitted == pytest.approx(
         np.full(11, scaling.factors[0] / fitted[0]), rel=1e-9
     )
@@ -235,7 +239,7 @@ def test_ec8_floor_is_met_between_periods_of_fit(period):
         np.geomspace(0.2 * period, 2.0 * period, 5),
     )
     scaling = scale_ec8(
-        [one for pair in pairs(3) for one in (pair.first, pair.second)], target, grid
+        [component for pair in pairs(3) for component in (pair.first, pair.second)], target, grid
     )
     dense = np.append(np.geomspace(0.2 * period, 2.0 * period, 5000), scaling.least[1])
     average = np.mean(scaling.spectra(dense), axis=0) / target.at(dense)
@@ -252,9 +256,9 @@ def test_p695_normalization_and_scaling():
     scaled = scale_p695(motions, 1.0, 5.0).factors
     assert scaled / normalized == pytest.approx(np.full(5, scaled[0] / normalized[0]), rel=1e-12)
     values = [
-        factor * pseudo_accelerations(one, np.array([1.0]), 0.05)[0]
+        factor * pseudo_accelerations(component, np.array([1.0]), 0.05)[0]
         for pair, factor in zip(motions, scaled, strict=True)
-        for one in (pair.first, pair.second)
+        for component in (pair.first, pair.second)
     ]
     assert np.median(values) == pytest.approx(5.0, rel=1e-12)
 

@@ -68,7 +68,7 @@ def test_mean_of_selected_motions_fits_target(pool):
     scaling = tdint.select(pool, TARGET, 4, periods=PERIODS, factors=(0.2, 20.0))
     assert len(scaling.motions) == len(set(scaling.chosen)) == 4
     assert scaling.left_out["duplicate"] == 1 and scaling.left_out["zero"] == 1
-    alone = tdint.scale([pool[place] for place in scaling.chosen], target=TARGET, periods=PERIODS)
+    alone = tdint.scale([pool[number] for number in scaling.chosen], target=TARGET, periods=PERIODS)
     np.testing.assert_allclose(scaling.factors, alone.factors.clip(0.2, 20.0), rtol=1e-12)
     aim = np.log(scaling.target.at(PERIODS))
     off = np.log(scaling.spectra(PERIODS)) - aim
@@ -251,10 +251,12 @@ def test_motions_at_limit_are_counted(pool):
     """Both selected motions with a factor at a limit and other motions that would have such a
     factor are counted."""
     scaling = tdint.select(pool, TARGET, 4, periods=PERIODS, factors=(2.0, 3.0))
-    places = [*range(14), 16]  # the other motions are a duplicate and a motion at rest
-    motions = [pool[place] for place in places]
+    numbers = [*range(14), 16]  # the other motions are a duplicate and a motion at rest
+    motions = [pool[number] for number in numbers]
     free = tdint.scale(motions, target=TARGET, periods=PERIODS).factors
-    outside = {place for place, factor in zip(places, free, strict=True) if not 2.0 < factor < 3.0}
+    outside = {
+        number for number, factor in zip(numbers, free, strict=True) if not 2.0 < factor < 3.0
+    }
     assert len(scaling.at_limit) == len(outside & set(scaling.chosen))
     assert scaling.others_at_limit == len(outside - set(scaling.chosen))
     assert np.all((scaling.factors >= 2.0) & (scaling.factors <= 3.0))

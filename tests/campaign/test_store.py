@@ -31,17 +31,17 @@ MOUNTS = """\
 """
 
 
-@pytest.mark.parametrize("kind", ["nfs4", "lustre", "cifs", "fuse.sshfs"])
+@pytest.mark.parametrize("file_system", ["nfs4", "lustre", "cifs", "fuse.sshfs"])
 def test_network_file_system_is_refused(
-    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, file_system: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A directory that does not exist yet is refused as well. A local disk that is mounted below it
     and an adjacent directory are accepted."""
     mounts = tmp_path / "mountinfo"
     home = tmp_path / "home"
-    mounts.write_text(MOUNTS.format(home=home, kind=kind))
+    mounts.write_text(MOUNTS.format(home=home, kind=file_system))
     monkeypatch.setattr(system, "_MOUNTS", mounts)
-    with pytest.raises(OutputError, match=rf"network file system \({kind}\)"):
+    with pytest.raises(OutputError, match=rf"network file system \({file_system}\)"):
         refuse_network(home / "new" / "out")
     refuse_network(home / "local" / "out")
     refuse_network(tmp_path / "home2")
@@ -103,7 +103,7 @@ def test_chunks_of_equal_runs_have_equal_length() -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "words"),
+    ("first", "second", "message"),
     [
         ({}, {"duration": 0.4}, "setting duration"),
         ({}, {"names": ("b", "a")}, "the order of buildings or records differs"),
@@ -111,16 +111,16 @@ def test_chunks_of_equal_runs_have_equal_length() -> None:
     ],
 )
 def test_parts_of_different_campaigns_are_not_merged(
-    tmp_path: Path, one: Any, other: Any, words: str
+    tmp_path: Path, first: Any, second: Any, message: str
 ) -> None:
     """The message states only the difference."""
-    for name, changed in (("one", one), ("other", other)):
+    for name, changed in (("one", first), ("other", second)):
         (tmp_path / name).mkdir()
         open_store(tmp_path / name, small_plan(**changed))[0].connection.close()
     with pytest.raises(UsageError) as caught:
         merge([tmp_path / "one", tmp_path / "other"], tmp_path)
     _, *lines = str(caught.value).splitlines()
-    assert len(lines) == 1 and lines[0].startswith(words)
+    assert len(lines) == 1 and lines[0].startswith(message)
 
 
 def test_parts_with_different_chunks_are_not_merged(tmp_path: Path) -> None:

@@ -87,8 +87,8 @@ def test_factors_and_ratios_change_model(model):
         ("damping", 0.02),
         ("strength_factor", 1.2),
     )
-    one = model.replace(**{"story 2.stiffness_factor": 0.5})
-    assert [story.stiffness for story in one.stories] == [4e6, 2e6]
+    changed = model.replace(**{"story 2.stiffness_factor": 0.5})
+    assert [story.stiffness for story in changed.stories] == [4e6, 2e6]
 
 
 def test_inconsistent_law_parameters_are_reported_with_story(records):
@@ -101,10 +101,10 @@ def test_inconsistent_law_parameters_are_reported_with_story(records):
     }
     law |= {"pinching": 0.5, "unloading": 0.0}
     model = tdint.load_model(MODEL | {"stories": [{**STORY, "law": law, "repeat": 2}]})
-    name, told = "stories[2].law.yield_force", "frame: invalid variation of story 2: "
-    with pytest.raises(UsageError, match=told):
+    name, message = "stories[2].law.yield_force", "frame: invalid variation of story 2: "
+    with pytest.raises(UsageError, match=message):
         model.replace(**{name: 6e4})
-    with pytest.raises(UsageError, match=rf"{told}.* \(sample 2\)"):
+    with pytest.raises(UsageError, match=rf"{message}.* \(sample 2\)"):
         tdint.run_many(model, records[0], vary={name: [2e4, 6e4]})
 
 
@@ -140,7 +140,7 @@ def test_latin_hypercube_has_one_sample_per_stratum():
         "mass_factor": Distribution("uniform", 0.8, 1.2),
     }
     changes = ParameterSweep(random=random, samples=40, seed=3).changes()
-    stiffness, mass = (np.array([one[name] for one in changes]) for name in random)
+    stiffness, mass = (np.array([change[name] for change in changes]) for name in random)
     parts = (np.log(stiffness / 1.1) / 0.2, (mass - 0.8) / 0.4)
     from scipy.special import ndtr
 
@@ -168,9 +168,9 @@ def test_each_variation_equals_run_of_varied_model(tmp_path, model, records):
         }
         peaks = [
             tdint.run(
-                model.replace(**changes), one.scaled(float(row["scale"])), method=row["method"]
+                model.replace(**changes), record.scaled(float(row["scale"])), method=row["method"]
             ).stories.peak_drift.max()
-            for one in records
+            for record in records
         ]
         assert min(abs(peak / float(row["peak_drift_m"]) - 1.0) for peak in peaks) < 1e-9
 
@@ -213,11 +213,11 @@ def test_parameter_effects_agree_with_runs_and_are_sorted(model, records):
     ranges = {"damping": (0.02, 0.08), "strength_factor": (0.7, 1.3)}
     with stored(one_at_a_time(model, ranges), records[:1]) as store:
         found = parameter_effects(store, "frame", ranges)
-    drifts = [one for one in found if one.quantity.name == "peak_drift_ratio"]
+    drifts = [effect for effect in found if effect.quantity.name == "peak_drift_ratio"]
     assert drifts[0].effect >= drifts[1].effect
-    for one in drifts:
-        for value, peak in ((one.low, one.at_low), (one.high, one.at_high)):
-            run = tdint.run(model.replace(**{one.parameter: value}), records[0])
+    for effect in drifts:
+        for value, peak in ((effect.low, effect.at_low), (effect.high, effect.at_high)):
+            run = tdint.run(model.replace(**{effect.parameter: value}), records[0])
             assert math.isclose(run.stories.peak_drift_ratio.max(), peak, rel_tol=1e-9)
 
 
@@ -246,10 +246,10 @@ def test_rank_correlation_of_monotonic_response(records):
         random={"stiffness_factor": Distribution("uniform", 0.5, 2.0)}, samples=12, seed=1
     )
     with stored(sweep.of([stiff]), records) as store:
-        found = {one.quantity.name: one for one in rank_correlations(store)}
+        found = {correlation.quantity.name: correlation for correlation in rank_correlations(store)}
     assert math.isclose(found["peak_drift_ratio"].coefficient, -1.0)
     assert found["peak_drift_ratio"].draws == 12
-    assert {one.building for one in found.values()} == {
+    assert {correlation.building for correlation in found.values()} == {
         "stiff"
     }  # the name of the sampled building without sample numbers
     with stored([stiff], records) as store, pytest.raises(UsageError, match="has no sweep"):
@@ -257,20 +257,20 @@ def test_rank_correlation_of_monotonic_response(records):
 
 
 @pytest.mark.parametrize(
-    ("one", "same"),
+    ("distribution", "expected"),
     [
         (Distribution("lognormal", 0.4, 0.3), lognorm(0.3, scale=0.4)),
         (Distribution("normal", -2.0, 0.3), norm(-2.0, 0.3)),
         (Distribution("uniform", -1.0, 4.0), uniform(-1.0, 5.0)),
     ],
 )
-def test_distributions_agree_with_scipy(one: Distribution, same: Any) -> None:
+def test_distributions_agree_with_scipy(distribution: Distribution, expected: Any) -> None:
     parts = np.linspace(0.01, 0.99, 21)
-    np.testing.assert_allclose(one.at(parts), same.ppf(parts), rtol=1e-12)
+    np.testing.assert_allclose(distribution.at(parts), expected.ppf(parts), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("kind", "numbers", "said"),
+    ("name", "numbers", "message"),
     [
         ("lognormal", (0.0, 0.3), "lognormal: median must be positive"),
         ("lognormal", (1.0, 0.0), "lognormal: beta must be positive"),
@@ -279,10 +279,10 @@ def test_distributions_agree_with_scipy(one: Distribution, same: Any) -> None:
     ],
 )
 def test_invalid_distribution_parameters_are_refused(
-    kind: str, numbers: tuple[float, float], said: str
+    name: str, numbers: tuple[float, float], message: str
 ) -> None:
     """At their bounds; just within them they are some."""
-    with pytest.raises(UsageError, match=said):
-        Distribution(kind, *numbers)
+    with pytest.raises(UsageError, match=message):
+        Distribution(name, *numbers)
     for first, second in ((1e-9, 1.0), (0.5, 0.6)):
-        Distribution(kind, first, second)
+        Distribution(name, first, second)

@@ -33,7 +33,7 @@ RUNS = [Run(motion, scale) for motion in RECORDS for scale in (0.3, 1.0, 2.0)]
 
 
 OFFICE = tdint.load_model("configs/ten-story-bilinear.yaml")
-PEAK_DRIFT = [one.name for one in STORY].index("peak_drift")
+PEAK_DRIFT = [quantity.name for quantity in STORY].index("peak_drift")
 
 
 def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:

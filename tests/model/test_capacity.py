@@ -203,9 +203,9 @@ def test_inventory_of_capacity_classes(inventory):
     assert first.building.degradation and not second.building.degradation
     alone = CapacityFacts(THREE, 5, 16.0, 8e5, soft_story=True, name="CR/soft")
     assert second.row.facts == alone
-    for one in (first, second):
-        (inventory / "m.yaml").write_text(model_text(one.row.id, one.building, "capacity"))
-        assert load_model("m.yaml").stories == one.building.stories
+    for derived in (first, second):
+        (inventory / "m.yaml").write_text(model_text(derived.row.id, derived.building, "capacity"))
+        assert load_model("m.yaml").stories == derived.building.stories
     with pytest.raises(UsageError, match="do not use the scatter"):
         derive_all(rows, "capacity", stiffness=0.1)
 

@@ -273,10 +273,10 @@ def test_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
         "          {mass: 1, stiffness: 10, dashpot: {coefficient: 3, exponent: 1}}]\n"
         "initial: {displacement: [1, 1]}\n"
     )
-    one, two = load_model(file).stories
-    assert one.dashpot == 0.0
-    assert one.power_dashpot == PowerDashpot(pytest.approx(1e6), 0.5, pytest.approx(0.002))
-    assert two.power_dashpot == PowerDashpot(pytest.approx(3e5), 1.0, 0.0)
+    first, second = load_model(file).stories
+    assert first.dashpot == 0.0
+    assert first.power_dashpot == PowerDashpot(pytest.approx(1e6), 0.5, pytest.approx(0.002))
+    assert second.power_dashpot == PowerDashpot(pytest.approx(3e5), 1.0, 0.0)
 
 
 def test_yield_forces_of_bilinear_example() -> None:

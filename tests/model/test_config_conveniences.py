@@ -178,12 +178,12 @@ def test_unit_of_mass_is_required_for_other_units_than_m_and_n(units: str) -> No
         match=r"stories\[1\]\.mass: .*add mass to `units`.*weight",
     ):
         load(f"units: {{length: {units}}}\n{stories}")
-    told = load(f"units: {{length: {units}, mass: kip*s^2/in}}\n{stories}")
-    assert told.stories[0].mass == pytest.approx(0.25 * 4448.2216152605 / 0.0254)
+    model = load(f"units: {{length: {units}, mass: kip*s^2/in}}\n{stories}")
+    assert model.stories[0].mass == pytest.approx(0.25 * 4448.2216152605 / 0.0254)
     load(f"units: {{length: {units}}}\nstories: [{{weight: 200, stiffness: 1000}}]")
 
 
-TOLD = {
+UNUSUAL = {
     # 2 pi sqrt(200 / 4e7) = 0.014 s
     "fundamental period": "stories: [{mass: 200, height: 3, stiffness: 4.0e+7}]",
     # c / (2 sqrt(k m)) = 0.21
@@ -195,11 +195,11 @@ TOLD = {
 }
 
 
-@pytest.mark.parametrize("told", TOLD)
-def test_implausible_value_is_reported_with_usual_range(told: str) -> None:
-    model = load(TOLD[told])
+@pytest.mark.parametrize("warning", UNUSUAL)
+def test_implausible_value_is_reported_with_usual_range(warning: str) -> None:
+    model = load(UNUSUAL[warning])
     (line,) = plausibility_warnings(model, assemble(model))
-    assert line.startswith(f"unusual {told}") and "; usual values are " in line
+    assert line.startswith(f"unusual {warning}") and "; usual values are " in line
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]")
     assert plausibility_warnings(usual, assemble(usual), 9.0) == ()
     light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")  # 0.44 s, as 200 t have it

@@ -242,8 +242,8 @@ bilinear
 
 def cases(table: str) -> list[tuple[str, list[str]]]:
     """Return the invalid model texts of a table with their error messages."""
-    for short, words in WORDS.items():
-        table = table.replace(short, words)
+    for short, replacement in WORDS.items():
+        table = table.replace(short, replacement)
     blocks = re.split(r"\n(?! )", table.strip("\n").replace("\n        ", " "))
     return [
         (text.replace("¶", "\n"), faults.split("\n    "))
@@ -320,18 +320,18 @@ def test_errors_have_positions_in_order_of_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "advice"),
+    ("text", "position", "advice"),
     [
         ("a: b: c", "1:5", ""),
         ("stories: [{mass: 1\n", "2:1", ""),
         ("a:\n\tb: 1", "2:1", "; indent with spaces, not tabs"),
     ],
 )
-def test_invalid_yaml_is_refused(text: str, place: str, advice: str) -> None:
+def test_invalid_yaml_is_refused(text: str, position: str, advice: str) -> None:
     """The error has a position and a remedy; the text between them is the message of PyYAML on one
     line."""
     (fault,) = faults(text)
-    assert re.fullmatch(rf"{place}: not valid YAML: [^;]*\w[^;]*{advice}", fault), fault
+    assert re.fullmatch(rf"{position}: not valid YAML: [^;]*\w[^;]*{advice}", fault), fault
 
 
 def test_long_value_is_abbreviated() -> None:

@@ -101,9 +101,9 @@ def test_design_level_by_type_year_and_zone(structure, year, zone, level):
 def test_every_building_type_has_hazus_parameters():
     for structure in STRUCTURES:
         for stories in (1, 2, 3, 4, 7, 8, 50):
-            kind = hazus_type(structure, stories)
+            building_type = hazus_type(structure, stories)
             for level in LEVELS:
-                row = hazus_types()[level, kind]
+                row = hazus_types()[level, building_type]
                 assert row.min_stories <= stories <= row.max_stories
                 # The law does not return more energy than it received.
                 slope = (row.overstrength - 1.0) / row.post_yield_ratio
@@ -119,10 +119,10 @@ def test_damping_ratio_applies_to_first_and_third_mode():
     assert derive(BuildingFacts("C1", 2, 1990, 100.0)).damping == RayleighRatio(
         (0.07, 0.07), (1, 2)
     )
-    one = derive(BuildingFacts("C1", 1, 1990, 100.0, damping_ratio=0.05))
-    omega = 2.0 * math.pi / one.period
-    assert isinstance(one.damping, RayleighCoefficients)
-    assert (one.damping.mass, one.damping.stiffness) == pytest.approx(
+    single = derive(BuildingFacts("C1", 1, 1990, 100.0, damping_ratio=0.05))
+    omega = 2.0 * math.pi / single.period
+    assert isinstance(single.damping, RayleighCoefficients)
+    assert (single.damping.mass, single.damping.stiffness) == pytest.approx(
         (0.05 * omega, 0.05 / omega), rel=1e-12
     )
     lost = derive(BuildingFacts("C1", 8, 1990, 100.0, mass_only=True)).damping
@@ -217,17 +217,19 @@ def test_rows_are_read_independently(tmp_path: Path, cells: list[tuple[str, ...]
     valid row counts."""
     header, lines = ",".join(CELLS), [",".join(row) for row in cells]
     together, faults = inventory(tmp_path, *lines, header=header)
-    rows, said = {}, []
+    rows, messages = {}, []
     for number, line in enumerate(lines, start=2):
         alone, wrong = inventory(tmp_path, line, header=header)
-        said += [(number, fault.column, fault.message) for fault in wrong]
+        messages += [(number, fault.column, fault.message) for fault in wrong]
         for row in alone:
             twice = f"{row.id!r} is already on line {rows[row.id][1]}" if row.id in rows else ""
-            said += [(number, 1, f"{twice}; use a different id for each building")] * bool(twice)
+            messages += [(number, 1, f"{twice}; use a different id for each building")] * bool(
+                twice
+            )
             rows.setdefault(row.id, (row, number))
     assert list(together) == [row for row, _ in rows.values()]
     assert [(fault.line, fault.column, fault.message) for fault in faults] == sorted(
-        said, key=lambda one: one[:2]
+        messages, key=lambda entry: entry[:2]
     )
 
 
@@ -242,8 +244,8 @@ def test_all_invalid_rows_are_reported(tmp_path):
         "d,1,1990,C1,5,6",
     )
     assert [row.id for row in rows] == ["a"]
-    said = [str(fault).partition("b.csv:")[2] for fault in faults]
-    assert said == [
+    messages = [str(fault).partition("b.csv:")[2] for fault in faults]
+    assert messages == [
         "3:2: NumberOfStories: must be a whole number from 1 to 50, got '2.5'",
         "3:5: PlanArea: must be a positive number, got '0'",
         "4:1: id: is missing",
@@ -265,7 +267,7 @@ def test_area_in_square_feet_gives_same_building(tmp_path):
     for units, length in (("m", 1.0), ("ft", 0.3048)):
         file = tmp_path / f"{units}.csv"
         file.write_text(f"{HEADER}\nb,3,1990,C1,{600.0 / length**2!r}\n")
-        made += [one.building for one in tdint.inventory(str(file), units=units)]
+        made += [derived.building for derived in tdint.inventory(str(file), units=units)]
     assert made[0].mass == pytest.approx(3 * [600.0e3], rel=1e-12)
     assert made[1].mass == pytest.approx(made[0].mass, rel=1e-12)
     assert made[1].stiffness == pytest.approx(made[0].stiffness, rel=1e-12)
@@ -276,7 +278,10 @@ def test_area_in_square_feet_gives_same_building(tmp_path):
 def test_scatter_is_sampled_by_building_id(tmp_path):
     rows, _ = inventory(tmp_path, *(f"b{i},3,1990,C1,600" for i in range(400)))
     plain = derive_all(rows[:1], "mdof-lu")[0].building
-    many = [one.building for one in derive_all(rows, "mdof-lu", stiffness=0.2, damping=0.1, seed=5)]
+    many = [
+        derived.building
+        for derived in derive_all(rows, "mdof-lu", stiffness=0.2, damping=0.1, seed=5)
+    ]
     factors = np.array([made.stiffness[0] / plain.stiffness[0] for made in many])
     assert np.mean(factors) == pytest.approx(1.0, abs=4.0 * 0.2 / 20.0)
     assert np.std(factors) == pytest.approx(0.2, rel=0.15)
@@ -298,7 +303,7 @@ def test_scatter_is_sampled_by_building_id(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("column", "sound", "wrong", "said"),
+    ("column", "sound", "wrong", "message"),
     [
         ("NumberOfStories", (1, 50), (0, 51), "must be a whole number from 1 to 50"),
         ("YearBuilt", (1000, 2200), (999, 2201), "must be a whole number from 1000 to 2200"),
@@ -319,7 +324,7 @@ def test_scatter_is_sampled_by_building_id(tmp_path):
         ),
     ],
 )
-def test_bounds_of_numbers_in_rows(tmp_path, column, sound, wrong, said):
+def test_bounds_of_numbers_in_rows(tmp_path, column, sound, wrong, message):
     cells = dict(zip(HEADER.split(","), ("a", "3", "1990", "W1", "90"), strict=True))
 
     def read(value):
@@ -332,4 +337,4 @@ def test_bounds_of_numbers_in_rows(tmp_path, column, sound, wrong, said):
     for value in (*wrong, "nan", "inf", "x"):
         rows, (fault,) = read(value)
         assert not rows
-        assert f"{column}: {said}, got '{value}'" in str(fault)
+        assert f"{column}: {message}, got '{value}'" in str(fault)

@@ -132,8 +132,8 @@ def test_unknown_demand_does_not_meet_limit():
 def test_requested_limit_replaces_limits_of_model():
     own = (Limit("", "drift_ratio", (NAN, 0.5)), Limit("service", "drift_ratio", (NAN, 0.1)))
     ratios = np.array([NAN, 0.01])
-    (given,) = chosen_limits(own, 0.02, ratios, "x")
-    np.testing.assert_array_equal(given.values, (NAN, 0.02))
+    (requested,) = chosen_limits(own, 0.02, ratios, "x")
+    np.testing.assert_array_equal(requested.values, (NAN, 0.02))
     assert chosen_limits(own, None, ratios, "x") == own
     assert chosen_limits(own, "service", ratios, "x") == own[1:]
     with pytest.raises(tdint.TdintError, match="did you mean 'service'"):
@@ -194,7 +194,7 @@ def test_limit_check_of_many_runs_uses_story_means():
         assert check.demand == mean.max() and check.story == int(mean.argmax()) + 1, scale
         assert check.within == (mean.max() <= 0.01)
         assert check.largest == drifts.max()
-    first, second = (of_scale[0].demand for of_scale in checks.values())
+    first, second = (scale_checks[0].demand for scale_checks in checks.values())
     assert second == pytest.approx(2.0 * first, rel=1e-12)  # linear
     # One record: the check of the response.
     (alone,) = tdint.run(model, records[0]).limit_checks(0.01)

@@ -103,16 +103,16 @@ def test_cached_property_holds_no_shared_lock():
             self.go_on.wait(20.0)
             return 1
 
-    one, other = Slow(), Slow()
-    other.go_on.set()
-    thread = threading.Thread(target=lambda: one.value)
+    first, second = Slow(), Slow()
+    second.go_on.set()
+    thread = threading.Thread(target=lambda: first.value)
     thread.start()
-    one.begun.wait()
+    first.begun.wait()
     found = threading.Thread(
-        target=lambda: other.value
+        target=lambda: second.value
     )  # of another instance, because Python before 3.12 has one lock for all instances
     found.start()
     found.join(5.0)
-    assert vars(other).get("value") == 1
-    one.go_on.set()
+    assert vars(second).get("value") == 1
+    first.go_on.set()
     thread.join()

@@ -95,5 +95,5 @@ def test_models_without_required_keys_are_refused() -> None:
 def test_schema_is_json_with_descriptions() -> None:
     assert json.loads(json.dumps(SCHEMA)) == SCHEMA
     properties = SCHEMA["properties"]
-    assert all(told["description"] for told in properties.values())
+    assert all(entry["description"] for entry in properties.values())
     assert list(properties) == list(model_keys())

@@ -38,7 +38,7 @@ def trials(method, name):
 
 def trial(method, name, dt=None):
     """The trial of a method on a problem, with the step dt where the problem has several."""
-    found = [one for one in trials(method, name) if dt is None or one.dt == dt]
+    found = [result for result in trials(method, name) if dt is None or result.dt == dt]
     assert len(found) == 1
     return found[0]
 
@@ -196,18 +196,18 @@ def digest():
 def test_readme_table_agrees_with_trials(name, dt, method, cell):
     """Printed digits agree, and failures are bold. Values after ~ depend on rounding and agree
     within a factor of two."""
-    one = trial(method, name, dt)
-    assert cell.startswith("**") == (one.verdict != "pass")
+    result = trial(method, name, dt)
+    assert cell.startswith("**") == (result.verdict != "pass")
     value = cell.strip("*")
-    if value == one.verdict:
+    if value == result.verdict:
         return
     if value.startswith("~"):
         rounded = [measured_from(method, name, dt, part) for part in (1e-15, -1e-15, 1e-13)]
         assert max(rounded) > 1.01 * min(rounded), "rounding does not change it: give its digits"
-        assert all(0.5 < measure / float(value[1:]) < 2.0 for measure in (*rounded, one.measure))
+        assert all(0.5 < measure / float(value[1:]) < 2.0 for measure in (*rounded, result.measure))
         return
     last_digit = 10.0 ** Decimal(value).as_tuple().exponent
-    assert one.measure == pytest.approx(float(value), abs=0.51 * last_digit)
+    assert result.measure == pytest.approx(float(value), abs=0.51 * last_digit)
 
 
 def measured_from(method, name, dt, part):
@@ -248,7 +248,7 @@ def test_overshoot_from_displacement_and_velocity():
         found = tuple(
             trial(method, f"overshoot-{start}").verdict for start in ("displacement", "velocity")
         )
-        assert found == tuple("overshoots" if one else "pass" for one in expected)
+        assert found == tuple("overshoots" if overshoots else "pass" for overshoots in expected)
     # It grows with the square of omega dt.
     assert trial("wilson", "overshoot-displacement").error > 100.0
 
@@ -258,21 +258,23 @@ def test_overshoot_from_displacement_and_velocity():
 
 def test_linear_method_is_refused_for_nonlinear_problem():
     refused = attempt(parse("exact"), problems()["hardening"])
-    assert {(one.outcome, one.verdict, one.steps) for one in refused} == {("refused", "refused", 0)}
+    assert {(result.outcome, result.verdict, result.steps) for result in refused} == {
+        ("refused", "refused", 0)
+    }
 
 
 @pytest.mark.parametrize("name", problems())
 def test_every_trial_has_verdict_and_numbers(name):
     for integrator in usual_methods():
-        for one in trials(integrator.label, name):
-            numbers = (one.energy_ratio_max, one.error, one.measure)
-            if one.verdict in ("blows up", "does not converge", "refused"):
+        for result in trials(integrator.label, name):
+            numbers = (result.energy_ratio_max, result.error, result.measure)
+            if result.verdict in ("blows up", "does not converge", "refused"):
                 assert all(map(math.isnan, numbers))
-                assert one.outcome in ("diverged", "not-converged", "unstable-step", "refused")
+                assert result.outcome in ("diverged", "not-converged", "unstable-step", "refused")
             else:
                 assert all(map(math.isfinite, numbers))
-                assert one.outcome in ("done", "diverged", "unstable-step")
-                assert one.steps == dict(problems()[name].steps)[one.dt]
+                assert result.outcome in ("done", "diverged", "unstable-step")
+                assert result.steps == dict(problems()[name].steps)[result.dt]
 
 
 def test_problems_are_found_by_name():

@@ -194,8 +194,8 @@ def history(case, method, record=None, **more):
     return result.displacement, result.velocity, result.acceleration
 
 
-def assert_same(one, other, tolerance=1e-10):
-    for a, b in zip(one, other, strict=True):
+def assert_same(history, expected, tolerance=1e-10):
+    for a, b in zip(history, expected, strict=True):
         np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.max(np.abs(b)))
 
 

@@ -244,9 +244,9 @@ def test_diverged_run_has_infinite_overshoot():
 
 
 @pytest.mark.parametrize(
-    ("method", "law", "words"),
+    ("method", "law", "message"),
     [("hht", "bent", "linear, hardening"), ("exact", "softening", "linear")],
 )
-def test_unknown_law_is_refused(method, law, words):
-    with pytest.raises(UsageError, match=words):
+def test_unknown_law_is_refused(method, law, message):
+    with pytest.raises(UsageError, match=message):
         overshoot(method, law=law)

@@ -43,7 +43,7 @@ def runs(number, dt):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paper_examples, "VARIANTS", paper_examples.VARIANTS if dt == DT else {})
         done = run_example(examples()[number], dt, [*default_integrators(), *map(parse, OURS)])
-        return {(one.method, one.variant): one for one in done}
+        return {(result.method, result.variant): result for result in done}
 
 
 def error(number, dt, method, variant="", reference="finer"):
@@ -186,18 +186,18 @@ def test_readme_table_lists_every_run():
 def test_load_linear_between_steps_equals_ground_motion():
     """A load p(t) on one mass m equals the ground motion -p / m, which every run interpolates
     linearly between samples."""
-    one = runs(1, 0.02)["rk5", "load linear between the steps"]
-    t = one.motion.time
+    result = runs(1, 0.02)["rk5", "load linear between the steps"]
+    t = result.motion.time
     record = Record(-(500 * np.cos(25 * t) - 200 * np.sin(10 * t)) / 10.0, 0.02, "", "", "", "load")
     still = simple_model("without forces", examples()[1].model.stories)
     history = run(still, record, method="rk5", history=True).history
-    assert one.motion.displacement == pytest.approx(history.displacement, abs=1e-11)
-    assert one.motion.velocity == pytest.approx(history.velocity, abs=1e-10)
+    assert result.motion.displacement == pytest.approx(history.displacement, abs=1e-11)
+    assert result.motion.velocity == pytest.approx(history.velocity, abs=1e-10)
 
 
 def test_held_load_is_constant_in_each_step():
     """Against DOP853, restarted at each step; RK5's own error is 4e-8."""
-    one = runs(1, 0.02)["rk5", "load constant in each step"]
+    result = runs(1, 0.02)["rk5", "load constant in each step"]
 
     def acceleration(j):
         load = 500 * math.cos(0.5 * j) - 200 * math.sin(0.2 * j)
@@ -206,14 +206,14 @@ def test_held_load_is_constant_in_each_step():
     u = v = 0.0
     for j in range(50):
         (_, u), (_, v) = smooth(acceleration(j), u, v, [0.0, 0.02])
-        assert one.motion.displacement[j + 1, 0] == pytest.approx(u, abs=1e-7)
+        assert result.motion.displacement[j + 1, 0] == pytest.approx(u, abs=1e-7)
 
 
 def test_wrong_start_is_recursion_from_two_zeros():
     """(m + c h/2) u1 = h^2 (p0 - f(u0)) + 2 m u0 - (m - c h/2) u(-h), from u(-h) = u0 = 0."""
-    one = runs(1, 0.02)["central-difference", "start with u(-dt) = 0"]
+    result = runs(1, 0.02)["central-difference", "start with u(-dt) = 0"]
     h, before, u = 0.02, 0.0, 0.0
-    for t, expected in zip(one.motion.time, one.motion.displacement[:, 0], strict=True):
+    for t, expected in zip(result.motion.time, result.motion.displacement[:, 0], strict=True):
         assert expected == pytest.approx(u, abs=1e-11)
         load = 500 * math.cos(25 * t) - 200 * math.sin(10 * t) - 200 * u - 3 * u * u
         before, u = u, (h * h * load + 20 * u - (10 - 2.5 * h) * before) / (10 + 2.5 * h)
@@ -226,6 +226,6 @@ def test_wrong_start_is_recursion_from_two_zeros():
     ("method", "outcome"), [("central-difference", "unstable-step"), ("exact", "refused")]
 )
 def test_failed_runs_have_outcome_without_error(method, outcome):
-    (one, *_) = run_example(examples()[1], 0.5, [parse(method)])
-    assert one.outcome == outcome
-    assert math.isnan(one.error("displacement"))
+    (result, *_) = run_example(examples()[1], 0.5, [parse(method)])
+    assert result.outcome == outcome
+    assert math.isnan(result.error("displacement"))

@@ -203,9 +203,9 @@ def test_amplification_does_not_depend_on_other_oscillators():
 def test_principal_root_is_found_for_single_step():
     steps = np.geomspace(0.01, 0.45, 30)
     for method in ("houbolt", "park", "wilson"):
-        whole = stability(parse(method), steps, 0.05)
+        curve = stability(parse(method), steps, 0.05)
         assert one_point(method, 0.3, 0.05).period_error[0] == pytest.approx(
-            np.interp(0.3, steps, whole.period_error), rel=1e-2
+            np.interp(0.3, steps, curve.period_error), rel=1e-2
         )
 
 

@@ -127,8 +127,8 @@ def test_gap_to_openseespy_detects_different_law(monkeypatch):
     step."""
     problem = PROBLEMS["bilinear"]()
     reference = ours(problem, "impulse4", problem.interval / 16)
-    gap, said = peers.opensees_gap(problem, reference, 2e-4)
-    assert gap < 2e-4 and said.startswith("extrapolated to dt 0 from ")
+    gap, note = peers.opensees_gap(problem, reference, 2e-4)
+    assert gap < 2e-4 and note.startswith("extrapolated to dt 0 from ")
     monkeypatch.setattr(peers, "_CHECKED", (2, 4))
     monkeypatch.setitem(
         peers._MATERIALS, "bilinear", lambda k, _, f, b, *__: ("Steel01", f, k, 2.0 * b)
@@ -160,9 +160,13 @@ def test_curved_law_is_approximated_by_table():
         ("tanh", (3.0,), lambda d: 3.0 * np.tanh(2.0 * d / 3.0)),
         ("polynomial", (2.0, 0.5, 4.0), lambda d: 2.0 * d + 0.5 * d**2 + 4.0 * d**3),
     ):
-        kind, strain, *numbers = peers._MATERIALS[name](2.0, 6.0, *values)
+        material, strain, *numbers = peers._MATERIALS[name](2.0, 6.0, *values)
         drifts, forces = numbers[: len(numbers) // 2], numbers[len(numbers) // 2 + 1 :]
-        assert (kind, strain, numbers[len(drifts)]) == ("ElasticMultiLinear", "-strain", "-stress")
+        assert (material, strain, numbers[len(drifts)]) == (
+            "ElasticMultiLinear",
+            "-strain",
+            "-stress",
+        )
         sought = np.linspace(-6.0, 6.0, 9_973)
         np.testing.assert_allclose(
             np.interp(sought, drifts, forces), force(sought), atol=2e-6 * force(6.0)
@@ -211,9 +215,9 @@ def test_time_limit_applies_to_each_integrator(opensees, monkeypatch):
     clock = [0.0]
     run = opensees_worker._run
 
-    def slow(ops, problem, one):
-        clock[0] += 100.0 if one["integrator"][0] == "GeneralizedAlpha" else 1.0
-        return run(ops, problem, one)
+    def slow(ops, problem, run_data):
+        clock[0] += 100.0 if run_data["integrator"][0] == "GeneralizedAlpha" else 1.0
+        return run(ops, problem, run_data)
 
     monkeypatch.setattr(opensees_worker, "_run", slow)
     monkeypatch.setattr(opensees_worker.time, "process_time", lambda: clock[0])
@@ -245,7 +249,7 @@ def test_unsupported_building_is_omitted_for_openseespy(building, reason):
 
 
 @pytest.mark.parametrize(
-    ("answer", "words"),
+    ("answer", "reason"),
     [
         ((opensees_worker.NOT_INSTALLED, b""), "it is not installed (pip install 'tdint[peers]')"),
         ((opensees_worker.NOT_LOADED, b""), "it cannot be loaded (no libblas)"),
@@ -254,7 +258,7 @@ def test_unsupported_building_is_omitted_for_openseespy(building, reason):
         (None, "its process did not start or did not end"),
     ],
 )
-def test_failed_openseespy_process_is_one_note(monkeypatch, answer, words):
+def test_failed_openseespy_process_is_one_note(monkeypatch, answer, reason):
     def run(*_, **__):
         if answer is None:
             raise subprocess.TimeoutExpired("python", 1.0)
@@ -263,7 +267,7 @@ def test_failed_openseespy_process_is_one_note(monkeypatch, answer, words):
     monkeypatch.setattr(peers.subprocess, "run", run)
     problem = PROBLEMS["linear"]()
     points, notes = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
-    assert (points, notes) == ([], [f"openseespy is omitted: {words}"])
+    assert (points, notes) == ([], [f"openseespy is omitted: {reason}"])
 
 
 @pytest.mark.skipif(find_spec("openseespy") is not None, reason="openseespy is installed")
@@ -357,7 +361,7 @@ def test_program_of_plugin_is_charted(leapfrog):
 
 
 @pytest.mark.parametrize(
-    ("function", "said"),
+    ("function", "message"),
     [
         (lambda problem: problem.nothing, "AttributeError: "),
         (
@@ -375,13 +379,13 @@ def test_program_of_plugin_is_charted(leapfrog):
         ),
     ],
 )
-def test_invalid_result_of_plugin_program_is_reported(function, said, leapfrog, monkeypatch):
+def test_invalid_result_of_plugin_program_is_reported(function, message, leapfrog, monkeypatch):
     problem = pose(ten_linear(), noise(samples=301))
     monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other", function),))
     chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)
     both, (note,) = with_plugins(problem, chart, repeats=1)
     assert both.points == chart.points
-    assert note.startswith(f"leapfrog/other is omitted: {said}")
+    assert note.startswith(f"leapfrog/other is omitted: {message}")
     monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other",),))
     with pytest.raises(UsageError, match=r"PEERS must .*name.*function"):
         with_plugins(problem, None, repeats=1)

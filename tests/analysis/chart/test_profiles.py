@@ -102,9 +102,9 @@ def test_ratios_of_methods_of_two_orders_agree_with_formulas():
         [measured(points("two", 2, 1.0), points("four", 4, 3.0), points("none", 0, 1.0))]
     )
     found = {
-        (one.tolerance, one.method): one.ratios[0]
-        for one in chart.profiles
-        if one.quantity == "peak_drift"
+        (profile.tolerance, profile.method): profile.ratios[0]
+        for profile in chart.profiles
+        if profile.quantity == "peak_drift"
     }
     for tolerance in TOLERANCES:
         costs = [
@@ -125,9 +125,9 @@ def test_problems_with_inaccurate_reference_are_excluded():
         [measured(points("a", 4, 1.0), gap=1e-3), measured(points("a", 4, 1.0), gap=1e-9)]
     )
     problems = {
-        one.tolerance: one.problems
-        for one in chart.profiles
-        if one.quantity == "peak_absolute_acceleration"
+        profile.tolerance: profile.problems
+        for profile in chart.profiles
+        if profile.quantity == "peak_absolute_acceleration"
     }
     assert problems == {0.1: 2, 0.03: 2, 0.01: 2, 0.003: 1, 0.001: 1, 0.0001: 1}
     with pytest.raises(AnalysisError, match="no reference solution is accurate enough"):
@@ -183,10 +183,10 @@ def test_other_programs_do_not_change_ratios():
         field_chart([measured(ours)]),
         field_chart([measured(ours, theirs), measured(ours)]),
     )
-    one = {(p.quantity, p.tolerance): p.ratios for p in alone.profiles}
+    own_ratios = {(p.quantity, p.tolerance): p.ratios for p in alone.profiles}
     for profile in beside.profiles:
         if profile.method == "a":
-            assert profile.ratios == 2 * one[profile.quantity, profile.tolerance]
+            assert profile.ratios == 2 * own_ratios[profile.quantity, profile.tolerance]
         else:
             assert profile.ratios in ((0.25, INF), (INF, INF)) and profile.taken == 1
 
@@ -202,31 +202,38 @@ def test_skipped_runs_do_not_count_as_unsolved():
     ours = points("a", 2, 1.0)
     chart = field_chart([measured(ours, line), measured(ours, blow)])
     found = {
-        one.tolerance: (one.problems, one.solved, one.taken, one.not_run)
-        for one in chart.profiles
-        if (one.quantity, one.method) == ("peak_drift", "prog/b")
+        profile.tolerance: (profile.problems, profile.solved, profile.taken, profile.not_run)
+        for profile in chart.profiles
+        if (profile.quantity, profile.method) == ("peak_drift", "prog/b")
     }
     assert found[0.01] == (2, 1, 2, 0)
     assert found[0.001] == (1, 0, 1, 1)
-    assert all(one.not_run == 0 for one in chart.profiles if one.method == "a")
+    assert all(profile.not_run == 0 for profile in chart.profiles if profile.method == "a")
 
 
 def test_inaccurate_line_of_peer_is_excluded_from_profiles():
     apart = points("openseespy/generalized-alpha", 2, 1.0)
     chart = field_chart([measured(points("a", 2, 1.0), apart)])
     assert chart.lines == ["a"]
-    assert {one.method for one in chart.profiles} == {"a"}
+    assert {profile.method for profile in chart.profiles} == {"a"}
 
 
 # ---- Sets of problems
 
 
 def test_standard_problem_set():
-    given = read_problems(STANDARD)
-    assert len(given) == 36
-    assert len({one.name for one in given}) == 12 and len({one.motion for one in given}) == 3
-    assert all(one.reason for one in given)
-    near = next(one for one in given if (one.name, one.motion) == ("bilinear", "near-fault"))
+    standard = read_problems(STANDARD)
+    assert len(standard) == 36
+    assert (
+        len({problem.name for problem in standard}) == 12
+        and len({problem.motion for problem in standard}) == 3
+    )
+    assert all(problem.reason for problem in standard)
+    near = next(
+        problem
+        for problem in standard
+        if (problem.name, problem.motion) == ("bilinear", "near-fault")
+    )
     assert near.posed.building.stories == 10
     assert near.posed.samples * near.posed.interval == pytest.approx(28.32)
 
@@ -246,20 +253,20 @@ def test_all_errors_of_problem_file_have_positions(tmp_path):
     file.write_text(FAULTY)
     with pytest.raises(ModelError) as caught:
         read_problems(file)
-    told = str(caught.value)
+    message = str(caught.value)
     for part in (
         "4:6: records.b.file: is missing",
         "stiffnes",
         "scales.a: must not be zero",
         "scales.c: unknown key",
     ):
-        assert part in told, told
+        assert part in message, message
 
 
 def test_models_and_problems_exclude_each_other():
-    for given in ({}, {"models": [ten_linear()], "problems": STANDARD}):
+    for arguments in ({}, {"models": [ten_linear()], "problems": STANDARD}):
         with pytest.raises(UsageError, match="either models"):
-            performance_profiles(**given)
+            performance_profiles(**arguments)
 
 
 # ---- Problems
@@ -306,4 +313,4 @@ def test_performance_profiles_of_several_records():
         for solved, e in zip(table["solved"], table["tolerance"], strict=True)
         if e == 0.1
     )
-    assert min(ratio for one in chart.profiles for ratio in one.ratios) == 1.0
+    assert min(ratio for profile in chart.profiles for ratio in profile.ratios) == 1.0

@@ -293,8 +293,12 @@ def test_failed_run_remains_in_chart(name, monkeypatch):
     loop = PreparedBuilding.loop
     code = rows.NOT_FINITE if name == "diverged" else rows.NOT_CONVERGED
 
-    def fail(self, integrator, *rest):
-        return (lambda *_: code) if integrator.label == "houbolt" else loop(self, integrator, *rest)
+    def fail(self, integrator, *arguments):
+        return (
+            (lambda *_: code)
+            if integrator.label == "houbolt"
+            else loop(self, integrator, *arguments)
+        )
 
     monkeypatch.setattr(PreparedBuilding, "loop", fail)
     chart = measure(

@@ -155,17 +155,20 @@ def test_sensors_of_floor_are_averaged_with_their_direction(made):
     plain = compare(made.model, made.event())
     turns = {"base": noise(9), "roof": 0.5 * noise(7)}
     motions = {"base": made.base, "roof": made.motions["floor_3"]}
-    sides = {f"{place}_west_m_s2": motions[place] + turns[place] for place in turns}
-    sides |= {f"{place}_east_cm_s2": -100.0 * (motions[place] - turns[place]) for place in turns}
+    sides = {f"{location}_west_m_s2": motions[location] + turns[location] for location in turns}
+    sides |= {
+        f"{location}_east_cm_s2": -100.0 * (motions[location] - turns[location])
+        for location in turns
+    }
     made.usual(**sides, roof_east_m=made.displacements["floor_3"])
     base, roof = (
-        f"[{sensor(f'{place}_west_m_s2')}, {sensor(f'{place}_east_cm_s2', ', sign: -1')}]"
-        for place in turns
+        f"[{sensor(f'{location}_west_m_s2')}, {sensor(f'{location}_east_cm_s2', ', sign: -1')}]"
+        for location in turns
     )
     mean = compare(made.model, made.event(recording(base, roof=roof)))
-    for one, other in zip(mean.floors, plain.floors, strict=True):
-        assert one.rms_difference == pytest.approx(other.rms_difference, abs=1e-9)
-        np.testing.assert_allclose(one.computed, other.computed, atol=1e-9)
+    for floor, other in zip(mean.floors, plain.floors, strict=True):
+        assert floor.rms_difference == pytest.approx(other.rms_difference, abs=1e-9)
+        np.testing.assert_allclose(floor.computed, other.computed, atol=1e-9)
     assert any("floor 3: the mean of 2 sensors" in note for note in mean.event.notes)
     assert len([note for note in mean.event.notes if "mean of 2 sensors" in note]) == 2
     mixed = f"[{sensor('roof_west_m_s2')}, {sensor('roof_east_m')}]"
@@ -189,9 +192,9 @@ def test_base_displacement_is_differentiated(made):
     made.usual(base_m=smooth, base_m_s2=differentiated(smooth, DT, "displacement"))
     by_acceleration = compare(made.model, made.event())
     by_displacement = compare(made.model, made.event(recording(sensor("base_m"))))
-    for one, other in zip(by_displacement.floors, by_acceleration.floors, strict=True):
+    for floor, other in zip(by_displacement.floors, by_acceleration.floors, strict=True):
         np.testing.assert_allclose(
-            one.computed, other.computed, atol=1e-6 * np.max(np.abs(other.computed))
+            floor.computed, other.computed, atol=1e-6 * np.max(np.abs(other.computed))
         )
 
 
@@ -209,8 +212,8 @@ def test_clock_shift_is_determined(made):
     found = compare(made.model, made.event(text + "shift: auto\n"))
     assert found.shift == pytest.approx(-late, abs=1e-3)
     assert found.floors[0].correlation == pytest.approx(before.floors[-1].correlation, abs=1e-3)
-    given = compare(made.model, made.event(text + f"shift: {-late}\n"))
-    assert given.floors[0].correlation == pytest.approx(found.floors[0].correlation, abs=1e-5)
+    shifted = compare(made.model, made.event(text + f"shift: {-late}\n"))
+    assert shifted.floors[0].correlation == pytest.approx(found.floors[0].correlation, abs=1e-5)
     assert compare(made.model, made.event(text)).floors[0].correlation < 0.9
 
 
@@ -300,8 +303,8 @@ def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
     ]
     off = replace(made.model, stories=tuple(stories), damping=ModalDamping((0.05, 0.05, 0.05)))
     found = fit(off, event, ["stiffness", "damping"])
-    values = [one.value for one in found.values]
-    assert [one.place for one in found.values] == [1, 2, 3, 1, 2, 3]
+    values = [value.value for value in found.values]
+    assert [value.place for value in found.values] == [1, 2, 3, 1, 2, 3]
     assert values[:3] == pytest.approx([900.0, 700.0, 500.0], rel=0.01)
     assert values[3:] == pytest.approx([0.02, 0.03, 0.04], rel=0.15)
     assert not found.notes
@@ -441,13 +444,15 @@ def test_common_stiffness_factor_is_fitted_to_roof_sensor(made):
         assert np.median(event.base.acceleration) == pytest.approx(median)
     soft = replace(
         made.model,
-        stories=tuple(replace(one, stiffness=one.stiffness / 1.3) for one in made.model.stories),
+        stories=tuple(
+            replace(story, stiffness=story.stiffness / 1.3) for story in made.model.stories
+        ),
     )
     found = fit(soft, event, ["stiffness-factor"])
     (value,) = found.values
     assert (value.name, value.place, value.low, value.high) == ("stiffness_factor", None, 0.1, 10.0)
     assert value.value == pytest.approx(1.3, rel=1e-9)
-    assert [one.stiffness for one in found.model.stories] == pytest.approx(
+    assert [story.stiffness for story in found.model.stories] == pytest.approx(
         [900, 700, 500], rel=1e-9
     )
     assert not value.on_bound
@@ -479,13 +484,13 @@ def test_fit_starts_at_local_minima_of_scan():
             free_values=[SimpleNamespace(name=_STIFFNESS), SimpleNamespace(name="damping_ratio")],
             spectral_differences=lambda point: np.array([next(following)]),
         )
-        given = np.array([0.1, -3.0])
+        initial = np.array([0.1, -3.0])
         first, *others = _start_values(
-            problem, given, np.array([[-9.0, -9.0], [9.0, 9.0]]), on_stiffness
+            problem, initial, np.array([[-9.0, -9.0], [9.0, 9.0]]), on_stiffness
         )
-        np.testing.assert_array_equal(first, given)
-        assert all(one[1] == given[1] for one in others)
-        return [round(math.exp(one[0] - given[0]), 9) for one in others]
+        np.testing.assert_array_equal(first, initial)
+        assert all(start[1] == initial[1] for start in others)
+        return [round(math.exp(start[0] - initial[0]), 9) for start in others]
 
     scan = [round(float(factor), 9) for factor in _SCANNED_FACTORS]
     size = len(scan)
@@ -576,7 +581,7 @@ def test_failed_run_has_fixed_residuals():
 def test_rayleigh_coefficients_are_fitted_within_factor_of_1000():
     for mass, stiffness in ((0.3, 2e-3), (0.3, 0.0), (0.0, 2e-3)):
         free = _damping(RayleighCoefficients(mass, stiffness))
-        given = [
+        expected = [
             (name, value)
             for name, value in (
                 ("mass_coefficient_1_s", mass),
@@ -584,8 +589,11 @@ def test_rayleigh_coefficients_are_fitted_within_factor_of_1000():
             )
             if value
         ]
-        assert [(one.name, one.start) for one in free] == given
-        assert all(one.bounds == pytest.approx((one.start / 1e3, one.start * 1e3)) for one in free)
+        assert [(coefficient.name, coefficient.start) for coefficient in free] == expected
+        assert all(
+            coefficient.bounds == pytest.approx((coefficient.start / 1e3, coefficient.start * 1e3))
+            for coefficient in free
+        )
 
 
 @pytest.mark.parametrize(
@@ -615,8 +623,8 @@ def test_an_unmet_requirement_is_stated_with_both_bounds(made):
     ):
         floors = (SimpleNamespace(floor=first.floor, peak_ratio=value),)
         changed = SimpleNamespace(event=comparison.event, floors=floors)
-        (said,) = unmet(changed, [("peak_ratio", limit)])
-        assert said.endswith(f"peak_ratio {text}")
+        (message,) = unmet(changed, [("peak_ratio", limit)])
+        assert message.endswith(f"peak_ratio {text}")
 
 
 # ---- Figure
@@ -654,7 +662,10 @@ def test_figure_shows_floors_with_least_agreement_and_overview(made):
             np.testing.assert_allclose(
                 [recorded, computed], [floor.recorded, floor.computed], rtol=1e-12, atol=1e-12
             )
-        parts = [np.cumsum(one.recorded**2) / np.sum(one.recorded**2) for one in event.floors]
+        parts = [
+            np.cumsum(compared_floor.recorded**2) / np.sum(compared_floor.recorded**2)
+            for compared_floor in event.floors
+        ]
         left, right = np.transpose(
             [np.interp(history.get_xlim(), floor.time, part) for part in parts]
         )
@@ -663,8 +674,8 @@ def test_figure_shows_floors_with_least_agreement_and_overview(made):
         within = (roof.time >= close.get_xlim()[0]) & (roof.time <= close.get_xlim()[1])
         assert np.count_nonzero(np.diff(np.signbit(roof.recorded[within]))) == 15
         assert np.max(np.abs(roof.recorded)) == np.max(np.abs(roof.recorded[within]))
-        of_floor = event.spectra(periods, 0.05)[event.floors.index(floor)]
+        floor_spectra = event.spectra(periods, 0.05)[event.floors.index(floor)]
         for line, values in zip(
-            spectrum.lines[:2], (of_floor.recorded, of_floor.computed), strict=True
+            spectrum.lines[:2], (floor_spectra.recorded, floor_spectra.computed), strict=True
         ):
             np.testing.assert_allclose(line.get_ydata() * 9.80665, values, rtol=1e-12)

@@ -44,7 +44,7 @@ METHODS = [name for name in catalogue() if name != "exact"] + [
 def law(generator, strength):
     """A random law of a story with stiffness 1e6 N/m."""
     hardening = float(generator.choice([0.0, 0.02, 0.5]))
-    kinds = [
+    laws = [
         LINEAR,
         Law("bilinear", (strength, hardening)),
         Law("peak-oriented", (strength, hardening, float(generator.uniform(0.0, 0.9)))),
@@ -61,7 +61,7 @@ def law(generator, strength):
         ),
         Law("polynomial", (STIFFNESS, 0.0, -(10.0 ** generator.uniform(0, 4)) * STIFFNESS)),
     ]
-    return kinds[int(generator.integers(len(kinds)))]
+    return laws[int(generator.integers(len(laws)))]
 
 
 def random_run(seed):
@@ -156,8 +156,8 @@ def check_response(response):
         assert np.all(np.isfinite(values))
     summary = json.loads(json_bytes(run_summary(response, [], 0.0)))
     assert None not in numbers(summary["energy"])
-    said = any("energy imbalance is" in note for note in response.warnings)
-    assert said == (abs(response.energy.error) > 0.01)
+    is_noted = any("energy imbalance is" in note for note in response.warnings)
+    assert is_noted == (abs(response.energy.error) > 0.01)
     assert (response.substeps > 0) == any("halved" in note for note in response.notes)
     assert (response.status == "collapsed") == (summary["collapse"] is not None)
 

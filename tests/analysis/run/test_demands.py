@@ -22,7 +22,7 @@ def largest(numbers):
     """Return the maximum and its number, counted from 1, without nan values; nan and 0 if all
     values are nan."""
     known = [
-        (value, place) for place, value in enumerate(numbers, start=1) if not math.isnan(value)
+        (value, number) for number, value in enumerate(numbers, start=1) if not math.isnan(value)
     ]
     return max(known) if known else (math.nan, 0)
 
@@ -49,14 +49,14 @@ def by_hand(run):
 
 def test_maximum_demands_and_their_positions():
     found = demands_of_runs(PEAKS)
-    assert {one.name for one in DECLARED} == set(by_hand(0))
+    assert {declared.name for declared in DECLARED} == set(by_hand(0))
     for run in (0, 1):
         single = demands(
             StoryPeaks(**{name: values[run] for name, values in VALUES.items()}, height=HEIGHT)
         )
         for name, expected in by_hand(run).items():
-            of_many = getattr(found, name)
-            assert (of_many.value[run], of_many.place[run]) == pytest.approx(expected), name
+            demand = getattr(found, name)
+            assert (demand.value[run], demand.place[run]) == pytest.approx(expected), name
             assert tuple(getattr(single, name)) == pytest.approx(expected), name
 
 
@@ -70,13 +70,15 @@ def test_governing_story_without_heights_has_maximum_drift():
 
 
 def test_error_of_demand_covers_all_possible_maxima():
-    values = {one.name: np.ones(3) for one in STORY} | {"peak_drift": np.array([1.0, 0.97, 0.5])}
+    values = {quantity.name: np.ones(3) for quantity in STORY} | {
+        "peak_drift": np.array([1.0, 0.97, 0.5])
+    }
     peaks = StoryPeaks(**values, height=np.array([4.0, 3.0, 2.5]))
-    (drift,) = (one for one in DECLARED if one.name == "drift")
-    (roof,) = (one for one in DECLARED if one.name == "roof_displacement")
+    (drift,) = (quantity for quantity in DECLARED if quantity.name == "drift")
+    (roof,) = (quantity for quantity in DECLARED if quantity.name == "roof_displacement")
 
     def errors(*of):
-        return StoryErrors(**{one.name: np.array(of) for one in STORY})
+        return StoryErrors(**{quantity.name: np.array(of) for quantity in STORY})
 
     assert drift.error(peaks, errors(0.01, 0.02, 0.4)) == 0.01
     assert drift.error(peaks, errors(0.01, 0.03, 0.4)) == 0.03

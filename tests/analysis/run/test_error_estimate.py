@@ -100,8 +100,8 @@ def test_estimate_is_maximum_of_three_terms(method, factor):
         peaks, estimated = getattr(response.stories, name), getattr(response.check.errors, name)
         gap = np.abs(peaks - getattr(other.stories, name)) / peaks
         relative = factor * gap
-        of_all = np.minimum(0.2 * np.sqrt(np.mean(relative**2)), 8.0 * gap)
-        least = np.maximum(np.maximum(relative, of_all), 1e-5)
+        mean_error = np.minimum(0.2 * np.sqrt(np.mean(relative**2)), 8.0 * gap)
+        least = np.maximum(np.maximum(relative, mean_error), 1e-5)
         assert estimated == pytest.approx(least * peaks, rel=1e-9)
     assert np.array_equal(response.check.corrected.peak_drift, other.stories.peak_drift)
     assert (response.check.time_steps, response.check.method) == ((other.dt,), other.method)
@@ -115,9 +115,10 @@ def test_estimate_includes_possible_peaks_between_time_steps():
     other = run(ten_bilinear(), noise(), method="impulse4", dt=0.005, check=False)
     names = [field.name for field in fields(StoryErrors)]
 
-    def estimate(own, of_other, **more):
+    def estimate(own, additional, **more):
         bounds = [
-            StoryErrors(**{name: np.full(10, value) for name in names}) for value in (own, of_other)
+            StoryErrors(**{name: np.full(10, value) for name in names})
+            for value in (own, additional)
         ]
         pair = (
             replace(each, interstep_bound=bound)
@@ -168,7 +169,7 @@ def test_estimate_includes_start_of_moving_building(method, path):
     """
     dampers, springs, h = (1.0, 40.0), (100.0, 1e4), 0.1
     stiffness, damping = (
-        np.array([[one + two, -two], [-two, two]]) for one, two in (springs, dampers)
+        np.array([[lower + upper, -upper], [-upper, upper]]) for lower, upper in (springs, dampers)
     )
     rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping]])
     states = [np.array([0.0, 1e-3, 0.0, 1.0])]
@@ -246,9 +247,9 @@ def test_long_steps_are_compared_with_steps_of_sampling_interval(method, samples
     assert response.check.time_steps == pytest.approx((record.dt,))
     assert len(response.history.error.drift) == len(response.history.drift)
     for name in ("peak_drift", "peak_absolute_acceleration", "peak_total_shear"):
-        told = getattr(response.check.errors, name)
+        estimated = getattr(response.check.errors, name)
         true = np.abs(getattr(response.stories, name) - getattr(truth.stories, name))
-        assert np.all(true[np.isfinite(told)] <= 2.0 * told[np.isfinite(told)]), name
+        assert np.all(true[np.isfinite(estimated)] <= 2.0 * estimated[np.isfinite(estimated)]), name
 
 
 def vibrating_building_with_a_gap():
@@ -289,15 +290,15 @@ def test_half_of_long_step_underestimates_error_of_contact():
         run(building, record, dt=dt, duration=10.0, check=False).stories.peak_absolute_acceleration
         for dt in (10 * record.dt, 5 * record.dt, record.dt / 16)
     ]
-    true, told = np.abs(peaks[0] - peaks[2]), 4.0 / 3.0 * np.abs(peaks[0] - peaks[1])
-    assert np.max(true / told) > 2.0
+    true, estimated = np.abs(peaks[0] - peaks[2]), 4.0 / 3.0 * np.abs(peaks[0] - peaks[1])
+    assert np.max(true / estimated) > 2.0
 
 
 def test_accidental_agreement_of_one_story_is_corrected():
     """The first of three stories does not change at all; its neighbours do, by a tenth."""
     size = np.array([5.0, 1.0, 1.0])
-    told = common(np.array([0.0, 0.1, 0.1]), size)
-    assert told / size == pytest.approx(np.sqrt(0.02 / 3.0))
+    estimated = common(np.array([0.0, 0.1, 0.1]), size)
+    assert estimated / size == pytest.approx(np.sqrt(0.02 / 3.0))
     unknown = common(np.array([np.nan, 0.1, 0.1]), np.array([np.nan, 1.0, 1.0]))
     assert np.isnan(unknown[0]) and unknown[1:] == pytest.approx(0.1)
 
@@ -390,8 +391,8 @@ def test_estimates_cover_true_errors_in_random_buildings():
             assert np.all(doubt <= 1e-5 * np.max(size[np.isfinite(size)], initial=0.0))
             good.append(true <= 2.0 * found + doubt)
             # Errors below a millionth of the peak are below the smallest estimate.
-            told = true > np.maximum(10.0 * doubt, 1e-6 * size[np.isfinite(size)])
-            ratios.append(found[told] / true[told])
+            is_judged = true > np.maximum(10.0 * doubt, 1e-6 * size[np.isfinite(size)])
+            ratios.append(found[is_judged] / true[is_judged])
     good, ratios = np.concatenate(good), np.concatenate(ratios)
     print(
         f"{good.size} peaks, {100 * good.mean():.2f} %, ratio {np.median(ratios):.2f}, "

@@ -37,12 +37,12 @@ def whole_and_pieces(
     return response, response.history_chunks
 
 
-def same(one: Any, other: Any) -> bool:
-    if is_dataclass(one):
+def same(first: Any, second: Any) -> bool:
+    if is_dataclass(first):
         return all(
-            same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one)
+            same(getattr(first, field.name), getattr(second, field.name)) for field in fields(first)
         )
-    return one is other if one is None else np.array_equal(one, other, equal_nan=True)
+    return first is second if first is None else np.array_equal(first, second, equal_nan=True)
 
 
 @pytest.mark.parametrize(

@@ -27,13 +27,13 @@ def test_energy_histories_of_damped_vibration():
     decay = np.exp(-xi * omega * TIMES)
     u = decay * (np.cos(damped * TIMES) + xi * omega / damped * np.sin(damped * TIMES))
     v = -decay * omega**2 / damped * np.sin(damped * TIMES)
-    whole = 0.5 * omega**2
-    assert np.allclose(energy.kinetic, 0.5 * v**2, atol=1e-6 * whole)
-    assert np.allclose(energy.strain, 0.5 * omega**2 * u**2, atol=1e-6 * whole)
+    total = 0.5 * omega**2
+    assert np.allclose(energy.kinetic, 0.5 * v**2, atol=1e-6 * total)
+    assert np.allclose(energy.strain, 0.5 * omega**2 * u**2, atol=1e-6 * total)
     assert np.allclose(
         energy.viscous + energy.dampers,
-        whole - 0.5 * v**2 - 0.5 * omega**2 * u**2,
-        atol=1e-6 * whole,
+        total - 0.5 * v**2 - 0.5 * omega**2 * u**2,
+        atol=1e-6 * total,
     )
     assert not energy.input.any() and not energy.hysteretic.any()
     assert np.max(np.abs(energy.error)) < 1e-6
@@ -127,18 +127,18 @@ def test_run_that_gains_energy_is_diverged():
 
     with pytest.raises(
         FailedRun, match=r"diverged .* exceeded the collapse drift with .* times the input energy"
-    ) as one:
+    ) as first:
         overshooting(15.0)
     with pytest.raises(
         FailedRun, match=r"diverged .* the final energy is .* times the input energy"
-    ) as two:
+    ) as second:
         overshooting(None)
-    for failure in (one, two):
+    for failure in (first, second):
         assert (failure.value.status, failure.value.story) == ("diverged", 1)
         assert failure.value.energy > 0.0
     allowed = overshooting(15.0, allow_unstable=True)
     assert allowed.status == "collapsed" and any(
-        "produced by the method" in one for one in allowed.warnings
+        "produced by the method" in first for first in allowed.warnings
     )
 
 
@@ -149,11 +149,11 @@ def test_multi_step_method_starts_substeps_with_average_acceleration(method):
     case = model(
         [story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(-27.0, -6.0, 2.0)
     )
-    whole = run(case, method=method, dt=20.0, duration=20.0, history=True)
+    halved = run(case, method=method, dt=20.0, duration=20.0, history=True)
     average = run(case, method="newmark-average", dt=10.0, duration=20.0, history=True)
-    assert (whole.substeps, average.substeps) == (1, 0)
-    assert np.allclose(whole.history.displacement[1], average.history.displacement[2], rtol=1e-10)
-    assert any("halved" in note for note in whole.notes)
+    assert (halved.substeps, average.substeps) == (1, 0)
+    assert np.allclose(halved.history.displacement[1], average.history.displacement[2], rtol=1e-10)
+    assert any("halved" in note for note in halved.notes)
 
 
 @pytest.mark.parametrize("method", ["impulse4", "impulse4:rho_inf=0"])
@@ -196,14 +196,14 @@ def test_history_has_ground_motion_and_relative_energy_error():
     """Under a ten-thousandth of a motion a linear building has 1e-8 of the energy, and the same
     error."""
     record = noise(samples=201)
-    whole, small = (
-        run(ten_linear(), one, method="bathe", history=True)
-        for one in (record, record.scaled(1e-4))
+    unscaled, small = (
+        run(ten_linear(), motion, method="bathe", history=True)
+        for motion in (record, record.scaled(1e-4))
     )
-    assert np.array_equal(whole.history.ground_acceleration, record.acceleration)
-    assert np.max(np.abs(whole.history.energy.error)) > 1e-6
+    assert np.array_equal(unscaled.history.ground_acceleration, record.acceleration)
+    assert np.max(np.abs(unscaled.history.energy.error)) > 1e-6
     assert small.history.energy.error == pytest.approx(
-        whole.history.energy.error, rel=1e-6, abs=1e-12
+        unscaled.history.energy.error, rel=1e-6, abs=1e-12
     )
 
 

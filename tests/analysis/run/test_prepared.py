@@ -91,23 +91,23 @@ def test_linear_method_refuses_nonlinear_building():
 # ---- Pickled inputs and results
 
 
-def same(one, other):
+def same(first, second):
     """Return True if two results are equal; arrays are compared by element."""
-    if isinstance(one, np.ndarray):
-        return one.dtype == other.dtype and np.array_equal(
-            one, other, equal_nan=one.dtype.kind == "f"
+    if isinstance(first, np.ndarray):
+        return first.dtype == second.dtype and np.array_equal(
+            first, second, equal_nan=first.dtype.kind == "f"
         )
-    if isinstance(one, float):
-        return one == other or (np.isnan(one) and np.isnan(other))
-    if is_dataclass(one):
-        return type(one) is type(other) and all(
-            same(getattr(one, field.name), getattr(other, field.name))
-            for field in fields(one)
+    if isinstance(first, float):
+        return first == second or (np.isnan(first) and np.isnan(second))
+    if is_dataclass(first):
+        return type(first) is type(second) and all(
+            same(getattr(first, field.name), getattr(second, field.name))
+            for field in fields(first)
             if field.compare
         )
-    if isinstance(one, tuple | list):
-        return len(one) == len(other) and all(map(same, one, other))
-    return bool(one == other)
+    if isinstance(first, tuple | list):
+        return len(first) == len(second) and all(map(same, first, second))
+    return bool(first == second)
 
 
 def travelled(thing):
@@ -134,8 +134,8 @@ def test_cases_and_responses_are_picklable():
 
 
 def test_spectra_and_cyclic_tests_are_picklable():
-    one = spectrum(noise(samples=51), np.array([0.5, 1.0]))
-    assert same(travelled(one), one)
+    result = spectrum(noise(samples=51), np.array([0.5, 1.0]))
+    assert same(travelled(result), result)
     test = cyclic_test(ten_bilinear(), 1, [parse_drift("1%")])
     assert same(travelled(test), test)
 
@@ -172,14 +172,14 @@ def test_time_integration_in_chunks_equals_single_call(scene, monkeypatch):
         prepare(scene(), noise(samples=201, peak=30.0), method="impulse4"),
         Steps(0.01, 200),
     )
-    whole = case.integrate(steps, history=True)
+    complete = case.integrate(steps, history=True)
     monkeypatch.setattr(prepared, "_FIRST_CALL_SIZE", 1)
     monkeypatch.setattr(prepared, "_CALL_SECONDS", 0.0)
     pieces = case.integrate(steps, history=True)
-    np.testing.assert_array_equal(pieces.history.displacement, whole.history.displacement)
-    np.testing.assert_array_equal(pieces.history.energy.error, whole.history.energy.error)
-    np.testing.assert_array_equal(pieces.stories.peak_shear, whole.stories.peak_shear)
-    assert pieces.collapse == whole.collapse
+    np.testing.assert_array_equal(pieces.history.displacement, complete.history.displacement)
+    np.testing.assert_array_equal(pieces.history.energy.error, complete.history.energy.error)
+    np.testing.assert_array_equal(pieces.stories.peak_shear, complete.stories.peak_shear)
+    assert pieces.collapse == complete.collapse
 
 
 def test_collapse_time_is_first_step_beyond_collapse_drift():

@@ -58,25 +58,25 @@ def test_residual_drifts_are_taken_at_rest(more):
     moves at the end of the record, and a note states this."""
     record = noise(seed=3)
     plain = run(ten_bilinear(), record, method="impulse4")
-    rest = run(ten_bilinear(), record, method="impulse4", until_rest=True, **more)
+    resting = run(ten_bilinear(), record, method="impulse4", until_rest=True, **more)
     last = run(
         ten_bilinear(),
         record,
         method="impulse4",
-        duration=10.0 * rest.time_at_rest,
+        duration=10.0 * resting.time_at_rest,
         dt=more.get("dt"),
     )
-    scale = np.max(rest.stories.peak_displacement)
+    scale = np.max(resting.stories.peak_displacement)
     assert (
-        rest.time_at_rest == pytest.approx(rest.steps * rest.dt)
-        and rest.time_at_rest > record.duration
+        resting.time_at_rest == pytest.approx(resting.steps * resting.dt)
+        and resting.time_at_rest > record.duration
     )
-    assert not moves(rest) and moves(plain) and plain.time_at_rest is None
+    assert not moves(resting) and moves(plain) and plain.time_at_rest is None
     if "dt" not in more and "tolerance" not in more:
-        assert np.array_equal(plain.stories.peak_drift, rest.stories.peak_drift)
+        assert np.array_equal(plain.stories.peak_drift, resting.stories.peak_drift)
     if "tolerance" not in more:
         assert (
-            np.max(np.abs(rest.stories.residual_drift - last.stories.residual_drift))
+            np.max(np.abs(resting.stories.residual_drift - last.stories.residual_drift))
             < 2.0 * AT_REST * scale
         )
     far = np.abs(plain.stories.residual_drift - last.stories.residual_drift)
@@ -84,25 +84,25 @@ def test_residual_drifts_are_taken_at_rest(more):
     assert np.max(far) < 2.0 * np.max(plain.residual_oscillation)
     peaks = plain.stories.peak_drift
     assert f"largest drift {np.max(peaks):.4g} m in story {np.argmax(peaks) + 1}" in repr(plain)
-    told = (
+    message = (
         f"{MOVES} {np.argmax(plain.residual_oscillation) + 1} by about +-"
         f"{1e3 * np.max(plain.residual_oscillation):.2g} mm"
     )
-    assert any(note.startswith(told) for note in plain.notes)
+    assert any(note.startswith(message) for note in plain.notes)
     in_inches = run(
         replace(ten_bilinear(), output_units=parse_output_units("in,kip")),
         record,
         method="impulse4",
     )
-    told = (
+    message = (
         f"{MOVES} {np.argmax(plain.residual_oscillation) + 1} by about +-"
         f"{np.max(plain.residual_oscillation) / 0.0254:.2g} in"
     )
-    assert any(note.startswith(told) for note in in_inches.notes)
-    if rest.history is not None:
-        assert rest.history.time[-1] == pytest.approx(rest.time_at_rest)
-        assert f"of 10 stories, {rest.steps} steps to {rest.time_at_rest:.6g} s" in repr(
-            rest.history
+    assert any(note.startswith(message) for note in in_inches.notes)
+    if resting.history is not None:
+        assert resting.history.time[-1] == pytest.approx(resting.time_at_rest)
+        assert f"of 10 stories, {resting.steps} steps to {resting.time_at_rest:.6g} s" in repr(
+            resting.history
         )
 
 

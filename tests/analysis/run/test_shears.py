@@ -119,7 +119,8 @@ def test_work_of_dashpots_is_separate_from_viscous_damping():
     np.testing.assert_allclose(history.energy.dampers, work, atol=2e-4 * energy.dampers)
     assert abs(energy.error) < 1e-4 and energy.viscous > 0.0
     bare = replace(
-        model, stories=tuple(replace(one, dashpot=0.0, power_dashpot=None) for one in model.stories)
+        model,
+        stories=tuple(replace(story, dashpot=0.0, power_dashpot=None) for story in model.stories),
     )
     without = run(bare, duration=12.0)
     assert without.energy.dampers == 0.0 and not np.any(without.stories.peak_damper_force)

@@ -79,10 +79,10 @@ def pair_errors(tolerance, factor):
 def test_error_is_fraction_of_difference_of_pair(tolerance, runs, ratio, factor):
     """8/9 of the difference of the first pair; 2/3 when differences have decreased by more than 3.
     A fifth of the root mean square of the stories is the least."""
-    check, told, least = pair_errors(tolerance, factor)
+    check, reported, expected = pair_errors(tolerance, factor)
     assert check.step_choice.runs == runs
     assert check.time_steps[0] == pytest.approx(ratio * check.time_steps[1])
-    assert told == pytest.approx(least, rel=1e-9)
+    assert reported == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -120,16 +120,16 @@ def test_invalid_arguments_are_refused(periods, damping, choices, message):
 
 
 @pytest.mark.parametrize(
-    ("asked", "told"),
+    ("choices", "expected"),
     [
         ({}, ("exact", "exact", "linear")),
         ({"method": "exact", "interpolation": "band-limited"}, ("exact", "exact", "band-limited")),
         ({"method": "newmark-average"}, ("newmark-average", "interpolated", "linear")),
     ],
 )
-def test_result_reports_method_maxima_and_interpolation(asked, told):
-    result = spectrum(noise(samples=21), np.array([1.0]), **asked)
-    assert (result.method, result.maxima, result.interpolation) == told
+def test_result_reports_method_maxima_and_interpolation(choices, expected):
+    result = spectrum(noise(samples=21), np.array([1.0]), **choices)
+    assert (result.method, result.maxima, result.interpolation) == expected
 
 
 def test_period_far_below_sampling_interval_is_refused():

@@ -185,14 +185,14 @@ def test_elastoplastic_oscillators_under_el_centro_agree_with_chopra():
 # The search
 
 
-def bumpy(heights, places, widths):
+def bumpy(heights, positions, widths):
     """A ductility that is not monotone: 1 / ratio with bumps over the logarithm of the ratio."""
 
     def ductility(ratio):
         x = math.log(ratio)
         bumps = [
-            height * x * x * math.exp(-(((x + place) / width) ** 2))
-            for height, place, width in zip(heights, places, widths, strict=True)
+            height * x * x * math.exp(-(((x + position) / width) ** 2))
+            for height, position, width in zip(heights, positions, widths, strict=True)
         ]
         return math.exp(-x) * math.exp(sum(bumps))
 

@@ -56,13 +56,13 @@ def test_spectrum_command_writes_oscillator_histories(tmp_path, monkeypatch):
     with (tmp_path / "motion.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 4 * 50 and (tmp_path / "motion.json").exists()
-    one = oscillator_motion(Record(np.sin(np.arange(50.0)), 0.02, "", "", "", ""), 1.0, 0.02)
+    expected = oscillator_motion(Record(np.sin(np.arange(50.0)), 0.02, "", "", "", ""), 1.0, 0.02)
     found = [
         float(row["displacement_m"])
         for row in rows
         if (row["period_s"], row["damping"]) == ("1", "0.02")
     ]
-    assert found == pytest.approx(one.displacement, rel=1e-9)
+    assert found == pytest.approx(expected.displacement, rel=1e-9)
     for more in (
         (),
         ("--history=x.csv",),

@@ -20,8 +20,8 @@ PERIODS = np.array([0.01, 0.03, 0.07, 0.2, 1.0, 5.0])
 
 
 def pair(samples=301, seeds=(7, 8), second=0.6):
-    one, other = (noise(samples=samples, seed=seed) for seed in seeds)
-    return Horizontals(one, other.scaled(second))
+    first, perpendicular = (noise(samples=samples, seed=seed) for seed in seeds)
+    return Horizontals(first, perpendicular.scaled(second))
 
 
 def rotated(motion, degrees):
@@ -66,10 +66,10 @@ def test_percentiles_agree_with_rotated_motions(choices):
 )
 def test_percentiles_of_white_noise(seed, samples, period, damping, second):
     generator = np.random.default_rng(seed)
-    one, other = (
+    first, perpendicular = (
         Record(generator.standard_normal(samples), 0.01, "", "", "", "") for _ in range(2)
     )
-    motion, periods = Horizontals(one, other.scaled(second)), np.array([0.01 * period])
+    motion, periods = Horizontals(first, perpendicular.scaled(second)), np.array([0.01 * period])
     result = rotated_spectrum(motion, periods, damping, (0, 50, 100))
     expected = np.percentile(each_direction(motion, periods, damping), (0, 50, 100), axis=0)
     np.testing.assert_allclose(result.psa, expected, rtol=1e-9)

@@ -233,12 +233,12 @@ def test_cyclic_test_of_story_is_independent_of_other_stories():
         HEIGHT,
         pytest.approx(DY),
     )
-    assert [one.amplitude for one in among.cycles] == pytest.approx([0.02 * HEIGHT, 4.0 * DY])
+    assert [cycle.amplitude for cycle in among.cycles] == pytest.approx([0.02 * HEIGHT, 4.0 * DY])
     assert among.initial_stiffness == alone.initial_stiffness == K
     np.testing.assert_array_equal(among.path.shear, alone.path.shear)
     assert among.cycles == alone.cycles
-    given = path_test(model(stories), 2, [1.0, -2.0], in_yield_drifts=True).path.drift
-    assert (given.max(), given.min()) == pytest.approx((DY, -2.0 * DY))
+    drift = path_test(model(stories), 2, [1.0, -2.0], in_yield_drifts=True).path.drift
+    assert (drift.max(), drift.min()) == pytest.approx((DY, -2.0 * DY))
 
 
 def test_number_of_points_is_limited(monkeypatch):

@@ -236,10 +236,10 @@ def test_short_curve_does_not_satisfy_ec8(tmp_path):
     assert pushed.ended == "no remaining lateral resistance"
     assert pushed.base_shear[-1] == 0.0
     target = flat(tmp_path, 0.33)
-    (told,) = target_displacements(pushed, target)[0].notes
-    assert "1.5 are required (EN 1998-1, 4.3.3.4.2.3) and cannot be met" in told
-    (told,) = target_displacements(short, target)[0].notes
-    assert told.endswith("continue the pushover to a larger displacement")
+    (note,) = target_displacements(pushed, target)[0].notes
+    assert "1.5 are required (EN 1998-1, 4.3.3.4.2.3) and cannot be met" in note
+    (note,) = target_displacements(short, target)[0].notes
+    assert note.endswith("continue the pushover to a larger displacement")
 
 
 def test_corner_period_of_table_equals_corner_of_code_spectrum(tmp_path):
