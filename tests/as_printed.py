@@ -35,22 +35,22 @@ def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
     for _ in range(iterations):
         force_1, k = law(u1)
         a1 = m * h**2 / 6.0 - k * h**4 / 24.0 + 4.0 * k * beta * h**4  # eq. 16; eq. 54 with k_T
-        # The momentum's row: a1 j0 = by_u (u1 - u0) + rest - I, with the fourth derivative from u1
-        # (eq. 11).
+        # Momentum equation: a1 j0 = by_u (u1 - u0) + other_terms - I, with the fourth derivative
+        # from u1 (eq. 11).
         by_u = 4.0 * m / h + c + 24.0 * beta * h * k
-        rest = (
+        other_terms = (
             -m @ (4.0 * v0 + a0 * h)
             + force_0 * h
             + k @ (v0 * h**2 / 2.0 + a0 * h**3 / 6.0 - 24.0 * beta * h * (v0 * h + a0 * h**2 / 2.0))
         )
-        of_u, known = np.linalg.solve(a1, by_u), np.linalg.solve(a1, rest - impulse)
+        jerk_by_u, known = np.linalg.solve(a1, by_u), np.linalg.solve(a1, other_terms - impulse)
         # Velocity and acceleration at the end: terms proportional to (u1 - u0), and other terms.
         v_u, v_known = (
-            4.0 / h * np.eye(len(m)) - h**2 / 6.0 * of_u,
+            4.0 / h * np.eye(len(m)) - h**2 / 6.0 * jerk_by_u,
             -3.0 * v0 - a0 * h - h**2 / 6.0 * known,
         )
         a_u, a_known = (
-            12.0 / h**2 * np.eye(len(m)) - h * of_u,
+            12.0 / h**2 * np.eye(len(m)) - h * jerk_by_u,
             -12.0 / h * v0 - 5.0 * a0 - h * known,
         )
         k_x = m @ a_u + c @ v_u + k
@@ -66,12 +66,12 @@ def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
 def matrix(w, xi, beta=BETA):
     """Eqs. 24 to 26: the amplification matrix of (u, v dt, a dt^2) of an oscillator, w = omega
     dt."""
-    one = np.eye(1)
+    identity = np.eye(1)
     columns = [
         step(
-            one,
-            2.0 * xi * w * one,
-            w * w * one,
+            identity,
+            2.0 * xi * w * identity,
+            w * w * identity,
             1.0,
             column[:, None],
             np.zeros(1),
@@ -134,16 +134,16 @@ ENTRIES = {57 + 3 * i + j: (i, j) for i in range(3) for j in range(3)}
 class Misprint(NamedTuple):
     """Part of an equation as printed and as corrected.
 
-    `words` describes the correction if the parts alone are unclear.
+    `description` describes the correction if the parts alone are unclear.
     """
 
     printed: str
     correct: str
-    words: str = ""
+    description: str = ""
 
     def correction(self):
         """Return the correction as methods/README and impulse.py list it."""
-        return self.words or f"`{self.correct}` for `{self.printed}`"
+        return self.description or f"`{self.correct}` for `{self.printed}`"
 
 
 _SIGN_OF_48 = Misprint("- ((-48) dt xi) omega", "+ ((-48) dt xi) omega")

@@ -29,49 +29,54 @@ WORDS = ("$schema", "title", "description", "additionalProperties")
 def valid(value: Any, schema: dict[str, Any]) -> bool:
     """Return True if a value is valid for the schema."""
     return all(
-        _holds(word, told, value, schema) for word, told in schema.items() if word not in WORDS
+        _holds(word, expected, value, schema)
+        for word, expected in schema.items()
+        if word not in WORDS
     )
 
 
-def _holds(word: str, told: Any, value: Any, schema: dict[str, Any]) -> bool:
+def _holds(word: str, expected: Any, value: Any, schema: dict[str, Any]) -> bool:
     number = TYPES["number"](value)
     match word:
         case "type":
-            return any(TYPES[name](value) for name in ([told] if isinstance(told, str) else told))
+            return any(
+                TYPES[name](value)
+                for name in ([expected] if isinstance(expected, str) else expected)
+            )
         case "enum":
-            return value in told
+            return value in expected
         case "anyOf":
-            return any(valid(value, one) for one in told)
+            return any(valid(value, alternative) for alternative in expected)
         case "oneOf":
-            return sum(valid(value, one) for one in told) == 1
+            return sum(valid(value, alternative) for alternative in expected) == 1
         case "allOf":
-            return all(valid(value, one) for one in told)
+            return all(valid(value, alternative) for alternative in expected)
         case "minimum":
-            return not number or value >= told
+            return not number or value >= expected
         case "maximum":
-            return not number or value <= told
+            return not number or value <= expected
         case "exclusiveMinimum":
-            return not number or value > told
+            return not number or value > expected
         case "exclusiveMaximum":
-            return not number or value < told
+            return not number or value < expected
         case "pattern":
-            return not isinstance(value, str) or re.search(told, value) is not None
+            return not isinstance(value, str) or re.search(expected, value) is not None
         case "items":
-            return not isinstance(value, list) or all(valid(item, told) for item in value)
+            return not isinstance(value, list) or all(valid(item, expected) for item in value)
         case "minItems":
-            return not isinstance(value, list) or len(value) >= told
+            return not isinstance(value, list) or len(value) >= expected
         case "maxItems":
-            return not isinstance(value, list) or len(value) <= told
+            return not isinstance(value, list) or len(value) <= expected
         case "required":
-            return not isinstance(value, dict) or all(name in value for name in told)
+            return not isinstance(value, dict) or all(name in value for name in expected)
         case "properties":
             extra = schema.get("additionalProperties", True)
             known = isinstance(value, dict) and {
-                name: item for name, item in value.items() if name in told
+                name: item for name, item in value.items() if name in expected
             }
             return not isinstance(value, dict) or (
                 (extra is not False or len(value) == len(known))
-                and all(valid(item, told[name]) for name, item in known.items())
+                and all(valid(item, expected[name]) for name, item in known.items())
             )
     raise AssertionError(f"the checker does not know {word!r}")
 
@@ -92,24 +97,34 @@ def tree(text: str) -> Any:
     return converted(yaml.safe_load(text))
 
 
-def wrong(kind: ValueType) -> list[object]:
+def wrong(value_type: ValueType) -> list[object]:
     """Return values that a type does not allow, derived from its declaration."""
-    if isinstance(kind, Bounds):
-        outside = [kind.low - 1.0, kind.high + 1.0, kind.low * (not kind.low_allowed), kind.high]
+    if isinstance(value_type, Bounds):
+        outside = [
+            value_type.low - 1.0,
+            value_type.high + 1.0,
+            value_type.low * (not value_type.low_allowed),
+            value_type.high,
+        ]
         return [
             [1],
             "abc",
-            *(value for value in outside if abs(value) < 1e30 and not kind.allow(value)),
+            *(value for value in outside if abs(value) < 1e30 and not value_type.allow(value)),
         ]
-    if isinstance(kind, Whole):
-        return [kind.low - 1, kind.high + 1, kind.low + 0.5, "a"]
-    if isinstance(kind, Choice):
+    if isinstance(value_type, Whole):
+        return [value_type.low - 1, value_type.high + 1, value_type.low + 0.5, "a"]
+    if isinstance(value_type, Choice):
         return ["no such name", {}]
-    if isinstance(kind, EntriesOf):
-        return [{}, 3, *([[]] if kind.least else []), *([one] for one in wrong(kind.type))]
-    if isinstance(kind, Keys):
+    if isinstance(value_type, EntriesOf):
+        return [
+            {},
+            3,
+            *([[]] if value_type.least else []),
+            *([value_of_entry] for value_of_entry in wrong(value_type.type)),
+        ]
+    if isinstance(value_type, Keys):
         return ["text", [1], {"no such key": 1}]
-    return [[[]]] if not isinstance(kind, Either) else [[[]], {"no such key": 1}]
+    return [[[]]] if not isinstance(value_type, Either) else [[[]], {"no such key": 1}]
 
 
 def spoiled(model: dict[str, Any], keys: Keys) -> list[dict[str, Any]]:
@@ -120,14 +135,14 @@ def spoiled(model: dict[str, Any], keys: Keys) -> list[dict[str, Any]]:
         if key.name not in model:
             continue
         found += [{**copy.deepcopy(model), key.name: value} for value in wrong(key.type)]
-        kinds = key.type.types if isinstance(key.type, Either) else (key.type,)
-        inner = [kind for kind in kinds if isinstance(kind, Keys)]
+        types = key.type.types if isinstance(key.type, Either) else (key.type,)
+        inner = [value_type for value_type in types if isinstance(value_type, Keys)]
         if inner and isinstance(model[key.name], dict):
             found += [{**model, key.name: value} for value in spoiled(model[key.name], inner[0])]
         if isinstance(key.type, EntriesOf) and isinstance(key.type.type, Keys):
-            first, *rest = model[key.name]
+            first, *others = model[key.name]
             found += [
-                {**model, key.name: [value, *rest]} for value in spoiled(first, key.type.type)
+                {**model, key.name: [value, *others]} for value in spoiled(first, key.type.type)
             ]
         if key.needed:
             found.append({name: value for name, value in model.items() if name != key.name})

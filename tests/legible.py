@@ -15,7 +15,7 @@ def check(figure: Figure) -> None:
         for axes in figure.axes
         if axes.get_visible() and axes.axison and axes.get_subplotspec()
     ]
-    columns = max((place.stop for *_, place in map(_place, panels)), default=1)
+    columns = max((column_span.stop for *_, column_span in map(_place, panels)), default=1)
     assert width <= max(11.0, 5.0 * columns), "wider than a page on its side"
     lines = [
         axes for axes in panels if not _has_names(axes.xaxis)
@@ -35,14 +35,16 @@ def check(figure: Figure) -> None:
     # The lowest panel of each column must have a label of the horizontal axis, and the first panel
     # of each row a label of the vertical axis.
     for axes in panels:
-        grid, rows, places = _place(axes)
+        grid, rows, columns_of_panel = _place(axes)
         others = [(below, beside) for same, below, beside in map(_place, panels) if same is grid]
         if not any(
-            below.start >= rows.stop and set(places) & set(beside) for below, beside in others
+            below.start >= rows.stop and set(columns_of_panel) & set(beside)
+            for below, beside in others
         ):
             assert axes.get_xlabel() or _has_names(axes.xaxis), "nothing says what is across"
         if not any(
-            beside.stop <= places.start and set(rows) & set(below) for below, beside in others
+            beside.stop <= columns_of_panel.start and set(rows) & set(below)
+            for below, beside in others
         ):
             assert axes.get_ylabel() or axes.get_title() or _has_names(axes.yaxis), (
                 "nothing says what is along"
@@ -51,8 +53,8 @@ def check(figure: Figure) -> None:
 
 def _place(axes: Any) -> tuple[Any, range, range]:
     """Grid, rows and columns of a panel."""
-    place = axes.get_subplotspec()
-    return place.get_gridspec(), place.rowspan, place.colspan
+    position = axes.get_subplotspec()
+    return position.get_gridspec(), position.rowspan, position.colspan
 
 
 def _has_names(axis: Any) -> bool:

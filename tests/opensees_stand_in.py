@@ -25,38 +25,43 @@ class Domain:
         self.links = []
         self.nodes, self.time, self.ground = 0, 0.0, lambda t: 0.0
 
-    def model(self, *words):
-        assert words == ("basic", "-ndm", 1, "-ndf", 1)
+    def model(self, *arguments):
+        assert arguments == ("basic", "-ndm", 1, "-ndf", 1)
 
     def node(self, tag, x):
         assert (tag, x) == (self.nodes, 0.0)
         self.motion = np.zeros((3, tag))
         self.nodes += 1
 
-    def fix(self, *words):
-        assert words == (0, 1)
+    def fix(self, *arguments):
+        assert arguments == (0, 1)
 
     def mass(self, tag, value):
         self.masses[tag] = value
 
-    def uniaxialMaterial(self, kind, tag, *numbers):
-        self.materials[tag] = (kind, *numbers)
+    def uniaxialMaterial(self, material, tag, *numbers):
+        self.materials[tag] = (material, *numbers)
 
-    def element(self, kind, tag, first, second, *words):
-        at = words.index("-dir")
-        assert (kind, first) == ("zeroLength", second - 1) and self.nodes > second
-        assert words[0] == "-mat" and words[at:] == ("-dir", 1, "-doRayleigh", int(tag == second))
+    def element(self, element_type, tag, first, second, *arguments):
+        at = arguments.index("-dir")
+        assert (element_type, first) == ("zeroLength", second - 1) and self.nodes > second
+        assert arguments[0] == "-mat" and arguments[at:] == (
+            "-dir",
+            1,
+            "-doRayleigh",
+            int(tag == second),
+        )
         if tag == second:
             self.links.append([])
-        self.links[second - 1].append(self.materials[words[1]])
+        self.links[second - 1].append(self.materials[arguments[1]])
 
-    def recorder(self, kind, form, file, word, *words):
-        if kind == "Element":
-            assert (form, word, words[-3:]) == ("-binary", "-ele", ("material", "1", "stress"))
-            assert words[:-3] == tuple(range(1, self.nodes))
+    def recorder(self, recorder_type, form, file, word, *arguments):
+        if recorder_type == "Element":
+            assert (form, word, arguments[-3:]) == ("-binary", "-ele", ("material", "1", "stress"))
+            assert arguments[:-3] == tuple(range(1, self.nodes))
             self.recorded[file] = []
             return
-        assert (kind, form, word, words[:-1]) == (
+        assert (recorder_type, form, word, arguments[:-1]) == (
             "Node",
             "-binary",
             "-node",
@@ -68,26 +73,32 @@ class Domain:
         assert current == committed == 0.0
         self.proportions = mass, initial
 
-    def timeSeries(self, kind, tag, *words):
-        told = {word: words[i + 1 :] for i, word in enumerate(words) if isinstance(word, str)}
-        if kind == "Path":
-            values = np.array(told["-values"])
+    def timeSeries(self, series_type, tag, *arguments):
+        options = {
+            word: arguments[i + 1 :] for i, word in enumerate(arguments) if isinstance(word, str)
+        }
+        if series_type == "Path":
+            values = np.array(options["-values"])
             self.series[tag] = lambda t: np.interp(
-                t, told["-dt"][0] * np.arange(values.size), values
+                t, options["-dt"][0] * np.arange(values.size), values
             )
-        elif kind == "Constant":
-            self.series[tag] = lambda t: told["-factor"][0]
+        elif series_type == "Constant":
+            self.series[tag] = lambda t: options["-factor"][0]
         else:
-            (start, end, period), (size,), (shift,) = words[:3], told["-factor"][:1], told["-shift"]
+            (start, end, period), (size,), (shift,) = (
+                arguments[:3],
+                options["-factor"][:1],
+                options["-shift"],
+            )
             self.series[tag] = lambda t: (
                 size * np.sin(2.0 * np.pi * (t - start) / period + shift) * (t <= end)
             )
 
-    def pattern(self, kind, tag, *words):
-        self.loading = words[0]
-        if kind == "UniformExcitation":
-            assert words[:2] == (1, "-accel")
-            self.ground = self.series[words[2]]
+    def pattern(self, pattern_type, tag, *arguments):
+        self.loading = arguments[0]
+        if pattern_type == "UniformExcitation":
+            assert arguments[:2] == (1, "-accel")
+            self.ground = self.series[arguments[2]]
 
     def load(self, tag, size):
         self.applied.append((tag - 1, size, self.series[self.loading]))
@@ -95,29 +106,31 @@ class Domain:
     def __getattr__(self, name):
         """Return functions such as `nodeDisp(node, 1)` and `setNodeVel(node, 1, value,
         "-commit")`."""
-        row = next(i for i, kind in enumerate(("Disp", "Vel", "Accel")) if name.endswith(kind))
+        row = next(
+            i for i, quantity in enumerate(("Disp", "Vel", "Accel")) if name.endswith(quantity)
+        )
         if name.startswith("set"):
             return lambda tag, direction, value, _: self.motion.__setitem__(
                 (row, tag - direction), value
             )
         return lambda tag, direction: self.motion[row, tag - direction]
 
-    def test(self, kind, tolerance, most):
+    def test(self, test_type, tolerance, most):
         self.tolerance, self.most = tolerance, most
 
     def testIter(self):
         return self.iterations
 
-    def algorithm(self, kind, *_):
-        self.one_solve = kind == "Linear"
+    def algorithm(self, algorithm_type, *_):
+        self.one_solve = algorithm_type == "Linear"
 
-    def integrator(self, kind, *numbers):
+    def integrator(self, scheme_name, *numbers):
         """Set the weights of the end of the step for inertia and other forces, beta and gamma."""
-        if kind == "Newmark":
+        if scheme_name == "Newmark":
             self.scheme = 1.0, 1.0, numbers[1], numbers[0]
         else:
-            inertia, rest = (1.0, *numbers) if kind == "HHT" else numbers
-            self.scheme = inertia, rest, 0.25 * (1.0 + inertia - rest) ** 2, 0.5 + inertia - rest
+            inertia, other = (1.0, *numbers) if scheme_name == "HHT" else numbers
+            self.scheme = inertia, other, 0.25 * (1.0 + inertia - other) ** 2, 0.5 + inertia - other
 
     def analysis(self, kind):
         """Create the matrices and the initial state of the springs after the definition of the
@@ -159,31 +172,34 @@ class Domain:
 
     def step(self, h):
         """Take a step with the formulas of Newmark; equilibrium holds at weighted times."""
-        inertia, rest, beta, gamma = self.scheme
+        inertia, other_weight, beta, gamma = self.scheme
         u0, v0, a0 = self.motion
-        at = self.time + rest * h
+        at = self.time + other_weight * h
         load = -self.m * self.ground(at)
-        for place, size, series in self.applied:
-            load[place] += size * series(at)
+        for floor, size, series in self.applied:
+            load[floor] += size * series(at)
         u, before = u0.copy(), self.drifts @ u0
         for solves in range(self.most + 1):
             a = (u - u0 - h * v0) / (beta * h * h) - (0.5 / beta - 1.0) * a0
             v = v0 + h * ((1.0 - gamma) * a0 + gamma * a)
             shear, _, tangent = self.springs(
-                self.drifts @ (u0 + rest * (u - u0)), before, self.inner
+                self.drifts @ (u0 + other_weight * (u - u0)), before, self.inner
             )
             out = (
                 load
                 - self.m * (a0 + inertia * (a - a0))
-                - self.c @ (v0 + rest * (v - v0))
+                - self.c @ (v0 + other_weight * (v - v0))
                 - self.drifts.T @ shear
             )
-            out -= self.geometric @ (u0 + rest * (u - u0))
+            out -= self.geometric @ (u0 + other_weight * (u - u0))
             if solves and (self.one_solve or np.linalg.norm(out) <= self.tolerance):
                 break
-            matrix = inertia / (beta * h * h) * np.diag(self.m) + rest * gamma / (beta * h) * self.c
+            matrix = (
+                inertia / (beta * h * h) * np.diag(self.m)
+                + other_weight * gamma / (beta * h) * self.c
+            )
             tangent = self.drifts.T @ np.diag(tangent) @ self.drifts + self.geometric
-            u = u + np.linalg.solve(matrix + rest * tangent, out)
+            u = u + np.linalg.solve(matrix + other_weight * tangent, out)
         else:
             return -3
         shear, self.inner, _ = self.springs(self.drifts @ u, before, self.inner)

@@ -45,9 +45,9 @@ def displacement(acceleration, dt, period, damping=0.05):
 def rotd100(first, second, period):
     """Return the pseudo-acceleration in the direction of its maximum, from the maximum distance of
     the displacement from the origin."""
-    (one, dt), (two, _) = read_at2(first), read_at2(second)
-    size = min(one.size, two.size)
-    paths = [displacement(motion[:size], dt, period) for motion in (one, two)]
+    (first_motion, dt), (second_motion, _) = read_at2(first), read_at2(second)
+    size = min(first_motion.size, second_motion.size)
+    paths = [displacement(motion[:size], dt, period) for motion in (first_motion, second_motion)]
     return (2.0 * math.pi / period) ** 2 * float(np.max(np.hypot(*paths)))
 
 

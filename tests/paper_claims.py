@@ -425,10 +425,10 @@ def critical_deviation(second, dt=0.5):
 def step_for_any_damping(w, xi, u, v):
     """Return u1 and dt v1 from u and v = dt v0: eqs. 44 and 45 for any damping ratio."""
     even = (48.0 * xi**2 - 60.0) * w**2
-    of_u = w**4 - 12.0 * xi * w**3 + even + 144.0 * xi * w + 144.0
-    of_v = w**4 + 12.0 * xi * w**3 + even - 144.0 * xi * w + 144.0
-    u1 = u * of_u + 12.0 * v * (12.0 - w**2)
-    v1 = 12.0 * u * w**2 * (w**2 - 12.0) + v * of_v
+    factor_u = w**4 - 12.0 * xi * w**3 + even + 144.0 * xi * w + 144.0
+    factor_v = w**4 + 12.0 * xi * w**3 + even - 144.0 * xi * w + 144.0
+    u1 = u * factor_u + 12.0 * v * (12.0 - w**2)
+    v1 = 12.0 * u * w**2 * (w**2 - 12.0) + v * factor_v
     return u1 / denominator(w, xi), v1 / denominator(w, xi)
 
 
@@ -480,8 +480,8 @@ def example_error(number, method, variant="", reference="finer"):
 def relative_error(number):
     """Return the error of impulse relative to the solution that the paper calls exact, in percent
     of the maximum displacement."""
-    one = errors(number)["impulse", ""]
-    return 100.0 * one.error("displacement", "paper") / np.max(np.abs(one.paper.displacement))
+    result = errors(number)["impulse", ""]
+    return 100.0 * result.error("displacement", "paper") / np.max(np.abs(result.paper.displacement))
 
 
 def failure(method, name, dt):
@@ -668,7 +668,9 @@ ROWS = {
             Below(free_step_deviation(step_for_any_damping, DAMPINGS)),
             Below(max(distance_from_limit(1e6, xi) for xi in DAMPINGS)),
         ],
-        lambda corrected, printed, of_any, limit: are_rounding(corrected, printed, of_any),
+        lambda corrected, printed, for_any_beta, limit: are_rounding(
+            corrected, printed, for_any_beta
+        ),
     ),
     "Eqs. 46 to 54": Row(
         lambda: [Below(nonlinear_deviation(1, 5.0)), Below(nonlinear_deviation(3, 1.0))],
@@ -680,7 +682,7 @@ ROWS = {
             failure(method, "hardening", 0.005).energy_ratio_min
             for method in ("impulse", "moment4")
         ],
-        lambda energy, of_moment4: [abs(energy - 1.0) < 0.02],
+        lambda energy, moment4_ratio: [abs(energy - 1.0) < 0.02],
     ),
     "Eq. 57 (A11)": entry_row(57, (0.2, 2.0, 1.0), (0.0, 2.0, 0.5)),
     "Eq. 58 (A12)": entry_row(58, (0.2, 2.0, 1.0)),

@@ -43,7 +43,7 @@ class Picture:
 
     command: str
     module: str
-    of_methods: bool = False
+    shows_methods: bool = False
     timed: bool = False
 
 
@@ -67,7 +67,7 @@ PICTURES = {
     "region-fragility.png": Picture(
         f"{_REGION} && tdint fragility region --by type --im pga --plot={{file}}", "collapse"
     ),
-    "failures.png": Picture("tdint failures --plot={file}", "assessment", of_methods=True),
+    "failures.png": Picture("tdint failures --plot={file}", "assessment", shows_methods=True),
     "ten-story-bilinear-chart.png": Picture(
         "tdint chart configs/ten-story-bilinear.yaml --peers --repeat 20 --plot={file}",
         "assessment",
@@ -94,25 +94,27 @@ def _sources(module: str) -> set[Path]:
 def _inputs(command: str) -> set[Path]:
     """Return the files in a command, including the records of models and of directories."""
     named = [readmes.ROOT / word for word in command.split() if (readmes.ROOT / word).exists()]
-    files = {file for one in named for file in (one.glob("*.mseed") if one.is_dir() else [one])}
-    told = (
+    files = {file for path in named for file in (path.glob("*.mseed") if path.is_dir() else [path])}
+    references = (
         re.findall(r"\.\./records/[\w./-]+", file.read_text())
         for file in files
         if file.suffix == ".yaml"
     )
-    return files | {readmes.ROOT / name.removeprefix("../") for names in told for name in names}
+    return files | {
+        readmes.ROOT / name.removeprefix("../") for names in references for name in names
+    }
 
 
 def digest(picture: Picture) -> str:
     """Return the digest of a command, its inputs and the sources of the figure; work-precision
     diagrams have no sources. File names count, directories do not."""
-    whole = hashlib.sha256(picture.command.encode())
-    if picture.of_methods:
-        whole.update(" ".join(catalogue()).encode())
+    checksum = hashlib.sha256(picture.command.encode())
+    if picture.shows_methods:
+        checksum.update(" ".join(catalogue()).encode())
     sources = set() if picture.timed else _sources(picture.module)
     for file in sorted(sources | _inputs(picture.command), key=lambda file: file.name):
-        whole.update(file.name.encode() + b"\0" + _content(file))
-    return whole.hexdigest()
+        checksum.update(file.name.encode() + b"\0" + _content(file))
+    return checksum.hexdigest()
 
 
 def _content(file: Path) -> bytes:
@@ -147,8 +149,8 @@ def out_of_date() -> list[str]:
     known = json.loads(DIGESTS.read_text()) if DIGESTS.exists() else {}
     return [
         name
-        for name, one in PICTURES.items()
-        if known.get(name) != digest(one) or not (FOLDER / name).exists()
+        for name, picture in PICTURES.items()
+        if known.get(name) != digest(picture) or not (FOLDER / name).exists()
     ]
 
 
@@ -158,10 +160,10 @@ def draw(names: list[str]) -> None:
     for name in names:
         print(name, flush=True)
         with readmes.checkout() as (folder, environment):
-            code, _, said = readmes.shell(
+            code, _, messages = readmes.shell(
                 PICTURES[name].command.format(file=name), folder, environment
             )
-            assert code == 0, said
+            assert code == 0, messages
             (FOLDER / name).write_bytes((folder / name).read_bytes())
             png_text.stamp(FOLDER / name, PICTURES[name].command.format(file=name))
         known[name] = digest(PICTURES[name])

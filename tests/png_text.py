@@ -16,22 +16,26 @@ _HEADER_END = len(_SIGNATURE) + 25  # the header chunk IHDR with 25 bytes is alw
 def _chunks(data: bytes):
     """Yield the position, type and content of each chunk."""
     assert data.startswith(_SIGNATURE), "not a PNG file"
-    place = len(_SIGNATURE)
-    while place < len(data):
-        length = int.from_bytes(data[place : place + 4])
-        yield place, data[place + 4 : place + 8], data[place + 8 : place + 8 + length]
-        place += length + 12
+    position = len(_SIGNATURE)
+    while position < len(data):
+        length = int.from_bytes(data[position : position + 4])
+        yield (
+            position,
+            data[position + 4 : position + 8],
+            data[position + 8 : position + 8 + length],
+        )
+        position += length + 12
 
 
 def texts(file: Path) -> dict[str, str]:
     """Return the texts of a PNG file by keyword."""
     found = {}
-    for _, kind, content in _chunks(file.read_bytes()):
-        if kind == b"iTXt":
-            keyword, _, rest = content.partition(b"\0")
+    for _, chunk_type, content in _chunks(file.read_bytes()):
+        if chunk_type == b"iTXt":
+            keyword, _, remainder = content.partition(b"\0")
             # Compression flag and method, then language and translated keyword, both empty here.
-            found[keyword.decode("latin-1")] = rest[2:].split(b"\0", 2)[2].decode()
-        elif kind == b"tEXt":
+            found[keyword.decode("latin-1")] = remainder[2:].split(b"\0", 2)[2].decode()
+        elif chunk_type == b"tEXt":
             keyword, _, text = content.partition(b"\0")
             found[keyword.decode("latin-1")] = text.decode("latin-1")
     return found
@@ -39,9 +43,9 @@ def texts(file: Path) -> dict[str, str]:
 
 def with_command(data: bytes, command: str) -> bytes:
     """Return the bytes of a PNG file with its command, which replaces any earlier command."""
-    for place, kind, content in list(_chunks(data)):
-        if kind == b"iTXt" and content.startswith(COMMAND.encode() + b"\0"):
-            data = data[:place] + data[place + len(content) + 12 :]
+    for position, chunk_type, content in list(_chunks(data)):
+        if chunk_type == b"iTXt" and content.startswith(COMMAND.encode() + b"\0"):
+            data = data[:position] + data[position + len(content) + 12 :]
             break
     content = COMMAND.encode() + b"\0\0\0\0\0" + command.encode()
     checksum = zlib.crc32(b"iTXt" + content).to_bytes(4)

@@ -211,8 +211,8 @@ def checked_building(seed, samples=501, step=0.01):
     stories = []
     for i in range(n):
         k = float(stiffness * generator.uniform(0.8, 1.2))
-        kind = str(generator.choice(LAWS)) if name == "mixed" else name
-        law = random_law(kind, generator, k, float(base * (1.0 - 0.7 * (i / n) ** 2)))
+        law_name = str(generator.choice(LAWS)) if name == "mixed" else name
+        law = random_law(law_name, generator, k, float(base * (1.0 - 0.7 * (i / n) ** 2)))
         stories.append(story(float(mass * generator.uniform(0.8, 1.2)), k, law))
     damping = [RayleighCoefficients(0.3, 0.001), ModalDamping((0.05,)), None][seed % 3]
     record = noise(samples, step, seed=seed, peak=peak)
@@ -332,12 +332,12 @@ def _law_to_drawn_strength(rng, name, strength, k):
                 "strength": (0.2, 0.1, 0.05, 0.3),
             }
             law["degradation"] = {
-                of_what: {
+                limit_name: {
                     "peak": between(0, peak),
                     "work": between(0, work),
                     "limit": between(low, high),
                 }
-                for of_what, (peak, work, low, high) in most.items()
+                for limit_name, (peak, work, low, high) in most.items()
             } | {"capacity": between(5, 20)}
         return law
     return {}
@@ -376,17 +376,17 @@ def any_building(seed, laws=None):
             base * weights[i] * (1.0 + 0.5 * i / max(n - 1, 1)) * rng.uniform(0.8, 1.2)
         )
         law = _law_to_drawn_strength(rng, name, strength, k)
-        one = {"mass": float(masses[i]), "height": float(heights[i]), "stiffness": k}
+        story_entry = {"mass": float(masses[i]), "height": float(heights[i]), "stiffness": k}
         if law:
-            one["law"] = {"type": name, **law}
+            story_entry["law"] = {"type": name, **law}
         if name in ("polynomial", "multilinear-pinching"):
-            del one["stiffness"]  # the law defines the stiffness
+            del story_entry["stiffness"]  # the law defines the stiffness
         if rng.random() < 0.2:
             viscous = float(0.05 * np.sqrt(k * weights[i] / 9.80665))
             # of every other building's dampers a power law, as strong at 0.1 m/s
             power = {"coefficient": viscous * 0.1**0.6, "exponent": 0.4, "linear_below": 0.001}
-            one["dashpot"] = power if seed % 6 in (1, 2) else viscous
-        stories.append(one)
+            story_entry["dashpot"] = power if seed % 6 in (1, 2) else viscous
+        stories.append(story_entry)
     model = {"stories": stories, "collapse_drift": 0.9}
     draw = rng.random()
     if draw < 0.5:
@@ -414,8 +414,8 @@ def degrading_building(number):
     """A building of stories that lose strength and stiffness with their turns, without dampers and
     forces on floors."""
     definition, record = any_building(number, DEGRADING)
-    for one in definition["stories"]:
-        one.pop("dashpot", None)
+    for story_entry in definition["stories"]:
+        story_entry.pop("dashpot", None)
     definition.pop("excitation", None)
     if isinstance(definition.get("damping"), dict) and "modal" in definition["damping"]:
         definition["damping"] = 0.03

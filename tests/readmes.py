@@ -120,7 +120,7 @@ def _key(law: DriftLaw, parameter: LawParameter):
     """Return the text on the key of a parameter of a law, or of its group."""
     if parameter.group:
         members = ", ".join(
-            f"`{one.name}`" for one in law.parameters if one.group == parameter.group
+            f"`{member.name}`" for member in law.parameters if member.group == parameter.group
         )
         needed = parameter.default is None and parameter.without is None
         about = (
@@ -155,8 +155,10 @@ def model_table():
         comment = "\n".join(
             line[1:].strip() for line in path.read_text().partition("\n\n")[0].splitlines()
         )
-        what, _, rest = comment.partition("\n\n")
-        assert re.search(r"^Shows: ", rest, re.MULTILINE), f"{path.name} does not say what it shows"
+        what, _, remainder = comment.partition("\n\n")
+        assert re.search(r"^Shows: ", remainder, re.MULTILINE), (
+            f"{path.name} does not say what it shows"
+        )
         what = " ".join(what.split()).rstrip(".:").replace("|", "\\|")
         rows.append(f"| [`{path.stem}`]({path.name}) | {what} |")
     return "\n".join(rows) + "\n"
@@ -200,8 +202,8 @@ def layer_table():
     rows = ["| layer | description |", "|---|---|"]
     for layer in next(contract["layers"] for contract in contracts if contract["type"] == "layers"):
         name = layer.strip("()").replace(".", "/")
-        place = ROOT / ("src" if name.startswith("tdint/") else "cli") / name
-        module = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+        path = ROOT / ("src" if name.startswith("tdint/") else "cli") / name
+        module = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
         rows.append(f"| `{name.removeprefix('tdint/')}` | {_first_sentence(module)} |")
     return "\n".join(rows) + "\n"
 
@@ -285,19 +287,19 @@ def columns():
 def column_tables():
     """Return the columns of every table, with the meaning of each column at its first
     occurrence."""
-    told, lines, groups = set(), [], {}
+    described, lines, groups = set(), [], {}
     for name, group in columns().items():
         cells = [(column.name, column.meaning) for column in group]
         if same := groups.get(tuple(cells)):
             lines.append(f"- **{name}**: those of {same}")
             continue
         groups[tuple(cells)] = name
-        words = [
-            f"`{head}`" + (f" ({meaning})" if (head, meaning) not in told else "")
+        descriptions = [
+            f"`{head}`" + (f" ({meaning})" if (head, meaning) not in described else "")
             for head, meaning in cells
         ]
-        lines.append(f"- **{name}**: {', '.join(words)}")
-        told |= set(cells)
+        lines.append(f"- **{name}**: {', '.join(descriptions)}")
+        described |= set(cells)
     return "\n".join(lines) + "\n"
 
 
@@ -309,13 +311,13 @@ def plugin_names():
     parts = []
     for home, names in groups.items():
         what = _first_sentence(ROOT / "src" / f"{home.replace('.', '/')}.py").rstrip(":")
-        told = {name: _told_name(name) for name in names}
-        bare = ", ".join(f"`{name}`" for name, line in told.items() if not line)
-        parts += [f"**{what}**" + f": {bare}" * bool(bare), "", *filter(None, told.values()), ""]
+        lines = {name: _line_of_name(name) for name in names}
+        bare = ", ".join(f"`{name}`" for name, line in lines.items() if not line)
+        parts += [f"**{what}**" + f": {bare}" * bool(bare), "", *filter(None, lines.values()), ""]
     return "\n".join(parts)
 
 
-def _told_name(name):
+def _line_of_name(name):
     """Return a line with a name, its arguments and its first sentence; empty for constants."""
     thing = getattr(plugin, name)
     if not (inspect.isfunction(thing) or inspect.isclass(thing)):
@@ -348,9 +350,9 @@ def generated(text):
     """Return the text of a README with its generated parts written again."""
     for name in re.findall(r"^<!-- generated: (\w+) -->$", text, re.MULTILINE):
         begin, end = f"<!-- generated: {name} -->\n", f"<!-- end: {name} -->\n"
-        head, _, rest = text.partition(begin)
-        assert end in rest, f"the part {name} has no end"
-        text = f"{head}{begin}\n{PARTS[name]()}\n{end}{rest.partition(end)[2]}"
+        head, _, remainder = text.partition(begin)
+        assert end in remainder, f"the part {name} has no end"
+        text = f"{head}{begin}\n{PARTS[name]()}\n{end}{remainder.partition(end)[2]}"
     return text
 
 
@@ -365,9 +367,9 @@ def _unique(pattern):
     return found[0]
 
 
-def block(kind):
+def block(name):
     """Return the code block after the line `<!-- test: KIND -->` in any README."""
-    return _unique(rf"^<!-- test: {kind} -->\n```\w+\n(.*?)^```")
+    return _unique(rf"^<!-- test: {name} -->\n```\w+\n(.*?)^```")
 
 
 def digest(name):
@@ -387,10 +389,10 @@ def checkout():
         folder = Path(name)
         for part in ("configs", "records"):
             (folder / part).mkdir()
-            for one in (ROOT / part).iterdir():
+            for source in (ROOT / part).iterdir():
                 # directory of a program next to the records, which tests import
-                if one.name != "__pycache__":
-                    (folder / part / one.name).symlink_to(one)
+                if source.name != "__pycache__":
+                    (folder / part / source.name).symlink_to(source)
         studies = ("campaign", "drift-check", "region", "fields", "exposure")
         for shown in ("workshop", "recorded", *studies):
             (folder / f"{shown}.yaml").write_text(block(shown))
@@ -404,12 +406,12 @@ def shell(script, folder, environment):
     done = subprocess.run(
         ["bash", "-eu", "-c", script], cwd=folder, env=environment, capture_output=True, text=True
     )
-    said = [
+    messages = [
         line
         for line in done.stderr.splitlines(keepends=True)
         if not line.startswith("note: compiling")
     ]
-    return done.returncode, done.stdout, "".join(said)
+    return done.returncode, done.stdout, "".join(messages)
 
 
 _SESSION = re.compile(r"(^<!-- session -->\n```console\n)(.*?)(^```)", re.DOTALL | re.MULTILINE)
@@ -435,8 +437,10 @@ def same(printed, shown):
         return False
     pairs = zip(_NUMBER.findall(printed), _NUMBER.findall(shown), strict=True)
     return all(
-        math.isclose(float(one), float(other), rel_tol=_open(other), abs_tol=1e-14)
-        for one, other in pairs
+        math.isclose(
+            float(first_number), float(second_number), rel_tol=_open(second_number), abs_tol=1e-14
+        )
+        for first_number, second_number in pairs
     )
 
 
@@ -455,10 +459,10 @@ def played(text):
         lines = []
         with checkout() as (folder, environment):
             for command, shown in sessions(match[0])[0]:
-                code, output, said = shell(command, folder, environment)
-                assert code == 0, said
+                code, output, messages = shell(command, folder, environment)
+                assert code == 0, messages
                 lines.append(
-                    f"$ {command}\n{shown if same(output + said, shown) else output + said}"
+                    f"$ {command}\n{shown if same(output + messages, shown) else output + messages}"
                 )
         return match[1] + "".join(lines) + match[3]
 

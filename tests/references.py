@@ -111,7 +111,7 @@ class OscillatorResponse:
             )
         return result
 
-    def _refined(self, quantity, place, width):
+    def _refined(self, quantity, position, width):
         """Largest absolute value within a width of a place, both in intervals."""
 
         def negative(x):
@@ -119,7 +119,7 @@ class OscillatorResponse:
             state = expm(self.matrix * ((x - i) * self.h)) @ self.states[i]
             return -abs(self._quantities(state[None])[quantity, 0])
 
-        bounds = (max(place - width, 0.0), min(place + width, len(self.states)))
+        bounds = (max(position - width, 0.0), min(position + width, len(self.states)))
         found = minimize_scalar(negative, bounds=bounds, method="bounded", options={"xatol": 1e-9})
         return -found.fun
 

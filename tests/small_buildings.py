@@ -112,12 +112,12 @@ def _stories(*laws, **more):
     stories = []
     for i, law in enumerate(laws):
         stiffness = STIFFNESS if i == 0 or law else 0.8 * STIFFNESS
-        one = {"mass": MASS * (1.0 - 0.2 * i), "height": 3.0, "stiffness": stiffness, **more}
+        entry = {"mass": MASS * (1.0 - 0.2 * i), "height": 3.0, "stiffness": stiffness, **more}
         if law:
-            one["law"] = law
+            entry["law"] = law
         if law and law["type"] in ("polynomial", "multilinear-pinching"):
-            del one["stiffness"]  # The law defines the initial stiffness.
-        stories.append(one)
+            del entry["stiffness"]  # The law defines the initial stiffness.
+        stories.append(entry)
     return stories
 
 

@@ -57,9 +57,9 @@ def around_the_kernel(address: int, convention: str) -> str:
             types.append({"float64": "double", "int64": "i64"}[argument.name])
         else:
             types += ["ptr", "ptr", "i64", "i64", "ptr", *["i64"] * (2 * argument.dimensions)]
-    given = ", ".join(f"{kind} %a{i}" for i, kind in enumerate(types))
-    call = f"%f = inttoptr i64 {address} to ptr\n  %r = call {convention} i32 %f({given})"
-    return f"define i32 @here({given}) {{\n  {call}\n  ret i32 %r\n}}"
+    arguments = ", ".join(f"{llvm_type} %a{i}" for i, llvm_type in enumerate(types))
+    call = f"%f = inttoptr i64 {address} to ptr\n  %r = call {convention} i32 %f({arguments})"
+    return f"define i32 @here({arguments}) {{\n  {call}\n  ret i32 %r\n}}"
 
 
 def engine_of(text: str):

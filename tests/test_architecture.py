@@ -51,13 +51,13 @@ def trees():
 
 
 @cache
-def nodes(kind):
+def nodes(node_type):
     """Yield all nodes of a type with their layer and path."""
     return [
         (layer, path, node)
         for layer, path, parts in trees()
         for node in parts
-        if isinstance(node, kind)
+        if isinstance(node, node_type)
     ]
 
 
@@ -206,8 +206,10 @@ def dotted_names():
     """Return the dotted name of each module, with the nodes of its syntax."""
     names = {}
     for _, path, parts in trees():
-        words = Path(path).with_suffix("").parts[1:]
-        names[".".join(words[:-1] if words[-1] == "__init__" else words)] = parts
+        parts_of_path = Path(path).with_suffix("").parts[1:]
+        names[
+            ".".join(parts_of_path[:-1] if parts_of_path[-1] == "__init__" else parts_of_path)
+        ] = parts
     return names
 
 
@@ -385,8 +387,8 @@ def test_constants_have_comments():
                 first -= 1
             while last < len(lines) and lines[last].strip():
                 last += 1
-            told = any(line.startswith(("#", '"""')) for line in lines[first:last])
-            if not told and "#" not in "".join(lines[node.lineno - 1 : node.end_lineno]):
+            has_comment = any(line.startswith(("#", '"""')) for line in lines[first:last])
+            if not has_comment and "#" not in "".join(lines[node.lineno - 1 : node.end_lineno]):
                 bare.append(f"{path}:{node.lineno}")
     assert bare == []
 
@@ -399,7 +401,7 @@ def test_functions_take_at_most_eight_arguments(layer):
     for found, path, node in nodes(ast.FunctionDef):
         count = len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs)
         # Overloads repeat the signature of a function that is counted.
-        is_overload = any(ast.unparse(one) == "overload" for one in node.decorator_list)
+        is_overload = any(ast.unparse(decorator) == "overload" for decorator in node.decorator_list)
         if found == layer and count > 8 and not is_border(node) and not is_overload:
             long.append(f"{path}: {node.name} {count}")
     assert len(long) <= LONG_SIGNATURES.get(layer, 0), long
@@ -408,18 +410,18 @@ def test_functions_take_at_most_eight_arguments(layer):
 def is_border(node):
     """Return True if a function is compiled separately (`@kernel`) or calls through an address
     (`@intrinsic`, `call_...`)."""
-    decorators = [ast.unparse(one).partition("(")[0] for one in node.decorator_list]
+    decorators = [ast.unparse(decorator).partition("(")[0] for decorator in node.decorator_list]
     return bool({"kernel", "intrinsic"} & set(decorators)) or node.name.startswith("call_")
 
 
 def test_pages_and_modules_contain_standard_terms():
-    said = {
+    required = {
         "src/tdint/kernels/laws/README.md": ("hysteretic model", "backbone"),
         "src/tdint/analysis/run/demands.py": ("Engineering demand parameters",),
     }
     assert [
         (path, term)
-        for path, terms in said.items()
+        for path, terms in required.items()
         for term in terms
         if term not in (ROOT / path).read_text()
     ] == []

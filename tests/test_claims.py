@@ -85,7 +85,7 @@ def test_each_misprint_alone_is_wrong(number):
     """The equation with all corrections but one deviates from the compiled step."""
     for misprint in MISPRINTS[number]:
         text = corrected(number)
-        assert text.count(misprint.correct) == 1 or misprint.words
+        assert text.count(misprint.correct) == 1 or misprint.description
         text = text.replace(misprint.correct, misprint.printed, 1)
         assert paper_claims.deviation(number, text) > 1e-3, misprint
 
@@ -151,7 +151,7 @@ def table_row(name, *begin):
     return [float(number) for number in re.findall(r"[\d.]+(?:e-\d+)?", row)]
 
 
-def said(name, pattern):
+def numbers_in_sentence(name, pattern):
     """Return the numbers in a sentence of a page in their order."""
     (sentence,) = re.finditer(pattern, page(name))
     return [float(number) for number in sentence.groups()]
@@ -168,7 +168,7 @@ def test_reliability_of_error_estimates_in_readme():
         (readmes.ROOT / "tests/README.md").read_text().partition("## Reliability of error")[2],
         re.MULTILINE,
     )
-    assert said("README.md", text) == [float(number) for number in row]
+    assert numbers_in_sentence("README.md", text) == [float(number) for number in row]
 
 
 def test_speed_of_default_method_on_methods_page():
@@ -178,7 +178,7 @@ def test_speed_of_default_method_on_methods_page():
     )
     rows_of_table = [table_row("tests/README.md", limit) for limit in ("1 %", "0.1 %", "0.01 %")]
     means, counts = zip(*[row[:2] for row in rows_of_table], strict=True)
-    assert said("src/tdint/methods/README.md", text) == [*counts, *means]
+    assert numbers_in_sentence("src/tdint/methods/README.md", text) == [*counts, *means]
     assert all(sum(row[1::2]) <= 14 for row in rows_of_table)
 
 
@@ -188,24 +188,24 @@ def test_ratios_in_table_of_ten_yielding_stories():
     average, fine_average = (
         table_row("tests/README.md", "newmark-average", dt) for dt in ("0.01", "0.0025")
     )
-    assert said("tests/README.md", r"error is (\d+) times\s+smaller than the error of average") == [
-        round(average[0] / at_step[0], -2)
-    ]
+    assert numbers_in_sentence(
+        "tests/README.md", r"error is (\d+) times\s+smaller than the error of average"
+    ) == [round(average[0] / at_step[0], -2)]
     assert fine_average[1] / at_step[1] == pytest.approx(30.0, rel=0.05)  # "thirty times closer"
     assert at_step[-1] < 0.5 * 4.0 * fine_average[-1]  # "in less than half of the time"
     for method in ("impulse", "bathe", "gauss4", "newmark-average"):
         coarse, fine = (table_row("tests/README.md", method, dt)[0] for dt in ("0.01", "0.0025"))
         assert 1.85 <= math.log2(coarse / fine) / 2.0 <= 2.35
     assert math.log2(at_step[0] / finer[0]) / 2.0 > 3.7
-    quarter, half, whole = said(
+    quarter, half, full = numbers_in_sentence(
         "tests/README.md", r"\| moment4 \| (\S+e-\d+) / \S+ \| (\S+) / \S+ \| (\S+) /"
     )
-    fell = said(
+    fell = numbers_in_sentence(
         "src/tdint/methods/README.md",
         r"factors of (\d+) \(rho_inf = 1\) and (\d+); for `impulse4`, the factor is (\d+)",
     )
     assert fell == [
-        round(whole / half),
+        round(full / half),
         round(half / quarter),
         round((at_step[0] / finer[0]) ** 0.5),
     ]
@@ -228,27 +228,29 @@ def test_conservatism_of_target_displacements():
         table_row("configs/README.md", f"`{name}`")
         for name in ("kaikoura-frame", "three-story-concrete", "ten-story-bilinear")
     ]
-    over = [100.0 * (told / row[2] - 1.0) for row in rows_of_table for told in row[:2]]
-    assert said("configs/README.md", r"conservative by (\d+) to (\d+) %") == [
+    over = [100.0 * (estimate / row[2] - 1.0) for row in rows_of_table for estimate in row[:2]]
+    assert numbers_in_sentence("configs/README.md", r"conservative by (\d+) to (\d+) %") == [
         round(min(over)),
         round(max(over)),
     ]
 
 
 def test_error_on_models_page_equals_table():
-    told = said("configs/README.md", r"drifts of `impulse4` are at most ([\d.]+) %")
-    assert told == [pytest.approx(100.0 * table_row("tests/README.md", "impulse4", "0.01")[1])]
+    stated = numbers_in_sentence(
+        "configs/README.md", r"drifts of `impulse4` are at most ([\d.]+) %"
+    )
+    assert stated == [pytest.approx(100.0 * table_row("tests/README.md", "impulse4", "0.01")[1])]
 
 
 def test_underestimation_of_rotd50_at_samples():
     pair = read_horizontals(readmes.ROOT / "records/kaikoura/WTMC.mseed", units="m/s^2")
-    least, whole = (
+    least, exact = (
         rotated_spectrum(pair, np.array([0.04]), percentiles=(50,), maxima=maxima).psa
         for maxima in ("samples", None)
     )
-    missed = 100.0 * (1.0 - np.squeeze(least) / np.squeeze(whole))
+    missed = 100.0 * (1.0 - np.squeeze(least) / np.squeeze(exact))
     text = r"`--maxima samples` would underestimate RotD50 by up to (\d+) %"
-    assert said("src/tdint/analysis/spectra/README.md", text) == [
+    assert numbers_in_sentence("src/tdint/analysis/spectra/README.md", text) == [
         pytest.approx(float(missed), abs=0.5)
     ]
 
@@ -275,7 +277,9 @@ def test_table_of_moment4_with_unresolved_modes():
 
 
 def test_changelog_states_lines_of_help():
-    assert said("CHANGELOG.md", r"`COMMAND --help` has at most (\d+) lines") == [LINES]
+    assert numbers_in_sentence("CHANGELOG.md", r"`COMMAND --help` has at most (\d+) lines") == [
+        LINES
+    ]
 
 
 # ---- Sources of the numbers of a page
@@ -320,7 +324,9 @@ def test_number_of_runs_within_limit_equals_table():
     section = sections("tests/README.md")["Peaks between the steps, of every method"]
     counts = re.findall(r"\| (\d+) of (\d+) \|", section)
     sums = [sum(int(count[i]) for count in counts) for i in (0, 1)]
-    assert said("tests/README.md", r"(\d+) of (\d+) runs are within the limit") == sums
+    assert (
+        numbers_in_sentence("tests/README.md", r"(\d+) of (\d+) runs are within the limit") == sums
+    )
 
 
 def test_readme_states_directory_of_its_run():
@@ -334,17 +340,17 @@ def test_errors_over_four_samples_on_methods_page():
     table = sections("tests/README.md")["Energy conservation and accuracy of moment4"].partition(
         "(`yielding`)"
     )[2]
-    of_four = {
+    errors = {
         method: float(
             re.search(rf"^\| {method} \|(.*)$", table, re.M)[1].split("|")[4].split("/")[0]
         )
         for method in ("impulse4", "moment4", "newmark-average")
     }
-    own, moment, average = said(
+    own, moment, average = numbers_in_sentence(
         "src/tdint/methods/README.md",
         r"L2 errors for ten yielding stories are (\S+) and (\S+); the error of average "
         r"acceleration is (\d+) %",
     )
-    assert own == pytest.approx(of_four["impulse4"], rel=0.2)
-    assert moment == pytest.approx(of_four["moment4"], rel=0.2)
-    assert average == pytest.approx(100.0 * of_four["newmark-average"], rel=0.05)
+    assert own == pytest.approx(errors["impulse4"], rel=0.2)
+    assert moment == pytest.approx(errors["moment4"], rel=0.2)
+    assert average == pytest.approx(100.0 * errors["newmark-average"], rel=0.05)

@@ -69,13 +69,13 @@ def test_metadata_files_are_consistent():
     release = readmes.program("release")
     faults = release.faults("v0.0.1", "2026-01-01")
     assert [
-        one for one in faults if "release.py" in one
+        fault for fault in faults if "release.py" in fault
     ] == []  # codemeta.json and the BibTeX entry are current
-    assert any("0.0.1 in the tag" in one for one in faults)
-    assert any("2026-01-01 in the tagged commit" in one for one in faults)
+    assert any("0.0.1 in the tag" in fault for fault in faults)
+    assert any("2026-01-01 in the tagged commit" in fault for fault in faults)
     required = {name: PROJECT["tool"]["tdint"][name] for name in ("contact", "repository")}
     empty = [name for name, value in required.items() if not value]
-    assert [one for one in faults if one.endswith("is empty")] == [
+    assert [fault for fault in faults if fault.endswith("is empty")] == [
         f"pyproject.toml: [tool.tdint] {name} is empty" for name in empty
     ]
     recipe = (ROOT / ".github" / "conda" / "meta.yaml").read_text()
@@ -126,14 +126,14 @@ def test_authors_and_address_are_written_to_metadata():
     citation["authors"] = [person, {"name": "The others"}]
     project["tool"]["tdint"] = {"contact": "", "repository": "https://example.org/a/tdint"}
     assert "  author  = {van Beck, Ada and {The others}}," in module.bibtex(citation, project)
-    told = json.loads(module.codemeta(citation, project))
-    assert told["author"][0] == {
+    metadata_entries = json.loads(module.codemeta(citation, project))
+    assert metadata_entries["author"][0] == {
         "type": "Person",
         "id": "https://orcid.org/0",
         "givenName": "Ada",
         "familyName": "Beck",
     }
-    assert told["codeRepository"] == "https://example.org/a/tdint"
+    assert metadata_entries["codeRepository"] == "https://example.org/a/tdint"
     assert module.contact(project) == "https://example.org/a/tdint/security/advisories/new"
     project["tool"]["tdint"]["contact"] = "ada@example.org"
     assert module.contact(project) == "ada@example.org"
@@ -141,16 +141,16 @@ def test_authors_and_address_are_written_to_metadata():
 
 def test_links_for_index_point_to_files_of_version(monkeypatch):
     module = index_readme(monkeypatch)
-    place = "https://example.org/a/tdint"
+    site = "https://example.org/a/tdint"
     text = (
         "See [this](cli/README.md#run), [that](https://x.org), [here](#x) and ![a "
         "picture](configs/a.png)."
     )
-    assert module.for_index(text, place, "1.2.3") == (
-        f"See [this]({place}/blob/v1.2.3/cli/README.md#run), [that](https://x.org), [here](#x) and "
-        f"![a picture]({place}/raw/v1.2.3/configs/a.png)."
+    assert module.for_index(text, site, "1.2.3") == (
+        f"See [this]({site}/blob/v1.2.3/cli/README.md#run), [that](https://x.org), [here](#x) and "
+        f"![a picture]({site}/raw/v1.2.3/configs/a.png)."
     )
-    assert module.urls("") == {} and set(module.urls(place)) == {
+    assert module.urls("") == {} and set(module.urls(site)) == {
         "Homepage",
         "Source",
         "Issues",
@@ -160,20 +160,20 @@ def test_links_for_index_point_to_files_of_version(monkeypatch):
 
 def test_addresses_are_written_to_citation_recipe_and_index(monkeypatch):
     module = readmes.program("release")
-    place, site = "https://example.org/a/tdint", "https://pages.example.org"
-    project = {"tool": {"tdint": {"contact": "", "repository": place, "site": site}}}
+    address, site = "https://example.org/a/tdint", "https://pages.example.org"
+    project = {"tool": {"tdint": {"contact": "", "repository": address, "site": site}}}
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     filled = module.with_addresses(citation, project)
-    assert yaml.safe_load(filled)["repository-code"] == place
+    assert yaml.safe_load(filled)["repository-code"] == address
     assert yaml.safe_load(filled)["url"] == site
     assert module.with_addresses(filled, project) == filled
     recipe = (ROOT / ".github" / "conda" / "meta.yaml").read_text(encoding="utf-8")
-    assert f"  home: {place}\n  doc_url: {site}\n" in module.with_home(recipe, project)
+    assert f"  home: {address}\n  doc_url: {site}\n" in module.with_home(recipe, project)
     assert module.with_home(module.with_home(recipe, project), project).count("  doc_url:") == 1
     empty = {"tool": {"tdint": {"contact": "", "repository": "", "site": ""}}}
     assert module.with_addresses(filled, empty) == citation
     assert "  home: OWNER\n" in module.with_home(recipe, empty)
-    assert index_readme(monkeypatch).urls(place, site)["Documentation"] == f"{site}/"
+    assert index_readme(monkeypatch).urls(address, site)["Documentation"] == f"{site}/"
 
 
 def test_licenses_are_consistent():
@@ -215,7 +215,7 @@ def test_workflows_pin_actions_and_limit_permissions(file):
             assert job["timeout-minutes"] <= 120
             assert set(job.get("permissions", {"id-token": "write"})) - {"pages"} == {"id-token"}
     used = re.findall(r"uses: (?!\$/)(\S+)", text)
-    assert [one for one in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", one)] == []
+    assert [action for action in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", action)] == []
 
 
 def test_paper_has_required_length_sections_and_references():

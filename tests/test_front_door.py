@@ -161,12 +161,12 @@ def test_public_names_do_not_shadow_builtins():
 def test_names_for_type_checkers_equal_public_names():
     tree = ast.parse(Path(tdint.__file__).read_text(encoding="utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If)).body
-    told = {
+    imported = {
         alias.asname for node in block if isinstance(node, ast.ImportFrom) for alias in node.names
     }
     names = {node.targets[0].id for node in block if isinstance(node, ast.Assign)}
     assert names == set(tdint._DEFINED_AS) == set(tdint._RENAMED_HOMES)
-    assert told - {None} | names == set(tdint._homes())
+    assert imported - {None} | names == set(tdint._homes())
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -183,9 +183,13 @@ def test_public_functions_document_parameters_returns_and_errors(name):
     ]
     expected = ["Parameters"] * bool(signature.parameters) + ["Returns", "Raises"]
     assert sections == expected
-    given = text.partition("Parameters\n")[2].partition("Returns\n")[0]
-    heads = [line for line in given.splitlines()[1:] if line and not line.startswith(" ")]
-    described = {one.strip(" *") for line in heads for one in line.partition(" : ")[0].split(",")}
+    section = text.partition("Parameters\n")[2].partition("Returns\n")[0]
+    heads = [line for line in section.splitlines()[1:] if line and not line.startswith(" ")]
+    described = {
+        parameter_name.strip(" *")
+        for line in heads
+        for parameter_name in line.partition(" : ")[0].split(",")
+    }
     assert described == set(signature.parameters)
     assert all(
         parameter.annotation is not parameter.empty for parameter in signature.parameters.values()
@@ -227,24 +231,24 @@ def documented(text, section):
     return [name.strip(" *") for head in heads for name in head.partition(" : ")[0].split(",")]
 
 
-def fields_of(kind):
+def fields_of(public_class):
     """Return the names of the public fields of a dataclass or of a named tuple."""
-    if dataclasses.is_dataclass(kind):
-        names = [field.name for field in dataclasses.fields(kind)]
+    if dataclasses.is_dataclass(public_class):
+        names = [field.name for field in dataclasses.fields(public_class)]
     else:
-        names = list(getattr(kind, "_fields", ()))
+        names = list(getattr(public_class, "_fields", ()))
     return [name for name in names if not name.startswith("_")]
 
 
-def members_of(kind):
+def members_of(public_class):
     """Return the public methods and properties of a class by name."""
     return {
-        member: getattr(kind, member)
-        for base in kind.__mro__
+        member: getattr(public_class, member)
+        for base in public_class.__mro__
         if base.__module__.startswith("tdint")
         for member, value in vars(base).items()
         if not member.startswith("_")
-        and member not in (*fields_of(kind), "tables", "figures")  # described in `Tabular`
+        and member not in (*fields_of(public_class), "tables", "figures")  # described in `Tabular`
         and (inspect.isroutine(value) or isinstance(value, property | functools.cached_property))
     }
 
@@ -253,19 +257,25 @@ def members_of(kind):
 def test_public_classes_document_fields_and_members(name):
     """Each field is in the section of attributes, and each attribute there exists. Derivatives and
     errors have the names of the peaks. No docstring refers to a private name."""
-    kind = CLASSES[name]
-    members, fields = members_of(kind), fields_of(kind)
+    public_class = CLASSES[name]
+    members, fields = members_of(public_class), fields_of(public_class)
     texts = {member: inspect.getdoc(value) for member, value in members.items()}
-    assert inspect.getdoc(kind) and not [member for member, text in texts.items() if not text]
-    attributes = documented(inspect.getdoc(kind), "Attributes")
-    peaks = fields_of(StoryValues) if "`StoryPeaks`" in inspect.getdoc(kind) else []
+    assert inspect.getdoc(public_class) and not [
+        member for member, text in texts.items() if not text
+    ]
+    attributes = documented(inspect.getdoc(public_class), "Attributes")
+    peaks = fields_of(StoryValues) if "`StoryPeaks`" in inspect.getdoc(public_class) else []
     assert [field for field in fields if field not in (*attributes, *peaks)] == []
-    unknown = [one for one in attributes if one not in (*fields, *members, *vars(kind))]
-    source = inspect.getsource(kind)
-    assert [one for one in unknown if f"self.{one} =" not in source] == []
+    unknown = [
+        member_name
+        for member_name in attributes
+        if member_name not in (*fields, *members, *vars(public_class))
+    ]
+    source = inspect.getsource(public_class)
+    assert [member_name for member_name in unknown if f"self.{member_name} =" not in source] == []
     private = [
         text
-        for text in (inspect.getdoc(kind), *texts.values())
+        for text in (inspect.getdoc(public_class), *texts.values())
         if re.search(r"`(\w+\.)*_[a-z]\w*`", text)
     ]
     assert private == []
@@ -279,7 +289,7 @@ def test_documented_parameters_agree_with_signature(name):
     for called, function in functions.items():
         if inspect.isfunction(function) or inspect.ismethod(function):
             parameters = inspect.signature(function).parameters
-            names = [one for one in parameters if one != "self"]
+            names = [parameter for parameter in parameters if parameter != "self"]
             assert documented(inspect.getdoc(function), "Parameters") == names, called
 
 
@@ -304,13 +314,13 @@ def faults_of_program(tmp_path, *command):
         json.dumps({"extraPaths": [str(source)], "typeCheckingMode": "standard"})
     )
     # mypy finds an installed package, and rejects its directory in MYPYPATH.
-    told = {} if source.name == "site-packages" else {"MYPYPATH": str(source)}
+    search_path = {} if source.name == "site-packages" else {"MYPYPATH": str(source)}
     checked = subprocess.run(
         [*command, str(file)],
         capture_output=True,
         text=True,
         cwd=tmp_path,
-        env={**os.environ, **told},
+        env={**os.environ, **search_path},
     )
     lines = [line.strip() for line in checked.stdout.splitlines()]
     return [

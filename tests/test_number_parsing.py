@@ -99,11 +99,11 @@ def test_table_number_has_no_power_of_ten():
 def test_unit_of_mass_follows_from_force():
     """1218 t in the units of a model in kip and in: 1218e3 / 175126.8 kip*s^2/in."""
     mass = 1.218e6
-    for words, text in (
+    for units, text in (
         ("kip,in", "6.955 kip*s^2/in"),
         ("kip,ft", "83.46 kip*s^2/ft"),
         ("kN,mm", "1218 t"),
         ("kip,in,lb", "2.685e+06 lb"),
         ("N,m", "1.218e+06 kg"),
     ):
-        assert parse_output_units(words).text(mass, "kg") == text
+        assert parse_output_units(units).text(mass, "kg") == text

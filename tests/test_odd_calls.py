@@ -37,9 +37,12 @@ FUNCTIONS = {
 
 
 def required(function):
-    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     parameters = inspect.signature(function).parameters.values()
-    return sum(one.default is one.empty and one.kind in kinds for one in parameters)
+    return sum(
+        parameter.default is parameter.empty and parameter.kind in positional
+        for parameter in parameters
+    )
 
 
 CLOUD = (np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 2.1, 2.9, 4.2]), [2.0])

@@ -23,7 +23,7 @@ RECORD = tdint.make_record(np.sin(0.3 * np.arange(50)), dt=0.02, units="m/s^2", 
 )
 def test_several_methods_give_results_of_single_calls(call):
     several = call(["impulse4", "hht:alpha=-0.1"])
-    assert [one.method.partition(":")[0] for one in several] == ["impulse4", "hht"]
+    assert [result.method.partition(":")[0] for result in several] == ["impulse4", "hht"]
     assert repr(several[1]) == repr(call("hht:alpha=-0.1"))
     assert len(several) == 2 and several.to_dict()
 

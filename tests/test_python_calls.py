@@ -20,7 +20,7 @@ RECORD = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
 
 
 @pytest.mark.parametrize(
-    ("name", "given", "parameter"),
+    ("name", "arguments", "parameter"),
     [
         ("stability", {"dt_over_t": 0.1}, "method"),
         ("stability", {"method": {"bathe"}, "dt_over_t": np.array([0.1])}, "method"),
@@ -40,9 +40,9 @@ RECORD = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
         ("scale", {"motions": RECORD}, "motions"),
     ],
 )
-def test_argument_of_wrong_type_is_reported_by_name(name, given, parameter):
+def test_argument_of_wrong_type_is_reported_by_name(name, arguments, parameter):
     with pytest.raises(TdintError) as caught:
-        getattr(tdint, name)(**given)
+        getattr(tdint, name)(**arguments)
     assert parameter in str(caught.value) and "\n" not in str(caught.value)
 
 

@@ -27,7 +27,10 @@ HEIGHTS = (4.0, 3.0, 3.5)
 BUILDING = model(
     [story(1.0 + i, 500.0 - 40.0 * i, height=height) for i, height in enumerate(HEIGHTS)]
 )
-WITHOUT = replace(BUILDING, stories=tuple(replace(one, height=None) for one in BUILDING.stories))
+WITHOUT = replace(
+    BUILDING,
+    stories=tuple(replace(building_story, height=None) for building_story in BUILDING.stories),
+)
 HALF = replace(BUILDING, stories=(*BUILDING.stories[:2], WITHOUT.stories[2]))
 
 
@@ -47,8 +50,8 @@ def test_analysis_overrides_apply_to_all_buildings() -> None:
 
 def test_damage_demands_use_first_mode_and_height() -> None:
     """The same chain in matrices: participation for a mode that is 1 at the roof."""
-    masses = np.array([one.mass for one in BUILDING.stories])
-    springs = [one.stiffness for one in BUILDING.stories]
+    masses = np.array([building_story.mass for building_story in BUILDING.stories])
+    springs = [building_story.stiffness for building_story in BUILDING.stories]
     stiffness = (
         np.diag(springs)
         + np.diag([*springs[1:], 0.0])
@@ -103,8 +106,8 @@ def test_at_most_eight_differences_per_type_are_reported() -> None:
         "building a: differs"
     ]
     for count in (8, 9, 20):
-        one, second = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
-        found = differences(one, second, entry_type="record", **known)
+        first, second = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
+        found = differences(first, second, entry_type="record", **known)
         assert found[:8] == [f"record r{i}: differs" for i in range(8)]
         assert found[8:] == (
             [] if count == 8 else [f"and {count - 8} more differences of type record"]
@@ -160,11 +163,11 @@ def pairs() -> list[Horizontals]:
 
 
 def test_scale_with_rule_equals_rule_function(pairs: list[Horizontals]) -> None:
-    def same(one: object, expected: object) -> None:
-        assert (one.rule, one.pair, one.damping, one.measure, one.value) == (
+    def same(result: object, expected: object) -> None:
+        assert (result.rule, result.pair, result.damping, result.measure, result.value) == (
             expected.rule, expected.pair, expected.damping, expected.measure, expected.value
         )  # fmt: skip
-        np.testing.assert_array_equal(one.factors, expected.factors)
+        np.testing.assert_array_equal(result.factors, expected.factors)
 
     same(scale(pairs, rule="p695"), scale_p695(pairs))
     same(

@@ -161,14 +161,17 @@ def test_runs_under_one_motion_are_clustered():
     residual = y - np.polyval(np.polyfit(x, y, 1), x)
     slope, intercept = np.polyfit(magnitude, residual, 1)
     left, about = residual - intercept - slope * magnitude, magnitude - magnitude.mean()
-    total = sum(float(about[motion == values] @ left[motion == values]) ** 2 for values in range(9))
+    total = sum(float(about[motion == number] @ left[motion == number]) ** 2 for number in range(9))
     error = math.sqrt(total * 9 / 8 * 35 / 34) / float(about @ about)
     (found,) = line(x, y, {"magnitude": magnitude}, motion=motion).dependences
     (alone,) = line(x, y, {"magnitude": magnitude}).dependences
     assert found.p_value == pytest.approx(2.0 * student.sf(abs(slope) / error, 8), rel=1e-9)
     assert found.p_value > 2.0 * alone.p_value  # which counts 36 runs as 36 motions
-    (thrice,) = line(*(np.tile(values, 3) for values in (x, y)), {"magnitude": np.tile(magnitude, 3)},
-                     motion=np.tile(motion, 3)).dependences  # fmt: skip
+    (thrice,) = line(
+        *(np.tile(values, 3) for values in (x, y)),
+        {"magnitude": np.tile(magnitude, 3)},
+        motion=np.tile(motion, 3),
+    ).dependences
     of = error * math.sqrt(107 / 106 * 34 / 35)
     assert thrice.p_value == pytest.approx(2.0 * student.sf(abs(slope) / of, 8), rel=1e-9)
 

@@ -76,10 +76,10 @@ def test_chunks_contain_every_run_once_in_order(
 ) -> None:
     plan = plan_of({f"c{i}": np.ones(size) for i, size in enumerate(sizes)}, factors, buildings)
     found = [
-        (one.number, run)
+        (building.number, run)
         for number in range(plan.chunks)
-        for one in plan.chunk(number).buildings
-        for run in one.runs
+        for building in plan.chunk(number).buildings
+        for run in building.runs
     ]
     wanted = [
         (b, (m, f, 0))

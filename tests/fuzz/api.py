@@ -119,14 +119,14 @@ def _run(source: random.Random) -> Any:
     options = {
         "method": _METHOD,
         "dt": _number,
-        "duration": lambda one: one.choice((0.1, 0.2, _number(one))),
+        "duration": lambda random_source: random_source.choice((0.1, 0.2, _number(random_source))),
         "history": _flag,
         "check": _flag,
         "tolerance": _number,
     }
-    given = _some(options, source)
-    given.setdefault("duration", 0.1)
-    return tdint.run(_model(source.choice(tuple(MODELS))), _record(), **given)
+    arguments = _some(options, source)
+    arguments.setdefault("duration", 0.1)
+    return tdint.run(_model(source.choice(tuple(MODELS))), _record(), **arguments)
 
 
 _PARAMETERS = (
@@ -166,7 +166,9 @@ def _limited(source: random.Random) -> Any:
 
 def _matched(source: random.Random) -> Any:
     options = {
-        "periods": lambda one: one.choice(((0.3, 0.4), (_number(one), _number(one)))),
+        "periods": lambda random_source: random_source.choice(
+            ((0.3, 0.4), (_number(random_source), _number(random_source)))
+        ),
         "damping": _number,
     }
     sound = ("asce7:sds=1,sd1=0.6,tl=8", "ec8:type=1,soil=B,ag=0.25g")
@@ -206,7 +208,9 @@ def _many(source: random.Random) -> Any:
     options = {
         "product": _flag,
         "zip_records": _flag,
-        "progress": lambda one: one.choice((False, len, _number(one))),
+        "progress": lambda random_source: random_source.choice(
+            (False, len, _number(random_source))
+        ),
     }
     vary = {name: _numbers(source) for name in chosen} if source.random() < 0.9 else _number(source)
     some = _some(options | {"check": _flag, "method": _METHOD}, source)
@@ -354,12 +358,12 @@ def _not_finite(value: Any, path: str) -> str:
     if isinstance(value, float | np.floating):
         return "" if np.isfinite(value) else path
     if isinstance(value, list | tuple):
-        found = (_not_finite(one, f"{path}[{place}]") for place, one in enumerate(value[:1000]))
+        found = (_not_finite(item, f"{path}[{index}]") for index, item in enumerate(value[:1000]))
         return next(filter(None, found), "")
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         found = (
-            _not_finite(getattr(value, one.name), f"{path}.{one.name}")
-            for one in dataclasses.fields(value)
+            _not_finite(getattr(value, item.name), f"{path}.{item.name}")
+            for item in dataclasses.fields(value)
         )
         return next(filter(None, found), "")
     return ""

@@ -237,7 +237,9 @@ def command_line(name: str, seed: int) -> list[str]:
     assert command is not None
     arguments = [name, *_sound(command, name, source)]
     options = [
-        one for one in command.params if isinstance(one, click.Option) and one.name != "debug"
+        parameter
+        for parameter in command.params
+        if isinstance(parameter, click.Option) and parameter.name != "debug"
     ]
     for _ in range(source.choice((0, 1, 1, 2, 3))):
         arguments += _option(source.choice(options), source)
@@ -250,24 +252,26 @@ def _sound(command: click.Command, name: str, source: random.Random) -> tuple[st
     if name in SOUND:
         return source.choice(SOUND[name])
     called = [
-        str(one.metavar or one.name) for one in command.params if isinstance(one, click.Argument)
+        str(parameter.metavar or parameter.name)
+        for parameter in command.params
+        if isinstance(parameter, click.Argument)
     ]
-    return tuple("linear.yaml" if "model" in one.lower() else "a.txt" for one in called)
+    return tuple("linear.yaml" if "model" in parameter.lower() else "a.txt" for parameter in called)
 
 
 def _damage(arguments: list[str], source: random.Random) -> None:
     """Remove, duplicate or replace one argument."""
-    place = source.randrange(1, len(arguments)) if len(arguments) > 1 else 0
-    kind = source.randrange(4)
-    if kind == 0 and place:
-        del arguments[place]
-    elif kind == 1:
-        arguments.insert(place, arguments[place])
-    elif kind == 2:
-        arguments[place] = source.choice((*RECORDS, *_MODELS, *_STRANGE_NUMBERS))
+    index = source.randrange(1, len(arguments)) if len(arguments) > 1 else 0
+    action = source.randrange(4)
+    if action == 0 and index:
+        del arguments[index]
+    elif action == 1:
+        arguments.insert(index, arguments[index])
+    elif action == 2:
+        arguments[index] = source.choice((*RECORDS, *_MODELS, *_STRANGE_NUMBERS))
     else:
         arguments.insert(
-            place,
+            index,
             source.choice(("--no-such", "-x", "--", "-", "--help", "--plot=", "--method", "--dt=")),
         )
 
@@ -283,25 +287,27 @@ def _option(option: click.Option, source: random.Random) -> list[str]:
 
 
 def _value(option: click.Option, source: random.Random) -> str:
-    kind = option.type
-    if isinstance(kind, grammar.ListOf):
+    option_type = option.type
+    if isinstance(option_type, grammar.ListOf):
         count = source.choice((1, 1, 2, 3))
-        return ",".join(_one(option.name or "", kind.item, source) for _ in range(count))
-    return _one(option.name or "", kind, source)
+        return ",".join(
+            _single_value(option.name or "", option_type.item, source) for _ in range(count)
+        )
+    return _single_value(option.name or "", option_type, source)
 
 
-def _one(name: str, kind: click.ParamType, source: random.Random) -> str:
+def _single_value(name: str, value_type: click.ParamType, source: random.Random) -> str:
     by_name = _BY_NAME.get(name.rstrip("s"))
     if by_name:
         return source.choice(by_name)
     for written, sound, strange in _BY_FORM:
-        if kind.name == written:
+        if value_type.name == written:
             return source.choice(sound if source.random() < 0.6 else strange)
     for type_, sound, strange in _BY_TYPE:
-        if isinstance(kind, type_):
+        if isinstance(value_type, type_):
             return source.choice(sound if source.random() < 0.6 else strange)
-    if isinstance(kind, click.Choice):
-        return str(source.choice([*kind.choices, "none", ""]))
+    if isinstance(value_type, click.Choice):
+        return str(source.choice([*value_type.choices, "none", ""]))
     return source.choice(_TEXTS)
 
 

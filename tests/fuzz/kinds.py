@@ -29,7 +29,7 @@ class Kind:
 
 @functools.cache
 def _sounds() -> dict[str, oracle.Sound]:
-    return {f"{place} {one.name}": one for place, one in enumerate(corpus())}
+    return {f"{number} {sound.name}": sound for number, sound in enumerate(corpus())}
 
 
 @functools.cache

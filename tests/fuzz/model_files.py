@@ -107,21 +107,21 @@ def damaged(text: str, seed: int) -> str:
     """The text after one to three changes, the same for the same seed."""
     source = random.Random(seed)
     for _ in range(source.choice((1, 1, 2, 3))):
-        kind = source.randrange(4)
-        if kind == 0:
+        action = source.randrange(4)
+        if action == 0:
             text = mutated(text.encode("utf-8", "surrogateescape"), source.randrange(2**31)).decode(
                 "utf-8", "replace"
             )
             continue
-        places = list(_WORD.finditer(text))
-        if not places:
+        matches = list(_WORD.finditer(text))
+        if not matches:
             break
-        match = source.choice(places)
+        match = source.choice(matches)
         word = {
             1: source.choice(_STRANGE),
             2: source.choice(_KEYS),
-            3: source.choice((match[0] * 2, match[0][:-1], "", source.choice(places)[0])),
-        }[kind]
+            3: source.choice((match[0] * 2, match[0][:-1], "", source.choice(matches)[0])),
+        }[action]
         text = text[: match.start()] + word + text[match.end() :]
     return text
 
@@ -135,9 +135,9 @@ def outcome(original: str, text: str) -> str:
     if _same(model, _loaded(original)):
         return SAME
     content = text.encode("utf-8", "surrogateescape")
-    said = run(["run", "-", "--record", "a.txt", "--duration", "0.1", "-o", "out/run"], content)
+    result = run(["run", "-", "--record", "a.txt", "--duration", "0.1", "-o", "out/run"], content)
     run(["modes", "-"], content)
-    return RUNS if said == "done" else FAILS
+    return RUNS if result == "done" else FAILS
 
 
 def sound(text: str) -> Model | None:
@@ -178,15 +178,15 @@ def _check_faults(error: ModelError, text: str) -> None:
 def _check_sound(model: Model) -> None:
     count = len(model.stories)
     numbers = [model.collapse_drift, *model.initial.displacement, *model.initial.velocity]
-    whole = count > 0 and model.collapse_drift > 0.0
+    is_sound = count > 0 and model.collapse_drift > 0.0
     for story in model.stories[:10]:
         numbers += [story.mass, story.stiffness, story.dashpot, *story.law.parameters]
-        whole &= story.mass > 0.0 and story.stiffness > 0.0 and story.dashpot >= 0.0
-        whole &= bool(not model.p_delta or story.height)
+        is_sound &= story.mass > 0.0 and story.stiffness > 0.0 and story.dashpot >= 0.0
+        is_sound &= bool(not model.p_delta or story.height)
     for force in model.excitation.forces:
         numbers += [force.cosine, force.sine, force.omega]
-        whole &= 1 <= force.floor <= count
-    if not whole or not len(model.initial.displacement) == len(model.initial.velocity) == count:
+        is_sound &= 1 <= force.floor <= count
+    if not is_sound or not len(model.initial.displacement) == len(model.initial.velocity) == count:
         raise Failure(f"a story, a force or a start that is none: {model}"[:500])
     if not all(map(math.isfinite, numbers)):
         raise Failure(f"numbers that are not finite: {model}"[:500])

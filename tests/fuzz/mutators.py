@@ -24,13 +24,13 @@ _STRANGE = [
 
 
 def flip_a_bit(data: bytearray, source: random.Random) -> None:
-    place = source.randrange(len(data))
-    data[place] ^= 1 << source.randrange(8)
+    position = source.randrange(len(data))
+    data[position] ^= 1 << source.randrange(8)
 
 
 def flip_a_bit_of_the_header(data: bytearray, source: random.Random) -> None:
-    place = source.randrange(min(len(data), _HEADER))
-    data[place] ^= 1 << source.randrange(8)
+    position = source.randrange(min(len(data), _HEADER))
+    data[position] ^= 1 << source.randrange(8)
 
 
 def set_a_byte(data: bytearray, source: random.Random) -> None:
@@ -43,20 +43,20 @@ def cut_off(data: bytearray, source: random.Random) -> None:
 
 def lose_a_piece(data: bytearray, source: random.Random) -> None:
     size = source.choice((1, 2, 8, 64, 512))
-    place = source.randrange(max(1, len(data) - size))
-    del data[place : place + size]
+    position = source.randrange(max(1, len(data) - size))
+    del data[position : position + size]
 
 
 def double_a_piece(data: bytearray, source: random.Random) -> None:
     size = source.choice((1, 2, 8, 64, 512))
-    place = source.randrange(max(1, len(data) - size))
-    data[place:place] = data[place : place + size]
+    position = source.randrange(max(1, len(data) - size))
+    data[position:position] = data[position : position + size]
 
 
 def zero_a_piece(data: bytearray, source: random.Random) -> None:
     size = source.choice((4, 16, 64, 512))
-    place = source.randrange(max(1, len(data) - size))
-    data[place : place + size] = bytes(len(data[place : place + size]))
+    position = source.randrange(max(1, len(data) - size))
+    data[position : position + size] = bytes(len(data[position : position + size]))
 
 
 def change_a_number(data: bytearray, source: random.Random) -> None:
@@ -72,10 +72,10 @@ def change_a_number(data: bytearray, source: random.Random) -> None:
 def lose_or_swap_lines(data: bytearray, source: random.Random) -> None:
     lines = bytes(data).split(b"\n")
     a, b = source.randrange(len(lines)), source.randrange(len(lines))
-    kind = source.randrange(3)
-    if kind == 0:
+    action = source.randrange(3)
+    if action == 0:
         del lines[a]
-    elif kind == 1:
+    elif action == 1:
         lines.insert(a, lines[b])
     else:
         lines[a], lines[b] = lines[b], lines[a]

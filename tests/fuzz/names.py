@@ -71,9 +71,9 @@ def outcome(name: str, seed: int) -> str:
         return run(["run", "linear.yaml", f"--history={file}"])
     found = run([name, file])
     if (name, found) == ("init", "done"):
-        code, words = invoked(["check", file])
+        code, messages = invoked(["check", file])
         if code:
-            raise Failure(f"a model that was begun as {file!r} is none: {words[:200]!r}")
+            raise Failure(f"a model that was begun as {file!r} is none: {messages[:200]!r}")
     return found
 
 

@@ -74,7 +74,10 @@ def _judged(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> 
         return UNTOLD
     if len(after) != len(before):
         return _silent(sound, COUNT, before, after, f"{len(after)} components of {len(before)}")
-    outcomes = [_of_component(sound, one, other) for one, other in zip(before, after, strict=True)]
+    outcomes = [
+        _component_outcome(sound, original, other)
+        for original, other in zip(before, after, strict=True)
+    ]
     return max(outcomes, key=OUTCOMES.index)
 
 
@@ -83,12 +86,12 @@ def _is_a_whole_part(sound: Sound, before: Sequence[Record], after: Sequence[Rec
     file states their number."""
     if len(after) < len(before):
         return all(
-            any(np.array_equal(one.acceleration, other.acceleration) for other in before)
-            for one in after
+            any(np.array_equal(record.acceleration, other.acceleration) for other in before)
+            for record in after
         )
     sizes = [
-        (one.acceleration.size, other.acceleration.size)
-        for one, other in zip(before, after, strict=False)
+        (record.acceleration.size, other.acceleration.size)
+        for record, other in zip(before, after, strict=False)
     ]
     return (
         sound.name.startswith("MSEED")
@@ -98,7 +101,7 @@ def _is_a_whole_part(sound: Sound, before: Sequence[Record], after: Sequence[Rec
     )
 
 
-def _of_component(sound: Sound, before: Record, after: Record) -> str:
+def _component_outcome(sound: Sound, before: Record, after: Record) -> str:
     a, b = before.acceleration, after.acceleration
     if a.size != b.size:
         return _silent(sound, COUNT, [before], [after], f"{b.size} samples of {a.size}")

@@ -36,14 +36,14 @@ class Scene:
     ----------
     lines : tuple of str
         Command lines after `tdint`.
-    told : str
+    json_path : str
         The JSON file, or its directory, which `rerun` reads.
     inputs : tuple of str
         Files that the commands read; without one of them the repeated command fails.
     """
 
     lines: tuple[str, ...]
-    told: str
+    json_path: str
     inputs: tuple[str, ...]
 
 
@@ -196,7 +196,7 @@ def _made(name: str) -> _Made:
                 code, _, err = invoked_fully(line.split())
                 if code:
                     raise Failure(f"{line}: exit code {code}: {err[-300:]!r}")
-            code, out, err = invoked_fully(["rerun", SCENES[name].told])
+            code, out, err = invoked_fully(["rerun", SCENES[name].json_path])
         if code or out:
             raise Failure(f"rerun of the sound results: exit code {code}: {err[-500:]!r}")
         outputs = tuple(
@@ -219,19 +219,19 @@ def plain_figures() -> Iterator[None]:
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    whole, execute = Figure.savefig, ConstrainedLayoutEngine.execute
+    savefig, execute = Figure.savefig, ConstrainedLayoutEngine.execute
 
     def save(self: Figure, *arguments: Any, **options: Any) -> None:
         self.set_layout_engine(None)
         small = {"dpi": 15} if options.get("format") == "png" else {}
-        whole(self, *arguments, **options | small)
+        savefig(self, *arguments, **options | small)
 
     Figure.savefig = save  # type: ignore[method-assign]
     ConstrainedLayoutEngine.execute = lambda engine, figure: None  # type: ignore[method-assign]
     try:
         yield
     finally:
-        Figure.savefig = whole  # type: ignore[method-assign]
+        Figure.savefig = savefig  # type: ignore[method-assign]
         ConstrainedLayoutEngine.execute = execute  # type: ignore[method-assign]
 
 
@@ -248,12 +248,12 @@ def _digit(file: Path, source: random.Random) -> None:
     """Change the first digit of a number of the content, also of a compressed one."""
     packed = file.suffix == ".gz"
     data = gzip.decompress(file.read_bytes()) if packed else file.read_bytes()
-    places = [match.start() for match in re.finditer(rb"(?<![\w.])[1-9](?=[\d.,\n])", data)]
-    if not places:
+    positions = [match.start() for match in re.finditer(rb"(?<![\w.])[1-9](?=[\d.,\n])", data)]
+    if not positions:
         return _flip(file, source)
     changed = bytearray(data)
-    place = source.choice(places)
-    changed[place] = ord("1") + (changed[place] - ord("1") + 1) % 9
+    position = source.choice(positions)
+    changed[position] = ord("1") + (changed[position] - ord("1") + 1) % 9
     file.write_bytes(gzip.compress(bytes(changed)) if packed else bytes(changed))
     return None
 
@@ -360,8 +360,8 @@ ON_FILES = {
 
 
 def _json_file(scene: Scene) -> Path:
-    told = Path(scene.told)
-    return told / "summary.json" if told.is_dir() else told
+    path = Path(scene.json_path)
+    return path / "summary.json" if path.is_dir() else path
 
 
 def _forge(scene: Scene, change: Callable[[dict[str, Any]], None]) -> str:
@@ -378,8 +378,8 @@ def _keys(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
         for key, part in value.items():
             yield from _keys(part, (*path, key))
     elif isinstance(value, list):
-        for place, part in enumerate(value):
-            yield from _keys(part, (*path, place))
+        for index, part in enumerate(value):
+            yield from _keys(part, (*path, index))
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield path
 
@@ -444,9 +444,11 @@ def _listed_file_deleted(scene: Scene, made: _Made, source: random.Random) -> st
     file.unlink()
 
     def change(about: dict[str, Any]) -> None:
-        about["files"] = [one for one in about.get("files", []) if one.get("file") != file.name]
+        about["files"] = [
+            entry for entry in about.get("files", []) if entry.get("file") != file.name
+        ]
         if "motions" in about and isinstance(about["motions"], list):
-            about["motions"] = [one for one in about["motions"] if one != file.name]
+            about["motions"] = [entry for entry in about["motions"] if entry != file.name]
 
     _forge(scene, change)
     return file.name
@@ -552,24 +554,24 @@ def _attack(scene: Scene, made: _Made, attack: tuple[str, str], source: random.R
         named = ON_COMMANDS[what](scene, made, source)
         if named is None:
             return EQUAL
-    words = ["rerun", scene.told, *(["--changed"] if what == "input broken" else [])]
+    arguments = ["rerun", scene.json_path, *(["--changed"] if what == "input broken" else [])]
     # Other processes may use the usual directory of temporary files.
     usual, tempfile.tempdir = tempfile.tempdir, str(Path("temporary").absolute())
     Path(tempfile.tempdir).mkdir()
     try:
         with plain_figures():
-            code, out, err = invoked_fully(words)
+            code, out, err = invoked_fully(arguments)
     finally:
         tempfile.tempdir = usual
-    said = f"{what} {file}: exit code {code}: {err[-400:]!r}"
+    message = f"{what} {file}: exit code {code}: {err[-400:]!r}"
     if left := sorted(path.name for path in Path("temporary").iterdir()):
         raise Failure(f"{what} {file}: left behind: {left}")
     if code in (0, 1) and not (code == 0 and _is_rounding(err, str(named), what, file)):
-        raise Failure(said)
+        raise Failure(message)
     if "Traceback" in err or "internal error" in err or "encountered in" in err:
-        raise Failure(said)
+        raise Failure(message)
     if code and str(named) not in err + out and what not in ("status",):
-        raise Failure(f"not named: {said}")
+        raise Failure(f"not named: {message}")
     return EQUAL if code == 0 else REFUSED
 
 

@@ -43,7 +43,7 @@ def batches(names: list[str], count: int, seed: int) -> list[list[Case]]:
     return [cases[start : start + _BATCH] for start in range(0, len(cases), _BATCH)]
 
 
-def run_batch(kind: str, batch: list[Case]) -> list[tuple[str, int, str, str]]:
+def run_batch(input_type: str, batch: list[Case]) -> list[tuple[str, int, str, str]]:
     """Outcome and, of a failure, the reason for each case."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     logging.getLogger("tdint").setLevel(logging.CRITICAL)
@@ -56,7 +56,7 @@ def run_batch(kind: str, batch: list[Case]) -> list[tuple[str, int, str, str]]:
                 signal.ITIMER_PROF, LONGEST
             )  # processor time, because other processes or compilation may delay a case
             try:
-                found.append((name, seed, KINDS[kind].outcome(name, seed), ""))
+                found.append((name, seed, KINDS[input_type].outcome(name, seed), ""))
             except Failure as failure:
                 found.append((name, seed, FAILED, str(failure)))
             finally:
@@ -69,7 +69,7 @@ def _too_long(*_: object) -> None:
 
 
 def all_outcomes(
-    kind: str, names: list[str], count: int, seed: int, jobs: int
+    input_type: str, names: list[str], count: int, seed: int, jobs: int
 ) -> tuple[dict[str, Counter[str]], list[str]]:
     """Counts of outcomes by name, and a line for every failure."""
     table: dict[str, Counter[str]] = defaultdict(Counter)
@@ -79,7 +79,7 @@ def all_outcomes(
     context = multiprocessing.get_context("spawn")
     with context.Pool(jobs, die_with_parent, (os.getpid(),), maxtasksperchild=20) as pool:
         waiting = [
-            (batch, pool.apply_async(run_batch, (kind, batch)))
+            (batch, pool.apply_async(run_batch, (input_type, batch)))
             for batch in batches(names, count, seed)
         ]
         for batch, result in waiting:
@@ -117,19 +117,19 @@ def print_table(table: dict[str, Counter[str]], outcomes: tuple[str, ...] = OUTC
 
 def flipped_bits(name: str, length: int) -> tuple[dict[int, Counter[str]], list[str]]:
     """Outcomes of every single-bit flip of the first bytes of a file, by byte."""
-    sound = next(one for one in corpus() if one.name == name)
+    sound = next(candidate for candidate in corpus() if candidate.name == name)
     before = read(sound.data, sound.units)
     table: dict[int, Counter[str]] = defaultdict(Counter)
     failures = []
-    for place in range(length):
+    for position in range(length):
         for bit in range(8):
             data = bytearray(sound.data)
-            data[place] ^= 1 << bit
+            data[position] ^= 1 << bit
             try:
-                table[place][outcome(sound, before, bytes(data))] += 1
+                table[position][outcome(sound, before, bytes(data))] += 1
             except Failure as failure:
-                table[place][FAILED] += 1
-                failures.append(f"{name}: byte {place}, bit {bit}: {failure}")
+                table[position][FAILED] += 1
+                failures.append(f"{name}: byte {position}, bit {bit}: {failure}")
     return table, failures
 
 
@@ -148,31 +148,33 @@ def main() -> int:
     parser.add_argument("--name", default="")
     parser.add_argument("--only", type=int)
     parser.add_argument("--bits", action="store_true")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     logging.getLogger("tdint").setLevel(logging.CRITICAL)
     # A process tries many commands: it must not use the uncompiled loops of a first short run.
     os.environ["TDINT_COMPILE"] = "wait"
     failures: list[str] = []
-    if given.bits:
+    if arguments.bits:
         for name, length in BITS.items():
             table, found = flipped_bits(name, length)
             failures += found
             print(name)
-            print_table({f"byte {place:3d}": counter for place, counter in table.items()})
+            print_table({f"byte {position:3d}": counter for position, counter in table.items()})
     else:
-        names = [name for name in KINDS[given.of].names() if given.name in name]
-        if given.only is not None:
+        names = [name for name in KINDS[arguments.of].names() if arguments.name in name]
+        if arguments.only is not None:
             print(
                 *(
                     row
                     for name in dict.fromkeys(names)
-                    for row in run_batch(given.of, [(name, given.only)])
+                    for row in run_batch(arguments.of, [(name, arguments.only)])
                 ),
                 sep="\n",
             )
         else:
-            counts, failures = all_outcomes(given.of, names, given.cases, given.seed, given.jobs)
-            print_table(counts, KINDS[given.of].outcomes)
+            counts, failures = all_outcomes(
+                arguments.of, names, arguments.cases, arguments.seed, arguments.jobs
+            )
+            print_table(counts, KINDS[arguments.of].outcomes)
     for line in failures:
         print(line[:300])
     return 1 if failures else 0

@@ -47,38 +47,41 @@ _VALUES: tuple[object, ...] = (
 
 
 @functools.cache
-def _whole(name: str) -> dict[str, bytes]:
+def _sound_files(name: str) -> dict[str, bytes]:
     """Return the files of a successful call."""
     shutil.rmtree(OUTPUT, ignore_errors=True)
-    code, words = invoked(CALLS[name])
+    code, messages = invoked(CALLS[name])
     if code:
-        raise Failure(f"the sound call ends with {code}: {words}")
+        raise Failure(f"the sound call ends with {code}: {messages}")
     return {file.name: file.read_bytes() for file in Path(OUTPUT).iterdir()}
 
 
 def outcome(name: str, seed: int) -> str:
     """Return the outcome of the next call for a corrupt store within a sandbox; raise Failure for
     forbidden behavior."""
-    whole = _whole(name)
+    sound_files = _sound_files(name)
     source = random.Random(f"{name} {seed}")
-    file = Path(OUTPUT, next(one for one in whole if one.endswith(".sqlite")))
+    file = Path(
+        OUTPUT,
+        next(name_of_file for name_of_file in sound_files if name_of_file.endswith(".sqlite")),
+    )
     shutil.rmtree(OUTPUT, ignore_errors=True)
     Path(OUTPUT).mkdir()
-    for one, content in whole.items():
-        Path(OUTPUT, one).write_bytes(content)
+    for name_of_file, content in sound_files.items():
+        Path(OUTPUT, name_of_file).write_bytes(content)
     for _ in range(source.choice((1, 1, 1, 2, 4))):
         source.choice(DAMAGES)(file, source)
-    code, words = invoked(CALLS[name])
+    code, messages = invoked(CALLS[name])
     if code not in (0, 6):
-        raise Failure(f"exit code {code}: {words[-300:]!r}")
-    if "Traceback" in words or (code == 6 and words.count("Error: ") != 1):
-        raise Failure(words[-300:])
-    for one, content in whole.items():
-        if one.endswith(".csv") and Path(OUTPUT, one).read_bytes() != content:
-            raise Failure(f"{one} is another one, exit code {code}: {words[-200:]!r}")
+        raise Failure(f"exit code {code}: {messages[-300:]!r}")
+    if "Traceback" in messages or (code == 6 and messages.count("Error: ") != 1):
+        raise Failure(messages[-300:])
+    for name_of_file, content in sound_files.items():
+        if name_of_file.endswith(".csv") and Path(OUTPUT, name_of_file).read_bytes() != content:
+            raise Failure(f"{name_of_file} is another one, exit code {code}: {messages[-200:]!r}")
     if code == 6:
         return REFUSED
-    return HEALED if _DONE_AGAIN.search(words) or "to do" not in words else SOUND
+    return HEALED if _DONE_AGAIN.search(messages) or "to do" not in messages else SOUND
 
 
 def _bytes(file: Path, source: random.Random) -> None:
@@ -110,8 +113,8 @@ def _row(file: Path, source: random.Random) -> None:
             [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
         )
         count = connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0]
-        value, place = source.choice(_VALUES), source.randrange(max(1, count))
-        chosen = f"{column} IN (SELECT {column} FROM {table} LIMIT 1 OFFSET {place})"
+        value, offset = source.choice(_VALUES), source.randrange(max(1, count))
+        chosen = f"{column} IN (SELECT {column} FROM {table} LIMIT 1 OFFSET {offset})"
         statement, values = source.choice(
             (
                 (f"UPDATE {table} SET {column} = ? WHERE {chosen}", (value,)),

@@ -34,9 +34,9 @@ _NUMBERS = (
     "5e-324",
 )
 
-_COMPARE = [("compare", *one) for one in COMPARE]
-_FIT = [("compare", *one, "--fit", "stiffness") for one in COMPARE[:1]]
-_SCALES, _LEVELS, _TOWN, _FACTORS, _PAIRS, _ASSETS = ([("campaign", *one)] for one in CAMPAIGN)
+_COMPARE = [("compare", *item) for item in COMPARE]
+_FIT = [("compare", *item, "--fit", "stiffness") for item in COMPARE[:1]]
+_SCALES, _LEVELS, _TOWN, _FACTORS, _PAIRS, _ASSETS = ([("campaign", *item)] for item in CAMPAIGN)
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ STUDIES = {
         ],
         ("limited.yaml",),
     ),
-    "match": Study([("match", *one) for one in MATCH], ("target.csv", "suite/1.txt")),
+    "match": Study([("match", *item) for item in MATCH], ("target.csv", "suite/1.txt")),
     "select": Study(
         [
             ("scale", *SELECT),
@@ -152,5 +152,5 @@ def _other_numbers(text: str, source: random.Random) -> str:
 def _read_by(study: Study, line: tuple[str, ...]) -> list[str]:
     """Return the files of a study that a command line reads: files in the command line, and files
     in no command line."""
-    named = {word for one in study.lines for word in one}
-    return [one for one in study.files if one in line or one not in named]
+    named = {word for item in study.lines for word in item}
+    return [item for item in study.files if item in line or item not in named]

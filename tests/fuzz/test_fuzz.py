@@ -47,14 +47,14 @@ def work():
         yield
 
 
-@pytest.mark.parametrize(("kind", "name"), CASES)
+@pytest.mark.parametrize(("input_type", "name"), CASES)
 @pytest.mark.filterwarnings("ignore")
-def test_corrupt_inputs_have_expected_outcomes(work, kind, name):
-    seeds, some = TRIED[kind]
+def test_corrupt_inputs_have_expected_outcomes(work, input_type, name):
+    seeds, some = TRIED[input_type]
     seeds = min(seeds, MAX_SEEDS.get(name, seeds))
-    found = Counter(KINDS[kind].outcome(name, seed) for seed in range(seeds))
+    found = Counter(KINDS[input_type].outcome(name, seed) for seed in range(seeds))
     assert some <= set(found)
-    assert len(found) > 1 or kind not in ("studies", "stores"), "damage makes no difference"
+    assert len(found) > 1 or input_type not in ("studies", "stores"), "damage makes no difference"
 
 
 @pytest.mark.parametrize("name", studies.STUDIES)
@@ -108,7 +108,7 @@ def test_oracle_accepts_valid_output():
 
 def test_oracle_detects_missing_comparison(monkeypatch):
     """Without the comparison of the counts a lost line of a text is a silent change."""
-    sound = next(one for one in corpus() if one.name == "SLIST")
+    sound = next(candidate for candidate in corpus() if candidate.name == "SLIST")
     before = read(sound.data, sound.units)
     wrong = sound.data.replace(b"100 samples", b"94 samples")
     assert outcome(sound, before, wrong) == REFUSED

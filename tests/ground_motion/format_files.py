@@ -74,7 +74,7 @@ def free_at2():
 def cosmos(
     values=None,
     units="cm/sec2(04)",
-    kind="acceleration",
+    quantity="acceleration",
     codes=True,
     npts=None,
     blocks=None,
@@ -93,7 +93,7 @@ def cosmos(
     width = 8 if units.startswith("counts") else 10
     form = "(10I8)" if units.startswith("counts") else "(8F10.5)"
     body = []
-    for what, data in [(kind, values), *(blocks or [])]:
+    for what, data in [(quantity, values), *(blocks or [])]:
         body.append(
             f"   {npts or len(data)} {what} pts, approx   {round(len(data) * 0.01)} secs, "
             f"units={units},Format={form}"
@@ -159,9 +159,9 @@ def csmip_v2(
             ],
         )
         body += INTEGER_ROWS + fortran([0.041] * 100, 8, 10, 3)
-        for kind, units in (("ACCEL", "CM/SEC/SEC"), ("VELOC", "CM/SEC"), ("DISPL", "CM")):
-            body.append(" " + data.format(n=len(values), kind=kind, units=units))
-            body += fortran(values if kind == "ACCEL" else values / 2, 8, 10, 3)
+        for quantity, units in (("ACCEL", "CM/SEC/SEC"), ("VELOC", "CM/SEC"), ("DISPL", "CM")):
+            body.append(" " + data.format(n=len(values), kind=quantity, units=units))
+            body += fortran(values if quantity == "ACCEL" else values / 2, 8, 10, 3)
         body.append(f"/&  ----------  END OF DATA FOR CHANNEL  {number}  ----------")
     return text(body)
 
@@ -220,7 +220,9 @@ def usc(values=None, dt=0.005, times=None):
     )
 
 
-def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, comments=2, **changed):
+def smc(
+    values=None, title="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, comments=2, **changed
+):
     values = motion() if values is None else values
     integers, reals = [-32768] * 48, [1.7e38] * 50
     integers[1:7] = [1989, 291, 0, 4, 7, 250]
@@ -228,8 +230,8 @@ def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, com
     integers[15], integers[16] = comments, len(values) if npts is None else npts
     reals[1], reals[29], reals[31] = rate, float(np.max(values)), float(np.min(values))
     for numbers, name in ((integers, "integers"), (reals, "reals")):
-        for place, number in changed.get(name, {}).items():
-            numbers[place] = number
+        for index, number in changed.get(name, {}).items():
+            numbers[index] = number
 
     def value_field(value):
         mantissa, exponent = f"{value:.4E}".split("E")
@@ -237,7 +239,7 @@ def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, com
 
     fields = [value_field(value) for value in values]
     return text(
-        kind,
+        title,
         "*",
         "SAF0A",
         "     1989  10  18    0004 Somewhere",
@@ -251,7 +253,7 @@ def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, com
     )
 
 
-def esm(values=None, ndata=None, units="cm/s^2", kind="ACCELERATION"):
+def esm(values=None, ndata=None, units="cm/s^2", data_type="ACCELERATION"):
     values = motion() if values is None else values
     return text(
         "EVENT_NAME: SOMEWHERE",
@@ -269,7 +271,7 @@ def esm(values=None, ndata=None, units="cm/s^2", kind="ACCELERATION"):
         f"UNITS: {units}",
         f"PGA_CM/S^2: {np.max(np.abs(values)):.6f}",
         "TIME_PGA_S: 0.1",
-        f"DATA_TYPE: {kind}",
+        f"DATA_TYPE: {data_type}",
         "USER1: a b c",
         "USER2: ",
         [f"{value:.6f}" for value in values],

@@ -69,11 +69,11 @@ def test_archive_without_records_is_refused(tmp_path):
 def test_corrupt_archive_is_detected_by_checksum(tmp_path, path):
     data = bytearray(packed({"a.AT2": files.at2()}, zipfile.ZIP_STORED))
     data[data.index(b"DT= .00500") + 6] = ord("9")
-    whole = path.read_bytes()
+    complete = path.read_bytes()
     damaged = tmp_path / "b.zip"
     for content, message in (
         (data, "Bad CRC"),
-        *((whole[:size], "corrupt") for size in (10, 100, len(whole) - 30)),
+        *((complete[:size], "corrupt") for size in (10, 100, len(complete) - 30)),
     ):
         damaged.write_bytes(content)
         refused(damaged, message)

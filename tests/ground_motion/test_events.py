@@ -37,8 +37,8 @@ def test_event_labels_from_headers(text, label):
 def with_line(text, after, line):
     """Return a file with one line more in its header."""
     lines = text.split("\n")
-    place = next(i for i, each in enumerate(lines) if each.startswith(after))
-    return "\n".join([*lines[: place + 1], line, *lines[place + 1 :]])
+    index = next(i for i, each in enumerate(lines) if each.startswith(after))
+    return "\n".join([*lines[: index + 1], line, *lines[index + 1 :]])
 
 
 def with_other(text, old, new):
@@ -169,5 +169,5 @@ def record(event="", start=""):
     ],
 )
 def test_equality_of_events(event, other, same):
-    one, two = event_of(record(*event)), event_of(record(*other))
-    assert is_same_event(one, two) is is_same_event(two, one) is same
+    first, second = event_of(record(*event)), event_of(record(*other))
+    assert is_same_event(first, second) is is_same_event(second, first) is same

@@ -144,10 +144,10 @@ class TestCosmos:
     def test_units_in_header(self, units, expected):
         assert only(files.cosmos(units=units)).stats.tdint_units == expected
 
-    @pytest.mark.parametrize("kind", ["raw acceleration", "raw accel."])
-    def test_counts_require_value_of_count(self, tmp_path, kind):
+    @pytest.mark.parametrize("quantity_name", ["raw acceleration", "raw accel."])
+    def test_counts_require_value_of_count(self, tmp_path, quantity_name):
         path = tmp_path / "a.v0"
-        path.write_text(files.cosmos(np.arange(1, 121), units="counts (50)", kind=kind))
+        path.write_text(files.cosmos(np.arange(1, 121), units="counts (50)", kind=quantity_name))
         refused(path, "counts of a recorder")
         assert read_record(path, units="0.01 gal").pga == pytest.approx(0.012)
 
@@ -163,8 +163,12 @@ class TestCosmos:
         assert [trace.id for trace in traces] == ["XX.FAR.101.HNE", "XX.FAR.102.HNE"]
 
     def test_invalid_files_are_refused(self):
-        refused(files.cosmos(kind="velocity"), "unit of velocity, but its header states 'cm/sec2'")
-        assert only(files.cosmos(kind="velocity", units="cm/sec(05)")).stats.tdint_units == "cm/s"
+        refused(
+            files.cosmos(quantity="velocity"), "unit of velocity, but its header states 'cm/sec2'"
+        )
+        assert (
+            only(files.cosmos(quantity="velocity", units="cm/sec(05)")).stats.tdint_units == "cm/s"
+        )
         refused(
             files.cosmos(units="volts(51)"), "unit of acceleration, but its header states 'volts'"
         )
@@ -343,10 +347,10 @@ class TestSmc:
             assert str(only(text).stats.starttime) == "1989-10-18T00:04:07.250000Z"
 
     def test_invalid_files_are_refused(self, tmp_path):
-        (tmp_path / "a.smc").write_text(files.smc(kind="0 UNKNOWN"))
+        (tmp_path / "a.smc").write_text(files.smc(title="0 UNKNOWN"))
         refused(tmp_path / "a.smc", "does not state the units")
-        assert only(files.smc(kind="3 VELOCITY")).stats.tdint_units == "cm/s"
-        refused(files.smc(kind="5 RESPONSE SPECTRA"), "must contain a ground motion")
+        assert only(files.smc(title="3 VELOCITY")).stats.tdint_units == "cm/s"
+        refused(files.smc(title="5 RESPONSE SPECTRA"), "must contain a ground motion")
         refused(files.smc(rate=1.7e38), "does not state the sampling rate")
         refused(files.smc(npts=119), "more than the 119")
         last = len(files.smc().splitlines())
@@ -366,9 +370,9 @@ class TestEsm:
         assert str(trace.stats.starttime) == "2019-07-28T16:09:19.870000Z"
 
     def test_invalid_files_are_refused(self):
-        refused(files.esm(kind="VELOCITY"), "must be a unit of velocity")
-        assert only(files.esm(kind="VELOCITY", units="cm/s")).stats.tdint_units == "cm/s"
-        refused(files.esm(kind="SPECTRUM"), "must contain a ground motion, got 'spectrum'")
+        refused(files.esm(data_type="VELOCITY"), "must be a unit of velocity")
+        assert only(files.esm(data_type="VELOCITY", units="cm/s")).stats.tdint_units == "cm/s"
+        refused(files.esm(data_type="SPECTRUM"), "must contain a ground motion, got 'spectrum'")
         refused(
             files.esm(units="cm/s"), "must be a unit of acceleration, but its header states 'cm/s'"
         )
@@ -448,25 +452,25 @@ class TestNumbersOfSmc:
             ).notes
             assert "peak" in note
 
-    @pytest.mark.parametrize("told", ["", "  1994 1 17  x", "1994 01 18"])
-    def test_start_from_day_of_year_or_date(self, told):
+    @pytest.mark.parametrize("stated_date", ["", "  1994 1 17  x", "1994 01 18"])
+    def test_start_from_day_of_year_or_date(self, stated_date):
         """The day of the year is used, or month and day if the date is close to the day in the
         text."""
-        texts = ["", told, "x"]
+        texts = ["", stated_date, "x"]
         by_day = [-99.0, 1994.0, 17.0, 12.0, 30.0, 55.0, 250.0, 99.0]
         assert usgs._start(by_day, texts) == datetime(1994, 1, 17, 12, 30, 55, 250000)
         by_month = [-99.0, 1994.0, 1.0, 17.0, 12.0, 30.0, 55.0, 250.0]
         assert usgs._start(by_month, texts) == (
             datetime(1994, 1, 17, 12, 30, 55, 250000)
-            if told
+            if stated_date
             else datetime(1994, 1, 1, 17, 12, 30, 55000)
         )
-        for place in range(1, 6):
+        for index in range(1, 6):
             unknown = by_day.copy()
-            unknown[place] = -99.0
+            unknown[index] = -99.0
             assert usgs._start(unknown, texts) is None
         assert usgs._start([*by_day[:6], -99.0, -99.0], texts) == datetime(1994, 1, 17, 12, 30, 55)
         for day in (0.0, 367.0):
             assert usgs._start([-99.0, 1994.0, day, *by_day[3:]], texts) is None
         later = usgs._start([-99.0, 1994.0, 20.0, *by_day[3:]], texts)
-        assert later == (None if told else datetime(1994, 1, 20, 12, 30, 55, 250000))
+        assert later == (None if stated_date else datetime(1994, 1, 20, 12, 30, 55, 250000))

@@ -38,11 +38,11 @@ def read(name, data):
             return None
 
 
-def check_whole(name, data, whole):
+def check_complete(name, data, complete):
     """Check that all components that were read are complete. For plain text without a stated
     length, the first rows may be read."""
     for component, samples in (read(name, data) or {}).items():
-        expected = whole[component]
+        expected = complete[component]
         if name == "TEXT":
             assert samples.size <= expected.size
             expected = expected[: samples.size]
@@ -51,12 +51,12 @@ def check_whole(name, data, whole):
 
 @pytest.mark.parametrize(("name", "data"), CASES)
 def test_truncated_files_are_refused(name, data):
-    whole = read(name, data)
+    complete = read(name, data)
     shortest = (
         200 if name == "TEXT" else 0
     )  # The number of decimals cannot be determined from a few rows.
     for length in (*range(shortest, len(data), 97), *range(len(data) - 30, len(data))):
-        check_whole(name, data[:length], whole)
+        check_complete(name, data[:length], complete)
 
 
 OTHERS = (b"-1", b"1e308", b"9" * 5000, b"1e-308", b"1e" + b"9" * 20)

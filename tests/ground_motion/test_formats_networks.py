@@ -132,8 +132,10 @@ def test_start_of_unam_record_after_midnight(origin, first, day):
     header = files.unam().replace("2004/01/01", "2004/03/05").replace("00:00:01    ", first)
     header = header.replace("23:58:02.7", origin)
     hour, minute, second = first.split(":")
-    whole, _, part = second.partition(".")
-    expected = datetime(2004, 3, day, int(hour), int(minute), int(whole), 100_000 * int(part or 0))
+    seconds, _, part = second.partition(".")
+    expected = datetime(
+        2004, 3, day, int(hour), int(minute), int(seconds), 100_000 * int(part or 0)
+    )
     assert contents(header).traces[0].stats.starttime == expected
     for key in ("FECHA DEL SISMO", "HORA DE LA PRIMERA"):
         assert contents(header.replace(key, "NADA")).traces[0].stats.starttime == datetime(

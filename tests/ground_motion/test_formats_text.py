@@ -229,12 +229,12 @@ class TestTables:
         ):
             data = mark + self.table(header, three, separator).encode(encoding)
             (tmp_path / "a.csv").write_bytes(data)
-            given = None if "gal" in header else "gal"
-            records = read_records(tmp_path / "a.csv", units=given)
+            units = None if "gal" in header else "gal"
+            records = read_records(tmp_path / "a.csv", units=units)
             assert tuple(record.component for record in records) == names
             assert [record.pga for record in records] == pytest.approx([0.01, 0.02, 0.005])
             assert read_record(
-                tmp_path / "a.csv", units=given, component=names[1]
+                tmp_path / "a.csv", units=units, component=names[1]
             ).pga == pytest.approx(0.02)
 
     def test_invalid_tables_are_refused(self, three):

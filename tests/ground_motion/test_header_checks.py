@@ -157,8 +157,8 @@ class TestText:
             look_at_gse, section(82, "1" * 82), "a line of data is longer than 81 characters"
         )
         assert all(
-            one.difference == 0.0
-            for one in gse_statements([3, 2], [trace(counts(3)), trace(counts(2))])
+            statement.difference == 0.0
+            for statement in gse_statements([3, 2], [trace(counts(3)), trace(counts(2))])
         )
         with pytest.raises(Damaged, match=r"1 sections, .*2"):
             gse_statements([3], [trace(counts(3)), trace(counts(2))])
@@ -202,14 +202,15 @@ class TestText:
         ):
             struct.pack_into("<ff", data, 4 * 5, 2.0, 2.0 + 9.99 + shift)
             (length,) = (
-                one
-                for one in sac_statements(look_at_sac(data), [trace(wave(1000))])
-                if "time" in one.what
+                statement
+                for statement in sac_statements(look_at_sac(data), [trace(wave(1000))])
+                if "time" in statement.what
             )
             assert (length.difference <= 0.0) == sound, shift
         struct.pack_into("<f", data, 4 * 5, -12345.0)
         assert not any(
-            "time" in one.what for one in sac_statements(look_at_sac(data), [trace(wave(1000))])
+            "time" in statement.what
+            for statement in sac_statements(look_at_sac(data), [trace(wave(1000))])
         )
 
 
@@ -220,18 +221,18 @@ def test_knet_peaks_are_compared_without_offset(off, remarked):
     """Peaks are in gal, and may differ by a thousandth because of another offset; samples are
     counts of `calib` m/s^2."""
     samples = counts(1000) + 777
-    one = trace(samples, calib=2e-5)
+    component = trace(samples, calib=2e-5)
     peak = np.max(np.abs(samples - samples.mean())) * 2e-5 * 100.0
-    one.stats.knet = SimpleNamespace(duration=10.0, accmax=peak * (1.0 + off))
-    number, found = knet_statements(None, [one])
+    component.stats.knet = SimpleNamespace(duration=10.0, accmax=peak * (1.0 + off))
+    number, found = knet_statements(None, [component])
     assert (number.stated, number.found) == (1000, 1000)
     assert found.found == pytest.approx(peak)
     with pytest.warns(UserWarning, match="states a peak of") if remarked else nullcontext():
         assert compare([number, found]) == ("number of samples", "peak")
     for length in (0.0, float("nan"), -1.0):
-        one.stats.knet.duration = length
+        component.stats.knet.duration = length
         with pytest.raises(Damaged, match="its header states an invalid number of samples"):
-            knet_statements(None, [one])
-    del one.stats["knet"]
+            knet_statements(None, [component])
+    del component.stats["knet"]
     with pytest.raises(Damaged, match="its header is incomplete"):
-        knet_statements(None, [one])
+        knet_statements(None, [component])

@@ -147,19 +147,19 @@ def test_invalid_pairs_are_refused(records, message):
 
 
 def test_identical_components_are_refused():
-    one = record("HNE")
-    twice = Record(one.acceleration, one.dt, "", "", "HNN", "b.x")
+    first = record("HNE")
+    twice = Record(first.acceleration, first.dt, "", "", "HNN", "b.x")
     with pytest.raises(RecordError, match="both components are identical"):
-        find_horizontals([one, twice])
+        find_horizontals([first, twice])
 
 
 @pytest.mark.parametrize(
-    ("samples", "words"), [(99, "last sample of HNE"), (97, "last 3 samples of HNE")]
+    ("samples", "omitted"), [(99, "last sample of HNE"), (97, "last 3 samples of HNE")]
 )
-def test_longer_component_is_truncated(samples, words):
+def test_longer_component_is_truncated(samples, omitted):
     pair = find_horizontals([record("HNE"), record("HNN", samples=samples)])
     assert pair.first.acceleration.size == pair.second.acceleration.size == samples
-    assert pair.notes == (f"{words} omitted, because the other component is shorter",)
+    assert pair.notes == (f"{omitted} omitted, because the other component is shorter",)
 
 
 SAME_MOTION = [
@@ -191,11 +191,11 @@ OTHER_MOTION = [
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "same"),
+    ("first", "second", "same"),
     [*((*pair, True) for pair in SAME_MOTION), *((*pair, False) for pair in OTHER_MOTION)],
 )
-def test_files_of_one_motion_are_recognized(one, other, same):
-    assert (motion_name(one) == motion_name(other)) == same
+def test_files_of_one_motion_are_recognized(first, second, same):
+    assert (motion_name(first) == motion_name(second)) == same
 
 
 def test_pairs_by_file_name_patterns():
@@ -258,9 +258,9 @@ def test_single_components_are_reported_once_with_remedy(files, names):
         with pytest.raises(RecordError) as caught:
             find_horizontals([record("", source=file)])
         failures.append(caught.value)
-    (told,) = combine_single_components(failures)
-    assert str(told).startswith(f"{len(files)} files contain a single horizontal component")
-    assert f"--pairs '{names}'" in str(told)
+    (combined,) = combine_single_components(failures)
+    assert str(combined).startswith(f"{len(files)} files contain a single horizontal component")
+    assert f"--pairs '{names}'" in str(combined)
     assert [len(motion) for motion in files_of_motions(files, PairNames.parse(names))[0]] == [2, 2]
     assert combine_single_components(failures[:1]) == failures[:1]
 
@@ -283,7 +283,10 @@ def test_different_file_names_give_no_pattern():
 def test_real_records_are_paired(names, found):
     paths = [real_file(name) for name in names]
     assert (
-        find_horizontals([one for path in paths for one in read_records(path)]).component == found
+        find_horizontals(
+            [component for path in paths for component in read_records(path)]
+        ).component
+        == found
     )
 
 

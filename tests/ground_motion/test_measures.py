@@ -59,8 +59,8 @@ class TestClosedForms:
             replace(record([2.0] * 21), source="step"),
             replace(record(np.arange(21.0)), source="ramp"),
         )
-        told = "the analysis ends at 5 s and omits a part of the Arias intensity: "
-        assert cut_off([step, ramp], 5.0)[0].startswith(f"{told}step 50 %, ramp 88 %")
+        message = "the analysis ends at 5 s and omits a part of the Arias intensity: "
+        assert cut_off([step, ramp], 5.0)[0].startswith(f"{message}step 50 %, ramp 88 %")
         # 5 % are left after 9.5 s of the one, and after 10 * 0.95^(1/3) = 9.83 s of the other.
         assert cut_off([step], 9.5) == [] and "ramp 14 %" in cut_off([step, ramp], 9.5)[0]
         assert (

@@ -33,7 +33,7 @@ class TestMiniSeed:
 
     # Position from the start or end of the file, inserted bytes, and message
     @pytest.mark.parametrize(
-        ("place", "content", "message"),
+        ("position", "content", "message"),
         [
             # libmseed would read these samples from the memory after the record, with different
             # values each time.
@@ -79,9 +79,9 @@ class TestMiniSeed:
             (39, b"\x02", "states . blockettes, it has ."),
         ],
     )
-    def test_changed_header_bytes_are_refused(self, data, place, content, message):
-        place %= len(data)
-        data[place : place + len(content)] = content
+    def test_changed_header_bytes_are_refused(self, data, position, content, message):
+        position %= len(data)
+        data[position : position + len(content)] = content
         refused(data, message)
 
     def test_additional_sample_in_header_is_refused(self, data):
@@ -159,25 +159,36 @@ class TestMiniSeedByHand:
             factor=-4,
             exponent=8,
         )
-        one, other = look_at_mseed(first + later)
-        assert (one.number, one.id, one.samples, one.length, one.data) == (
+        first_header, second_header = look_at_mseed(first + later)
+        assert (
+            first_header.number,
+            first_header.id,
+            first_header.samples,
+            first_header.length,
+            first_header.data,
+        ) == (
             1,
             "XX.ABC.00.HNE",
             20,
             512,
             64,
         )
-        assert (other.number, other.id, other.samples, other.length) == (2, "XX.ABC.00.HNZ", 5, 256)
-        assert (one.rate, other.rate) == (
+        assert (
+            second_header.number,
+            second_header.id,
+            second_header.samples,
+            second_header.length,
+        ) == (2, "XX.ABC.00.HNZ", 5, 256)
+        assert (first_header.rate, second_header.rate) == (
             200.5,
             0.25,
         )  # of the first the actual rate of its blockette 100
-        assert one.start == pytest.approx(
+        assert first_header.start == pytest.approx(
             timedelta(70, 24.1234, hours=5, minutes=46).total_seconds()
         )
-        assert one.end - one.start == pytest.approx(20.0 / 200.5)
-        assert other.end - one.start == pytest.approx(36.0)
-        assert (one.rest, other.rest) == (512 - 64 - 20 * 4, 256 - 64 - 5 * 4)
+        assert first_header.end - first_header.start == pytest.approx(20.0 / 200.5)
+        assert second_header.end - first_header.start == pytest.approx(36.0)
+        assert (first_header.rest, second_header.rest) == (512 - 64 - 20 * 4, 256 - 64 - 5 * 4)
 
     @pytest.mark.parametrize(
         ("field", "least", "most"),
@@ -262,27 +273,34 @@ class TestMiniSeedByHand:
         """A file may be blank for long, in steps of the shortest record."""
         record = seed_record(exponent=7)
         for blank in (b"\0" * 128, b" " * 1280):
-            assert [one.number for one in look_at_mseed(record + blank + record + blank)] == [1, 2]
+            assert [header.number for header in look_at_mseed(record + blank + record + blank)] == [
+                1,
+                2,
+            ]
         refused_by(
             look_at_mseed, record + record[:40], "its last 40 bytes are not a complete record"
         )
         refused_by(look_at_mseed, record + record[:100], "its last record has 100 of 128 bytes")
 
-    @pytest.mark.parametrize("kind", [b"005", b"008", b"010", b"011"])
-    def test_control_headers_of_volumes_are_skipped(self, kind):
+    @pytest.mark.parametrize("header_type", [b"005", b"008", b"010", b"011"])
+    def test_control_headers_of_volumes_are_skipped(self, header_type):
         """Control headers end after the length that the first one states, or at the next header."""
         for exponent in (8, 12):
-            first = b"000001V " + kind + (b"009502.4%02d" % exponent if kind != b"011" else b"")
+            first = (
+                b"000001V "
+                + header_type
+                + (b"009502.4%02d" % exponent if header_type != b"011" else b"")
+            )
             volume = first.ljust(2**exponent, b" ") + b"000002S*".ljust(2**exponent, b" ")
             record = seed_record(exponent=9).replace(b"000001D", b"000003D")
             found = look_at_mseed(volume + record + record.replace(b"000003D", b"000004D"))
-            assert [(one.number, one.length) for one in found] == [(3, 512), (4, 512)]
+            assert [(header.number, header.length) for header in found] == [(3, 512), (4, 512)]
             refused_by(
                 look_at_mseed,
                 volume + b"000003T 050".ljust(99, b"x"),
                 f"has 99 of {2**exponent} bytes",
             )
-        wrong = (b"000001V " + kind + b"009502.421").ljust(512, b" ")
+        wrong = (b"000001V " + header_type + b"009502.421").ljust(512, b" ")
         refused_by(
             look_at_mseed,
             wrong,
@@ -302,26 +320,28 @@ class TestSteim:
     """Tests with frames that follow the tables of the manual."""
 
     @staticmethod
-    def frames(words, codes, first, last):
+    def frames(data_words, codes, first, last):
         control = 0
-        for place, code in enumerate(codes, start=3):
-            control |= code << (30 - 2 * place)
-        return struct.pack(">Iii13I", control, first, last, *(words + [0] * (13 - len(words))))
+        for number, code in enumerate(codes, start=3):
+            control |= code << (30 - 2 * number)
+        return struct.pack(
+            ">Iii13I", control, first, last, *(data_words + [0] * (13 - len(data_words)))
+        )
 
     def test_samples_of_steim_1_are_counted(self):
         # The frame has four differences of one byte (the first is ignored), two of 16 bits, and one
         # of 32 bits.
-        words = [struct.unpack(">I", struct.pack(">4b", 9, 1, -2, 3))[0]]
-        words.append(struct.unpack(">I", struct.pack(">2h", -300, 500))[0])
-        words.append(struct.unpack(">I", struct.pack(">i", -100_000))[0])
-        frames = self.frames(words, [1, 2, 3], 1000, -98_798)
+        data_words = [struct.unpack(">I", struct.pack(">4b", 9, 1, -2, 3))[0]]
+        data_words.append(struct.unpack(">I", struct.pack(">2h", -300, 500))[0])
+        data_words.append(struct.unpack(">I", struct.pack(">i", -100_000))[0])
+        frames = self.frames(data_words, [1, 2, 3], 1000, -98_798)
         assert most_samples(frames, 1) == 7
 
     def test_samples_of_steim_2_are_counted(self):
         def pack(values, bits, code):
             word = code << 30
-            for place, value in enumerate(values):
-                word |= (value & ((1 << bits) - 1)) << (bits * (len(values) - 1 - place))
+            for index, value in enumerate(values):
+                word |= (value & ((1 << bits) - 1)) << (bits * (len(values) - 1 - index))
             return word
 
         groups = [
@@ -331,7 +351,7 @@ class TestSteim:
             ([1, -2, 3, -4, 31], 6, 0, 3),
         ]
         groups += [([-16, 15, 1, 1, 1, 1], 5, 1, 3), ([-8, 7, 0, 0, 0, 0, 1], 4, 2, 3)]
-        words = [pack(values, bits, code) for values, bits, code, _ in groups]
+        data_words = [pack(values, bits, code) for values, bits, code, _ in groups]
         differences = [value for values, *_ in groups for value in values]
-        frames = self.frames(words, [code for *_, code in groups], 50, 0)
+        frames = self.frames(data_words, [code for *_, code in groups], 50, 0)
         assert most_samples(frames, 2) == len(differences)

@@ -113,11 +113,11 @@ def test_every_step_is_noted_and_other_attributes_are_kept():
 @settings(max_examples=3, deadline=None)
 @given(factor=st.floats(-3.0, 3.0), seed=st.integers(0, 99))
 def test_processing_steps_are_linear(factor, seed):
-    one, other = noise(seed=seed), noise(seed=seed + 100)
+    first, second = noise(seed=seed), noise(seed=seed + 100)
     both = process(
-        record(one.acceleration + factor * other.acceleration), **EVERYTHING
+        record(first.acceleration + factor * second.acceleration), **EVERYTHING
     ).acceleration
-    apart = [process(part, **EVERYTHING).acceleration for part in (one, other)]
+    apart = [process(part, **EVERYTHING).acceleration for part in (first, second)]
     np.testing.assert_allclose(both, apart[0] + factor * apart[1], atol=1e-10)
 
 
@@ -188,14 +188,14 @@ def test_filter_changes_amplitude_but_not_phase_of_sine(frequency, corners):
     np.testing.assert_allclose(middle(high), (1.0 - kept) * middle(before.acceleration), atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["highpass", "lowpass"])
+@pytest.mark.parametrize("filter_type", ["highpass", "lowpass"])
 @pytest.mark.parametrize(("corner", "corners"), [(0.05, 4), (2.0, 4), (49.0, 10), (0.001, 1)])
-def test_filter_does_not_depend_on_zero_padding(kind, corner, corners):
+def test_filter_does_not_depend_on_zero_padding(filter_type, corner, corners):
     """The filter treats the motion as zero outside its samples, for any number of zeros that the
     record contains."""
-    alone = process(noise(), **{kind: corner}, filter_order=corners).acceleration
+    alone = process(noise(), **{filter_type: corner}, filter_order=corners).acceleration
     padded = process(
-        noise(), pad=(20.0, 500.0), **{kind: corner}, filter_order=corners
+        noise(), pad=(20.0, 500.0), **{filter_type: corner}, filter_order=corners
     ).acceleration
     np.testing.assert_allclose(alone, padded[2000:4000], atol=1e-10 * np.max(np.abs(alone)))
 

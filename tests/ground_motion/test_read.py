@@ -282,10 +282,10 @@ class TestOwnPlugins:
                 self.load = lambda: function
 
         def read_format(file):
-            words = file.read().decode().split()
-            if len(words) < 2:
+            entries = file.read().decode().split()
+            if len(entries) < 2:
                 raise RecordError("names no unit")
-            return [trace(wave(), tdint_units=words[1])]
+            return [trace(wave(), tdint_units=entries[1])]
 
         own = contents.Plugin("OWN", Entry(lambda file: file.read(3) == b"OWN"), Entry(read_format))
         monkeypatch.setattr(contents, "plugins", lambda: iter([own]))

@@ -157,21 +157,21 @@ class TestSamples:
 class TestCutOff:
     @pytest.mark.parametrize("length", [256, 4096])
     def test_miniseed_truncated_within_record_is_refused(self, tmp_path, length):
-        whole = write(
+        complete = write(
             tmp_path / "a", trace(wave(800)), encoding="FLOAT64", reclen=length
         ).read_bytes()
-        for size in range(len(whole) - 1, 0, -203):
+        for size in range(len(complete) - 1, 0, -203):
             if size % length:
-                refused(whole[:size], "corrupt|unknown format")
-        (tmp_path / "cut").write_bytes(whole[:length])
+                refused(complete[:size], "corrupt|unknown format")
+        (tmp_path / "cut").write_bytes(complete[:length])
         assert read_record(tmp_path / "cut").acceleration.size < 800
 
     @pytest.mark.parametrize("name", ["SAC", "GSE2", "SLIST", "TSPAIR"])
     def test_other_truncated_formats_are_refused(self, tmp_path, name):
         data = counts(300).astype(np.int32 if name == "GSE2" else np.float32)
-        whole = write(tmp_path / "a", trace(data), format=name).read_bytes()
+        complete = write(tmp_path / "a", trace(data), format=name).read_bytes()
         for part in (0.3, 0.6, 0.9, 0.97):
-            (tmp_path / "cut").write_bytes(whole[: int(part * len(whole))])
+            (tmp_path / "cut").write_bytes(complete[: int(part * len(complete))])
             refused(tmp_path / "cut", "corrupt|unknown format", units="1 gal")
 
     def test_station_code_with_dot_is_read(self, tmp_path):
@@ -214,11 +214,11 @@ def test_time_gap_below_sampling_interval_is_noted(tmp_path, slip, noted):
         write(tmp_path / "x.mseed", *pieces, encoding="FLOAT64"), units="m/s^2"
     )
     assert record.acceleration.size == 2000
-    told = [text for text in record.notes if "overlap" in text]
-    assert len(told) == noted
+    notes = [text for text in record.notes if "overlap" in text]
+    assert len(notes) == noted
     if noted:
         count = "1 time gap or overlap" if abs(0.6 * slip) < 0.001 else "2 time gaps or overlaps"
         assert (
             f"{count} between the records of XX.ABC.00.HNE, each at most half a sampling interval "
             f"(largest: {1e3 * slip:+.3g} ms "
-        ) in told[0]
+        ) in notes[0]

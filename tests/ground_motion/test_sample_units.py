@@ -37,15 +37,15 @@ def suite(tmp_path: Path) -> dict[str, Path]:
     "units", [UNITS, "SAC=g,*.mseed=m/s^2", "*.mseed=m/s^2, sac = g", "in/*.sac=g,in/b.mseed=m/s^2"]
 )
 def test_units_by_format_and_path(suite, units) -> None:
-    of_each = {name: read_record(suite[name], units=units) for name in ("sac", "mseed", "stated")}
-    assert {name: record.units_from for name, record in of_each.items()} == {
+    records = {name: read_record(suite[name], units=units) for name in ("sac", "mseed", "stated")}
+    assert {name: record.units_from for name, record in records.items()} == {
         "sac": "given",
         "mseed": "given",
         "stated": "file",
     }
-    assert of_each["sac"].pga == pytest.approx(3.0 * STANDARD_GRAVITY)
-    assert of_each["mseed"].pga == 3.0
-    assert of_each["stated"].pga == pytest.approx(0.03)
+    assert records["sac"].pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+    assert records["mseed"].pga == 3.0
+    assert records["stated"].pga == pytest.approx(0.03)
 
 
 def test_first_matching_entry_is_used(suite) -> None:

@@ -61,11 +61,11 @@ class TestStep:
         ]
         np.testing.assert_allclose(records[2].acceleration, 0.01 * COLUMNS[2], rtol=1e-15)
         # The samples of one motion may also have this layout.
-        told = (
+        message = (
             "each of 3 columns without names is read as a separate ground motion; if the lines "
             "continue"
         )
-        assert all(any(note.startswith(told) for note in record.notes) for record in records)
+        assert all(any(note.startswith(message) for note in record.notes) for record in records)
         timed = read(file, table([], 0.02 * np.arange(60), *COLUMNS[:2], separator=" "), "gal")
         named = read(file, table(["N,E,Z"], *COLUMNS), "gal", step=0.02)
         assert not any(
@@ -259,12 +259,12 @@ def test_missing_part_of_table_is_reported(file, layout):
 
 def test_layout_is_refused_for_other_formats(file):
     for name in sorted(set(SAMPLES) - {"TEXT"}):
-        for given in ({"column": "2"}, {"skip_lines": 1}):
+        for layout in ({"column": "2"}, {"skip_lines": 1}):
             fails(
                 f"cannot be used with the file format {name}; it applies",
                 file,
                 SAMPLES[name][0](),
-                **given,
+                **layout,
             )
 
 

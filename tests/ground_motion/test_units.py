@@ -135,7 +135,7 @@ class TestCounts:
 
 class TestHeaders:
     @pytest.mark.parametrize(
-        ("stated", "given", "message"),
+        ("stated", "specified", "message"),
         [
             ("COUNTS", None, "counts of a recorder"),
             ("CM/S**2", "g", r"states its units \(CM/S\*\*2\), but g is specified"),
@@ -143,23 +143,23 @@ class TestHeaders:
             ("CM/S", "cm/s^2", "is specified"),
         ],
     )
-    def test_contradicting_units_are_refused(self, tmp_path, stated, given, message):
+    def test_contradicting_units_are_refused(self, tmp_path, stated, specified, message):
         refused(
             write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST"),
             message,
-            units=given,
+            units=specified,
         )
 
     @pytest.mark.parametrize(
-        ("stated", "given", "pga"), [("COUNTS", "1 m/s^2", 3.0), ("CM/S**2", "gal", 0.03)]
+        ("stated", "specified", "pga"), [("COUNTS", "1 m/s^2", 3.0), ("CM/S**2", "gal", 0.03)]
     )
-    def test_agreeing_units_are_accepted(self, tmp_path, stated, given, pga):
+    def test_agreeing_units_are_accepted(self, tmp_path, stated, specified, pga):
         path = write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST")
-        assert read_record(path, units=given).pga == pytest.approx(pga)
+        assert read_record(path, units=specified).pga == pytest.approx(pga)
 
     # LEVEN is false, or IFTYPE is a spectrum; ObsPy does not write these header words.
     @pytest.mark.parametrize(
-        ("header", "words", "message"),
+        ("header", "header_words", "message"),
         [
             ({"idep": 7}, {}, "a velocity"),
             ({"idep": 6}, {}, "a displacement"),
@@ -167,10 +167,10 @@ class TestHeaders:
             ({}, {85: 2}, "not an evenly sampled"),
         ],
     )
-    def test_sac_of_other_quantity_is_refused(self, tmp_path, header, words, message):
+    def test_sac_of_other_quantity_is_refused(self, tmp_path, header, header_words, message):
         path = write(tmp_path / "a", trace(wave(), sac=header), format="SAC", byteorder="<")
         data = bytearray(path.read_bytes())
-        for word, value in words.items():
+        for word, value in header_words.items():
             data[4 * word : 4 * word + 4] = value.to_bytes(4, "little")
         path.write_bytes(data)
         refused(path, message)

@@ -66,8 +66,8 @@ def test_declared_dimensions_of_parameters_are_correct(name):
     parameters = LAWS[name].parameters
     assert len(parameters) == len(LAW_CASES[name])
     scaled = [
-        value * by_force**one.force * by_length**one.length
-        for one, value in zip(parameters, LAW_CASES[name], strict=True)
+        value * by_force**parameter.force * by_length**parameter.length
+        for parameter, value in zip(parameters, LAW_CASES[name], strict=True)
     ]
     other = law_table(name, *scaled)
     other[rows.STIFFNESS, 0] *= by_force / by_length
@@ -212,7 +212,7 @@ def test_branch_shortcut_changes_no_bit(name, monkeypatch):
     looking_at, walked = tables
     looking_at[rows.LAW_STATE_ROWS : rows.ADDRESS] = 1e3  # any earlier content of the trial blocks
     generator = np.random.default_rng(len(name))
-    drift, borrowed, of_a_block, of_its_own = 0.0, 0, 0, 0
+    drift, borrowed, from_block, own = 0.0, 0, 0, 0
     for part in np.linspace(0.0, 1.0, 500):
         restoring_force_outlined = (0.5 + 8.0 * part) * FY / K
         for _ in range(generator.integers(1, 4)):
@@ -232,8 +232,8 @@ def test_branch_shortcut_changes_no_bit(name, monkeypatch):
             rows.FIRST_TRIAL + rows.BRANCH_OFFSET : rows.ADDRESS : rows.LAW_STATE_ROWS, 0
         ][: drifts.size]
         borrowed += np.count_nonzero(loans)
-        of_its_own += np.count_nonzero(loans == 0.0)
-        of_a_block += np.count_nonzero(loans[1:] == -rows.LAW_STATE_ROWS)
+        own += np.count_nonzero(loans == 0.0)
+        from_block += np.count_nonzero(loans[1:] == -rows.LAW_STATE_ROWS)
         for functions, law_state in ((looking, looking_at), (plain, walked)):
             trial = drifts.size * rows.LAW_STATE_ROWS
             functions.keep(law_parameters, law_state, 0, trial - rows.LAW_STATE_ROWS, trial)
@@ -246,7 +246,7 @@ def test_branch_shortcut_changes_no_bit(name, monkeypatch):
             looking_at[rows.EXTRA_ROWS :][: law.extra_rows],
             walked[rows.EXTRA_ROWS :][: law.extra_rows],
         )
-    assert min(borrowed, of_its_own) > 50 and of_a_block > 10
+    assert min(borrowed, own) > 50 and from_block > 10
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -79,13 +79,15 @@ def test_kernel_is_compiled_once_and_loaded_without_compiler(small):
     """If two processes need the kernel at the same time, one compiles it, and the other waits or
     loads the completed file."""
     running = [started(CALL, small, TDINT_CACHE_DIR=str(small / "cache")) for _ in range(2)]
-    said = [printed(process).splitlines() for process in running]
-    assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in said)
-    (told,) = (line for lines in said for line in lines if line.startswith("compiling"))
-    assert told.startswith("compiling 1 time loop for this machine (about 5 s): small; stored in ")
+    outputs = [printed(process).splitlines() for process in running]
+    assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in outputs)
+    (message,) = (line for lines in outputs for line in lines if line.startswith("compiling"))
+    assert message.startswith(
+        "compiling 1 time loop for this machine (about 5 s): small; stored in "
+    )
     (file,) = (small / "cache").rglob("*.object")
-    whole = file.read_bytes()
-    code, about = unpack(whole)
+    content = file.read_bytes()
+    code, about = unpack(content)
     assert code[1:4] == b"ELF" or sys.platform != "linux"
     assert about["kernel"] == "small:scaled"
     assert not list((small / "cache").rglob("*.part"))
@@ -130,10 +132,13 @@ def test_unwritable_cache_is_tolerated_and_truncated_object_is_recompiled(
     monkeypatch.setattr("tdint.kernels.building.process.run_all", run_all)
     caplog.set_level("INFO", "tdint")
     (cache / "file").write_text("")
-    for place, said in ((cache / "file", "not stored: "), (cache / "folder", "; stored in ")):
-        monkeypatch.setenv("TDINT_CACHE_DIR", str(place))
+    for directory, message in (
+        (cache / "file", "not stored: "),
+        (cache / "folder", "; stored in "),
+    ):
+        monkeypatch.setenv("TDINT_CACHE_DIR", str(directory))
         assert computed() == 24.0
-        assert said in caplog.messages[-1]
+        assert message in caplog.messages[-1]
     (file,) = (cache / "folder").rglob("*.object")
     file.write_bytes(made.read_bytes()[:-100])
     assert computed() == computed() == 24.0
@@ -257,11 +262,11 @@ def test_compilation_is_reproducible(tmp_path):
     """The object file does not depend on the location of the sources, the order of compilation and
     the hash seed of Python, and contains no path."""
     running, objects = [], []
-    for place, seed, names in (
+    for directory, seed, names in (
         ("a", "1", ("first", "second")),
         ("b/deeper", "2", ("second", "first")),
     ):
-        folder = tmp_path / place
+        folder = tmp_path / directory
         folder.mkdir(parents=True)
         (folder / "two.py").write_text(TWO)
         setting = {"TDINT_CACHE_DIR": str(folder / "cache"), "PYTHONHASHSEED": seed}
@@ -447,11 +452,11 @@ def test_prebuilt_objects_are_used_last(cache, monkeypatch):
 
 def test_missing_loop_without_compiler_is_reported(cache, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, package=None: None)
-    said = (
+    message = (
         "small_kernel:scaled: compiled time loops are not included in this installation; "
         "install numba to compile them"
     )
-    with pytest.raises(AnalysisError, match=said):
+    with pytest.raises(AnalysisError, match=message):
         _ = Kernel(scaled.function, scaled.signature, ()).compiled
 
 
@@ -494,15 +499,15 @@ def test_misspelled_name_is_reported_with_line():
         name="tdint.kernels.stories.law_state:follow", function=follow.function, parts=()
     )
     head = "Failed in nopython mode pipeline"
-    said = Compilation(kernel, EVERYTHING, {}).reason(
+    message = Compilation(kernel, EVERYTHING, {}).reason(
         [head, "of a caller", head, "NameError: name 'drifts' is not defined"]
     )
-    place, line, reason = said.split(":", 2)
-    assert (Path(place).name, reason) == (
+    path, line, reason = message.split(":", 2)
+    assert (Path(path).name, reason) == (
         "law_state.py",
         " NameError: name 'drifts' is not defined",
     )
-    assert "drifts" in Path(place).read_text().splitlines()[int(line) - 1]
+    assert "drifts" in Path(path).read_text().splitlines()[int(line) - 1]
 
 
 def test_compilation_message_lists_loops_and_duration(monkeypatch):
@@ -512,25 +517,25 @@ def test_compilation_message_lists_loops_and_duration(monkeypatch):
     def kernel(name, *parts):
         return SimpleNamespace(name=f"tdint.kernels.{name}:march", parts=parts)
 
-    one, two = Variant(("bilinear",)), Variant(("bilinear", "gap"))
+    bilinear, bilinear_and_gap = Variant(("bilinear",)), Variant(("bilinear", "gap"))
     shown = [
         building_module._label((kernel("a.b", "laws"), variant))
-        for variant in (one, two, EVERYTHING)
+        for variant in (bilinear, bilinear_and_gap, EVERYTHING)
     ]
     assert shown == ["b (bilinear)", "b (bilinear, gap)", "b (all laws)"]
-    assert building_module._label((kernel("a.c"), two)) == "c"
+    assert building_module._label((kernel("a.c"), bilinear_and_gap)) == "c"
     monkeypatch.setattr(building_module, "processors", lambda: 2)
     alone = [
         building_module.duration([(kernel("b", "laws"), variant)])
-        for variant in (one, two, EVERYTHING)
+        for variant in (bilinear, bilinear_and_gap, EVERYTHING)
     ]
     assert alone == sorted(alone) and len(set(alone)) == 3
     many = Variant(("bilinear", "gap", "imk", "tanh"))
     assert building_module.duration([(kernel("b", "laws"), many)]) == alone[2]
     assert building_module.duration([(kernel("b"), EVERYTHING)]) == alone[0]
-    assert building_module.duration([(kernel("b", "laws"), two)] * 8) == 4 * alone[1]
+    assert building_module.duration([(kernel("b", "laws"), bilinear_and_gap)] * 8) == 4 * alone[1]
     assert (
-        building_module.duration([(kernel("b", "laws"), EVERYTHING), (kernel("b"), one)])
+        building_module.duration([(kernel("b", "laws"), EVERYTHING), (kernel("b"), bilinear)])
         == alone[2]
     )
 

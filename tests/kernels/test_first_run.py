@@ -95,7 +95,7 @@ def test_interpreted_division_by_zero_gives_infinity():
 
 
 @pytest.fixture
-def of_user(tmp_path, monkeypatch):
+def background_processes(tmp_path, monkeypatch):
     """The environment of a user with an empty cache; programs that were started."""
     for name in ("CI", "TDINT_KERNELS", "TDINT_COMPILE", "TDINT_KERNELS_DIR"):
         monkeypatch.delenv(name, raising=False)
@@ -117,37 +117,37 @@ def begun(model="ten-story", method="impulse4", steps=1000):
     return run_interpreted(prepared, [parse(method)], steps)
 
 
-def test_only_short_run_is_interpreted(of_user):
+def test_only_short_run_is_interpreted(background_processes):
     """The limit is 180 000 steps times floors including the ground; ten stories have eleven."""
-    assert begun(steps=180_000 // 11) and len(of_user) == 1
+    assert begun(steps=180_000 // 11) and len(background_processes) == 1
     assert not begun(steps=180_000 // 11 + 1)
     assert not begun("fluid-dampers", steps=1)
-    assert len(of_user) == 1
+    assert len(background_processes) == 1
 
 
 @pytest.mark.parametrize(
     "name, value",
     [("CI", "true"), ("TDINT_COMPILE", "wait"), ("SLURM_JOB_ID", "7"), ("TDINT_KERNELS", "whole")],
 )
-def test_environment_prevents_interpretation(of_user, monkeypatch, name, value):
+def test_environment_prevents_interpretation(background_processes, monkeypatch, name, value):
     assert begun()
     monkeypatch.setenv(name, value)
     assert not begun()
 
 
-def test_only_one_background_process_compiles(of_user, tmp_path, monkeypatch, caplog):
+def test_only_one_background_process_compiles(background_processes, tmp_path, monkeypatch, caplog):
     caplog.set_level("INFO", "tdint")
     monkeypatch.setenv("TDINT_COMPILE", "never")
-    assert begun() and not of_user
+    assert begun() and not background_processes
     monkeypatch.delenv("TDINT_COMPILE")
     with (store.writable() / ".lock-beside").open("a") as stream:
         assert tdint.system.lock(stream.fileno())
-        assert begun() and not of_user
-    assert begun() and len(of_user) == 1
+        assert begun() and not background_processes
+    assert begun() and len(background_processes) == 1
     assert [line.count("TDINT_COMPILE=wait") for line in caplog.messages] == [0, 1, 1]
 
 
-def test_run_continues_if_no_process_can_be_started(of_user, monkeypatch, caplog):
+def test_run_continues_if_no_process_can_be_started(background_processes, monkeypatch, caplog):
     """Under `ulimit -u` and in containers with a limit; the note does not promise what fails."""
     caplog.set_level("INFO", "tdint")
 
@@ -161,10 +161,10 @@ def test_run_continues_if_no_process_can_be_started(of_user, monkeypatch, caplog
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes of POSIX")
-def test_pipe_instead_of_lock_does_not_block_run(of_user, caplog):
+def test_pipe_instead_of_lock_does_not_block_run(background_processes, caplog):
     caplog.set_level("INFO", "tdint")
     os.mkfifo(store.writable() / ".lock-beside")
-    assert begun() and not of_user
+    assert begun() and not background_processes
     assert (
         "process that compiles them cannot be started" in caplog.text
         and "is not a file" in caplog.text
@@ -192,7 +192,7 @@ def test_compiler_is_ended_if_no_thread_can_be_started(monkeypatch, first):
     with pytest.raises(AnalysisError, match="no process or thread can be started") as caught:
         list(process.run_all(process.compilations([(kernel, variant, target.NATIVE)])))
     assert "ulimit -u" in str(caught.value)
-    assert [one.wait(30) != 0 for one in compilers] == ([] if first else [True])
+    assert [compiler.wait(30) != 0 for compiler in compilers] == ([] if first else [True])
 
 
 def loops_of(model):
@@ -233,8 +233,10 @@ def test_first_run_succeeds_in_every_environment(tmp_path, way, cache):
             stdin=subprocess.DEVNULL,
             timeout=300,
         )
-        said = (tmp_path / "said").read_text() if (tmp_path / "said").exists() else ""
-        assert ended.returncode == 0 and "Traceback" not in said and "Error" not in said, said
+        messages = (tmp_path / "said").read_text() if (tmp_path / "said").exists() else ""
+        assert ended.returncode == 0 and "Traceback" not in messages and "Error" not in messages, (
+            messages
+        )
         compiled = tdint.run(tmp_path / "model.yaml").stories.peak_drift[0]
         (row,) = rows(tmp_path / "out" / "stories.csv")
         assert float(row["peak_drift_m"]) == pytest.approx(compiled, rel=1e-8)
@@ -255,16 +257,24 @@ def end_what_is_marked(mark):
 @pytest.mark.slow
 def test_second_run_is_compiled(tmp_path):
     shutil.copy(CONFIGS / "hardening.yaml", model := tmp_path / "model.yaml")
-    cache, said = tmp_path / "cache", []
+    cache, is_interpreted = tmp_path / "cache", []
     for _ in range(2):
         process = subprocess.run(
-            [sys.executable, "-m", "tdint_cli", "run", model, "-o", tmp_path / str(len(said))],
+            [
+                sys.executable,
+                "-m",
+                "tdint_cli",
+                "run",
+                model,
+                "-o",
+                tmp_path / str(len(is_interpreted)),
+            ],
             env=environment(cache),
             capture_output=True,
             text=True,
         )
         assert process.returncode == 0, process.stderr
-        said.append("TDINT_COMPILE=wait" in process.stderr)
+        is_interpreted.append("TDINT_COMPILE=wait" in process.stderr)
         # The background process holds the lock from its start until the last object is stored.
         deadline = time.monotonic() + 300.0
         while not list(cache.rglob("*.object")) and time.monotonic() < deadline:
@@ -272,4 +282,4 @@ def test_second_run_is_compiled(tmp_path):
         with next(cache.rglob(".lock-beside")).open("a") as stream:
             while not tdint.system.lock(stream.fileno()) and time.monotonic() < deadline:
                 time.sleep(1.0)
-    assert said == [True, False]
+    assert is_interpreted == [True, False]

@@ -80,9 +80,9 @@ def test_object_requires_only_mathematical_library(objects, name):
     assert code.startswith(MAGIC[target.platform])
     about = {"kernel": "weighed", "target": target.text, "platform": target.platform}
     checks().check(code, about)
-    left, kinds = checks().undefined_symbols(code, target.platform)
+    left, relocations = checks().undefined_symbols(code, target.platform)
     assert {"exp", "tanh", "pow"} <= left
-    assert kinds
+    assert relocations
     assert not any("chkstk" in symbol for symbol in left)
 
 
@@ -111,9 +111,9 @@ def test_object_with_unknown_symbols_is_refused(monkeypatch, objects):
 def test_object_of_other_system_gives_same_result(compiled, objects, system):
     """The object is called with the calling convention of the other system and with functions of
     the library of this machine."""
-    given = pickle.dumps((compiled[0][0], objects[f"{system}-x86-64-v2"][0], compiled[1]))
+    data = pickle.dumps((compiled[0][0], objects[f"{system}-x86-64-v2"][0], compiled[1]))
     command = [sys.executable, TESTS / "small_foreign_kernel.py", system]
-    done = subprocess.run(command, input=given, capture_output=True, timeout=300)
+    done = subprocess.run(command, input=data, capture_output=True, timeout=300)
     assert done.returncode == 0, done.stderr.decode()
     here, there = map(float, done.stdout.split())
     assert here == there
@@ -155,4 +155,4 @@ def test_processor_loads_only_objects_of_its_family(monkeypatch, triple, familie
     monkeypatch.setattr(target.llvm, "get_host_cpu_features", lambda: features)
     own, *others = target.runnable.__wrapped__()
     assert own == target.native()
-    assert {one.cpu for one in others} == families
+    assert {other.cpu for other in others} == families

@@ -79,20 +79,20 @@ def test_ground_acceleration_is_interpolated_between_samples(per_sample, stride)
 def test_internal_forces_agree_with_dense_matrices():
     """C v + K u with the matrices of `matrices`, which include P-delta, a dashpot and Rayleigh
     damping; the story forces balance the internal forces of the floors above."""
-    given = building(RAYLEIGH)
-    _, damping, stiffness = matrices(given)
-    assembled = assemble(given)
+    damped_model = building(RAYLEIGH)
+    _, damping, stiffness = matrices(damped_model)
+    assembled = assemble(damped_model)
     random = np.random.default_rng(67)
     u, v = 0.01 * random.normal(size=4), random.normal(size=4)
     drift = np.diff(u, prepend=0.0)
     law_state, scratch = np.zeros((rows.LAW_STATE_ROWS, 5)), np.zeros((3, 5))
     law_state[rows.DRIFT, :4] = drift
-    law_state[rows.FORCE, :4] = drift * [story.stiffness for story in given.stories]
+    law_state[rows.FORCE, :4] = drift * [story.stiffness for story in damped_model.stories]
     scratch[0, :4] = v
     internal_forces(assembled.linear_terms, assembled.modal, law_state, 0, scratch, 0, 1, 2)
     expected = damping @ v + stiffness @ u
     assert scratch[1, :4] == pytest.approx(expected, rel=1e-12)
-    to_ground = RAYLEIGH.mass * np.array([story.mass for story in given.stories]) * v
+    to_ground = RAYLEIGH.mass * np.array([story.mass for story in damped_model.stories]) * v
     above = np.cumsum((expected - to_ground)[::-1])[::-1]
     assert scratch[2, :4] == pytest.approx(above, rel=1e-10)
 
@@ -109,8 +109,9 @@ def test_floor_forces_are_interpolated_at_ends_and_quarters_of_step():
         for s in (0.0, 0.25, 0.75, 1.0):
             time = t - h + s * h
             expected = sum(
-                one.cosine * math.cos(one.omega * time) + one.sine * math.sin(one.omega * time)
-                for one in forces[:count]
+                force.cosine * math.cos(force.omega * time)
+                + force.sine * math.sin(force.omega * time)
+                for force in forces[:count]
             )
             found = a0 + (a1 - a0) * s + s * (1.0 - s) * (bulge + tilt * (1.0 - 2.0 * s))
             assert found == pytest.approx(expected, rel=1e-12)
@@ -305,8 +306,8 @@ def transition(by_u, by_v, h):
     system[0, 1], system[1] = 1.0, (-by_u, -by_v, -1.0, 0.0)
     system[2, 3] = 1.0
     step = expm(system * h)
-    of_start, of_slope = step[:2, 2], step[:2, 3] / h
-    return step[:2, :2], -np.column_stack([of_start - of_slope, of_slope])
+    start_value, slope = step[:2, 2], step[:2, 3] / h
+    return step[:2, :2], -np.column_stack([start_value - slope, slope])
 
 
 @pytest.mark.parametrize("components", [1, 2])
@@ -327,7 +328,7 @@ def test_extremes_of_oscillators_agree_with_fine_steps(components):
         count = int(parts[i]) * fine
         a, b = transition(by_u[i], by_v[i], dt / count)
         times = np.arange(59 * count + 1) * dt / count
-        ground = np.array([np.interp(times, dt * np.arange(60), one) for one in samples])
+        ground = np.array([np.interp(times, dt * np.arange(60), entry) for entry in samples])
         state, motion = np.zeros((2, components)), [np.zeros(components)]
         for k in range(times.size - 1):
             state = a @ state - b @ ground[:, k : k + 2].T
@@ -340,8 +341,8 @@ def test_extremes_of_oscillators_agree_with_fine_steps(components):
     capacity = 200
     stored, largest = np.zeros((2 + components, capacity)), np.zeros((2, 2))
     kernel = extremes.extremes if components == 1 else extremes.radii
-    given = samples[0] if components == 1 else samples
-    count = kernel.compiled(given, dt, parts, oscillators, level, stored, largest)
+    kernel_input = samples[0] if components == 1 else samples
+    count = kernel.compiled(kernel_input, dt, parts, oscillators, level, stored, largest)
     found = [
         (
             stored[extremes.OSCILLATOR, k],
@@ -352,11 +353,11 @@ def test_extremes_of_oscillators_agree_with_fine_steps(components):
     ]
     assert count == len(expected) > 10
     owners, times, sizes = np.transpose(found)
-    assert owners.tolist() == [one[0] for one in expected]
+    assert owners.tolist() == [entry[0] for entry in expected]
     # The time of the maximum radius is interpolated linearly in steps of up to dt / 4.
     close = dt / 200.0 if components == 1 else dt / 25.0
-    assert times == pytest.approx([one[1] for one in expected], abs=close)
-    assert sizes == pytest.approx([one[2] for one in expected], rel=1e-4)
+    assert times == pytest.approx([entry[1] for entry in expected], abs=close)
+    assert sizes == pytest.approx([entry[2] for entry in expected], rel=1e-4)
     for i in range(2):
         assert largest[0, i] == pytest.approx(np.max(sizes[owners == i]), rel=1e-14)
         assert sizes[int(largest[1, i])] == pytest.approx(largest[0, i], rel=1e-14)

@@ -200,8 +200,10 @@ def test_trial_rows_do_not_affect_results(journey):
         clean, dirty = state.copy(), state.copy()
         clean[rows.LAW_STATE_ROWS : rows.ADDRESS] = 0.0
         dirty[rows.LAW_STATE_ROWS : rows.ADDRESS] = 1e3
-        one, other = (results(law_parameters, table, rise, bend) for table in (clean, dirty))
-        assert np.array_equal(one, other)
+        clean_results, dirty_results = (
+            results(law_parameters, table, rise, bend) for table in (clean, dirty)
+        )
+        assert np.array_equal(clean_results, dirty_results)
         for row in (rows.DRIFT, rows.FORCE, rows.DISSIPATED):
             assert clean[row, 0] == dirty[row, 0]
 

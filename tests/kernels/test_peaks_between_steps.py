@@ -61,16 +61,20 @@ def scene(seed):
     ends[rows.PEAK_ACCELERATION] = np.maximum(
         abs(state[rows.ACCELERATION] + ground[1]), abs(old[2] + ground[0])
     )[:STORIES]
-    for a, rate, one in (
+    for a, rate, ground_acceleration in (
         (old[2], old[1], ground[0]),
         (state[rows.ACCELERATION], state[rows.VELOCITY], ground[1]),
     ):
-        moved = np.cumsum((linear_terms[rows.MASS] * (a + one))[:STORIES][::-1])[::-1]
+        moved = np.cumsum((linear_terms[rows.MASS] * (a + ground_acceleration))[:STORIES][::-1])[
+            ::-1
+        ]
         ends[rows.PEAK_TOTAL_SHEAR] = np.maximum(ends[rows.PEAK_TOTAL_SHEAR], abs(moved))
         rates = abs(np.diff(rate[:STORIES], prepend=0.0))
         ends[rows.PEAK_DRIFT_RATE] = np.maximum(ends[rows.PEAK_DRIFT_RATE], rates)
     peaks = np.vstack([ends * generator.uniform(1.0, 1.5, ends.shape), np.zeros_like(ends)])
-    on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
+    on_path, fast = (
+        bool(ground_acceleration) for ground_acceleration in generator.integers(0, 2, 2)
+    )
     turns = np.zeros((1, STORIES + 1))
     return arguments(
         Span(0.0, h, *ground, on_path, fast, False),
@@ -153,10 +157,10 @@ def test_test_motions_raise_every_peak():
         before, after = scene(seed), scene(seed)
         find_interstep_peaks(*after)
         raised |= np.any(after[-2] > before[-2], axis=1)
-    of_stories = [
+    story_rows = [
         row for row in range(2 * rows.PEAK_ROWS) if row % rows.PEAK_ROWS != rows.PEAK_SHEAR
     ]  # that is raised by the laws
-    assert raised[of_stories].all()
+    assert raised[story_rows].all()
 
 
 def errors(h):

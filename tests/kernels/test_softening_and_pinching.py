@@ -99,13 +99,19 @@ class ImkCurves:
     def __init__(self, positive, negative, deterioration, exponent, pinching):
         self.sides = {1: dict(zip(["F", "p", "q", "c", "r", "u", "D"], positive, strict=True))}
         self.sides[-1] = dict(zip(["F", "p", "q", "c", "r", "u", "D"], negative, strict=True))
-        for one in self.sides.values():
-            one |= {
-                "rise": (one["c"] - 1.0) * one["F"] / one["p"],
-                "fall": -one["c"] * one["F"] / one["q"],
+        for values in self.sides.values():
+            values |= {
+                "rise": (values["c"] - 1.0) * values["F"] / values["p"],
+                "fall": -values["c"] * values["F"] / values["q"],
             }
-            one |= {"rest": one["r"] * one["F"], "far": one["F"], "peak": (one["F"], one["F"])}
-            one["start"] = one["c"] * one["F"] - one["fall"] * (one["F"] + one["p"])
+            values |= {
+                "rest": values["r"] * values["F"],
+                "far": values["F"],
+                "peak": (values["F"], values["F"]),
+            }
+            values["start"] = values["c"] * values["F"] - values["fall"] * (
+                values["F"] + values["p"]
+            )
         self.capacity, self.exponent, self.pinching = deterioration, exponent, pinching
         self.x = self.f = self.work = self.at_zero = 0.0
         self.slope, self.pinch = 1.0, None
@@ -113,10 +119,13 @@ class ImkCurves:
         self.polygon = []
 
     def backbone(self, side, x):
-        one = self.sides[side]
+        values = self.sides[side]
         return max(
-            min(one["F"] + one["rise"] * (x - one["F"]), one["start"] + one["fall"] * x),
-            one["rest"],
+            min(
+                values["F"] + values["rise"] * (x - values["F"]),
+                values["start"] + values["fall"] * x,
+            ),
+            values["rest"],
         )
 
     def beta(self, work, before):
@@ -128,11 +137,13 @@ class ImkCurves:
 
     def draw(self, side, here, *points):
         """From here over some points and the farthest one along the backbone."""
-        one = self.sides[side]
-        far = one["far"]
-        cap = (one["start"] - one["F"] + one["rise"] * one["F"]) / (one["rise"] - one["fall"])
-        rest = (one["rest"] - one["start"]) / one["fall"]
-        bends = [x for x in (cap, rest, one["u"]) if x > far]
+        values = self.sides[side]
+        far = values["far"]
+        cap = (values["start"] - values["F"] + values["rise"] * values["F"]) / (
+            values["rise"] - values["fall"]
+        )
+        residual_drift = (values["rest"] - values["start"]) / values["fall"]
+        bends = [x for x in (cap, residual_drift, values["u"]) if x > far]
         self.polygon = [here, *points, *((x, self.backbone(side, x)) for x in (far, *bends))]
         self.loading = side
 
@@ -146,15 +157,15 @@ class ImkCurves:
         return ()
 
     def cross(self, side):
-        one = self.sides[side]
+        values = self.sides[side]
         beta = self.beta(self.work - self.at_zero, self.work)
         self.at_zero = self.work
-        left = 1.0 - beta * one["D"]
-        one["F"] *= left
-        one["rise"] *= left
-        one["start"] *= left
-        one["far"] *= 1.0 + beta * one["D"]
-        far, z = one["far"], side * self.x
+        left = 1.0 - beta * values["D"]
+        values["F"] *= left
+        values["rise"] *= left
+        values["start"] *= left
+        values["far"] *= 1.0 + beta * values["D"]
+        far, z = values["far"], side * self.x
         force = self.backbone(side, far)
         x = (1.0 - self.pinching[1]) * (far - force / self.slope)
         self.pinch = (
@@ -167,8 +178,8 @@ class ImkCurves:
 
     def again(self, side):
         """Back at the last peak."""
-        one = self.sides[side]
-        peak, far = one["peak"], one["far"]
+        values = self.sides[side]
+        peak, far = values["peak"], values["far"]
         force = self.backbone(side, far)
         points = ()
         if self.pinch and peak[0] < self.pinch[0] < far and peak[1] < self.pinch[1] < force:
@@ -201,9 +212,9 @@ class ImkCurves:
             self.to(side * self.sides[side]["F"], side * self.sides[side]["F"])
             self.draw(side, (side * self.x, side * self.f))
         if self.loading == -side:
-            one = self.sides[-side]
-            one["peak"] = (-side * self.x, -side * self.f)
-            one["far"] = max(one["far"], -side * self.x)
+            values = self.sides[-side]
+            values["peak"] = (-side * self.x, -side * self.f)
+            values["far"] = max(values["far"], -side * self.x)
             stored = 0.5 * self.f**2 / self.slope
             self.slope *= 1.0 - self.beta(self.work - self.at_zero - stored, self.work - stored)
             self.loading = 0

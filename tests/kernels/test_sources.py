@@ -95,7 +95,12 @@ def file_of(module):
     """The source of a module of the package, None for another name."""
     path = PACKAGE.parent.joinpath(*module.split("."))
     return next(
-        (one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file()), None
+        (
+            candidate
+            for candidate in (path.with_suffix(".py"), path / "__init__.py")
+            if candidate.is_file()
+        ),
+        None,
     )
 
 
@@ -111,7 +116,9 @@ def test_imports_of_kernel_agree_with_parsed_imports(name):
         ):
             found.add(module)
             new += [
-                one for one in imported(file) if one.startswith(("tdint.kernels", "tdint.methods"))
+                name_of_import
+                for name_of_import in imported(file)
+                if name_of_import.startswith(("tdint.kernels", "tdint.methods"))
             ]
     assert set(sources.closure(MODULES[name])) == found | set(sources._COMPILING)
 

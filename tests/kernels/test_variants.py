@@ -60,13 +60,13 @@ def building(laws):
     return assemble(replace(model, stories=stories))
 
 
-def marched(prepared, method):
+def integrated(prepared, method):
     """Return all arrays of the workspace after a time integration."""
     ground = np.random.default_rng(1).normal(0.0, 4.0, 400)
     steps = choose_steps(None, None, 0.02, 0.02 * (ground.size - 1))
     result = prepared.integrate(parse(method), steps, ground, history_rows=steps.count)
     assert result.code == 0
-    return {one.name: getattr(result.space, one.name) for one in fields(result.space)}
+    return {array.name: getattr(result.space, array.name) for array in fields(result.space)}
 
 
 @pytest.mark.parametrize(("laws", "methods"), CASES)
@@ -74,17 +74,17 @@ def test_specific_variant_and_general_variant_agree_to_last_bit(laws, methods, m
     assembled = building(laws)
     variant = PreparedBuilding(assembled).variant
     # All loops are compiled at once, so that common loops are compiled only once.
-    wanted = [one for method in methods for one in kernels(parse(method), variant)]
+    wanted = [item for method in methods for item in kernels(parse(method), variant)]
     compile_ahead(wanted, ["native"], None, lambda done: None)
     for method in methods:
         own, everything = {}, {}
-        for whole, result in ((True, everything), (False, own)):
-            monkeypatch.setattr(compilable, "WHOLE", whole)
+        for is_general, result in ((True, everything), (False, own)):
+            monkeypatch.setattr(compilable, "WHOLE", is_general)
             # each kernel caches the required loop
             for kernel, _ in kernels(parse(method), EVERYTHING):
                 monkeypatch.setattr(kernel, "_required", {})
                 monkeypatch.setattr(kernel, "_last", (EVERYTHING, None))
-            result.update(marched(PreparedBuilding(assembled), method))
+            result.update(integrated(PreparedBuilding(assembled), method))
         step = parse(method).family.step
         assert {
             EVERYTHING,

@@ -225,8 +225,8 @@ def test_short_contact_within_step_is_located():
     building = model([story(1.0, k, Law("gap", (gap, stop)))], velocity=(v0,))
     rate = np.sqrt(v0**2 - (omega * gap) ** 2)  # at the stop
     fast = np.sqrt(k + stop)
-    rest = stop * gap / fast**2  # where the stop and the spring balance
-    touch = 2.0 * np.arctan2(rate / fast, gap - rest) / fast
+    equilibrium = stop * gap / fast**2  # where the stop and the spring balance
+    touch = 2.0 * np.arctan2(rate / fast, gap - equilibrium) / fast
     half = 2.0 * np.arcsin(omega * gap / v0) / omega + touch  # time from zero to the next zero
     time = 4.0 - half * np.floor(4.0 / half)
     into = np.arcsin(omega * gap / v0) / omega
@@ -257,9 +257,9 @@ def test_error_decreases_with_time_step_in_random_buildings():
     error with the next smaller step can be slightly more than twice as large. Repeated pounding is
     excluded, because no method can predict its course."""
     apart = [found for found in map(study, range(200)) if found.worst > 2.0]
-    told = [found.worst for found in apart if not found.chaotic]
-    assert len(apart) - len(told) <= 4
-    assert len(told) <= 2 and max(told, default=0.0) <= 3.0
+    ratios = [found.worst for found in apart if not found.chaotic]
+    assert len(apart) - len(ratios) <= 4
+    assert len(ratios) <= 2 and max(ratios, default=0.0) <= 3.0
 
 
 def test_rebound_between_stops_conserves_energy():

@@ -61,14 +61,15 @@ def test_yielding_building_converges_to_average_acceleration(
     solve per step."""
     runs = [run(ten_bilinear(), noise(), method=method, dt=0.01 / part) for part in parts]
     coarse, fine = (
-        np.max(np.abs(one.stories.peak_drift / average_acceleration - 1.0)) for one in runs
+        np.max(np.abs(response.stories.peak_drift / average_acceleration - 1.0))
+        for response in runs
     )
     assert fine < bound
     assert fine < coarse / 8.0
     assert runs[0].stories.ductility.max() > 2.0
     assert abs(runs[1].energy.error) < 0.1 * bound**0.5
     if method in ("chang", "cr", "kr-alpha"):
-        assert all(one.iterations == one.steps for one in runs)
+        assert all(response.iterations == response.steps for response in runs)
 
 
 @pytest.mark.parametrize(

@@ -34,15 +34,15 @@ def test_long_step_depends_only_on_impulse_and_moment_of_samples(method):
     for start in range(0, 400, 4):
         ripple[start : start + 5] += rng.normal() * np.array([0.0, 1.0, -2.0, 1.0, 0.0])
     rippled = replace(record, acceleration=record.acceleration + ripple)
-    one, other = (
+    plain, changed = (
         run(building_for(method), r, method=method, dt=4 * DT, history=True)
         for r in (record, rippled)
     )
-    scale = np.max(np.abs(one.history.displacement))
-    assert np.max(np.abs(one.history.displacement - other.history.displacement)) < 1e-9 * scale
+    scale = np.max(np.abs(plain.history.displacement))
+    assert np.max(np.abs(plain.history.displacement - changed.history.displacement)) < 1e-9 * scale
     assert (
-        np.max(np.abs(one.history.acceleration - other.history.acceleration))
-        < 1e-6 * one.record.pga
+        np.max(np.abs(plain.history.acceleration - changed.history.acceleration))
+        < 1e-6 * plain.record.pga
     )
 
 
@@ -186,5 +186,7 @@ def test_peaks_between_steps_are_of_order_of_moment4():
         "peak_velocity",
         "peak_absolute_acceleration",
     ):
-        errors = [np.max(np.abs(getattr(one, name) / getattr(fine, name) - 1.0)) for one in found]
+        errors = [
+            np.max(np.abs(getattr(stories, name) / getattr(fine, name) - 1.0)) for stories in found
+        ]
         assert np.min(np.log2(np.divide(errors[:-1], errors[1:]))) > 3.6, name

@@ -80,13 +80,14 @@ def test_amplification_matrix_equals_impulse4(rho_inf, xi):
 def test_histories_of_linear_buildings_equal_impulse4(rho_inf, case, damping):
     """The building has dashpots, P-delta and Rayleigh damping; it has a floor force if the load is
     linear or rho_inf is below 1."""
-    given = building(damping)
+    case_model = building(damping)
     if rho_inf == 1.0:
-        given = replace(given, excitation=replace(given.excitation, forces=()))
+        case_model = replace(case_model, excitation=replace(case_model.excitation, forces=()))
     record = noise(401) if case == "record" else None
     times = {} if record else {"dt": 0.01, "duration": 4.0}
     mine, other = (
-        run(given, record, method=method, history=True, **times).history for method in both(rho_inf)
+        run(case_model, record, method=method, history=True, **times).history
+        for method in both(rho_inf)
     )
     for quantity in ("displacement", "velocity", "acceleration", "shear"):
         assert close(getattr(mine, quantity), getattr(other, quantity))
@@ -143,9 +144,9 @@ def test_verdicts_equal_impulse4_except_for_nonlinear_laws(name, rho_inf):
         assert {trial.verdict for trial in mine} == {"pass"}
 
 
-def energies(given, method, h, duration):
+def energies(building_model, method, h, duration):
     """A free vibration's response and its kinetic and stored energy over that at the start."""
-    response = run(given, method=method, dt=h, duration=duration, history=True)
+    response = run(building_model, method=method, dt=h, duration=duration, history=True)
     parts = response.history.energy
     total = parts.kinetic + parts.strain
     return response, total / total[0]
@@ -159,11 +160,11 @@ def test_energy_of_random_conservative_buildings_is_constant(cases, seed):
     generator = np.random.default_rng(seed)
     halved = 0
     for number in range(cases):
-        given, period = random_building(generator, CONSERVATIVE)
+        building_model, period = random_building(generator, CONSERVATIVE)
         response, energy = energies(
-            given, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period
+            building_model, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period
         )
-        by_points = any(each.law.name == "tanh" for each in given.stories)
+        by_points = any(each.law.name == "tanh" for each in building_model.stories)
         assert np.max(np.abs(energy - 1.0)) < (1e-6 if by_points else 1e-8), number
         halved += response.substeps > 0
     assert halved <= 0.05 * cases
@@ -175,9 +176,9 @@ def test_energy_of_random_conservative_buildings_is_constant(cases, seed):
 def test_energy_of_random_yielding_buildings_does_not_increase(cases, seed):
     generator = np.random.default_rng(seed)
     for number in range(cases):
-        given, period = random_building(generator, HYSTERETIC)
+        building_model, period = random_building(generator, HYSTERETIC)
         response, energy = energies(
-            given, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period
+            building_model, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period
         )
         assert np.max(np.diff(energy)) <= 1e-12, number
         assert np.max(np.abs(response.history.energy.error)) <= 1e-10, number
@@ -186,10 +187,13 @@ def test_energy_of_random_yielding_buildings_does_not_increase(cases, seed):
 # ---- The balance of energy
 
 
-def damped(given):
+def damped(building_model):
     """Return the building with a power-law dashpot in each story."""
-    stories = [replace(one, power_dashpot=PowerDashpot(2e5, 0.35, 0.002)) for one in given.stories]
-    return replace(given, stories=tuple(stories))
+    stories = [
+        replace(story, power_dashpot=PowerDashpot(2e5, 0.35, 0.002))
+        for story in building_model.stories
+    ]
+    return replace(building_model, stories=tuple(stories))
 
 
 BALANCED = {
@@ -285,9 +289,9 @@ def test_fitted_line_has_impulse_and_moment_of_samples(begin, end):
     edges = (knots - middle) * values
     moment = np.sum(lengths / 6.0 * (edges[:-1] + 4.0 * (halves - middle) * halfway + edges[1:]))
     first, last = fitted_line(ground, begin, end)
-    whole = end - begin
-    assert 0.5 * whole * (first + last) == pytest.approx(impulse, abs=1e-14)
-    assert whole**2 / 12.0 * (last - first) == pytest.approx(moment, abs=1e-13)
+    duration = end - begin
+    assert 0.5 * duration * (first + last) == pytest.approx(impulse, abs=1e-14)
+    assert duration**2 / 12.0 * (last - first) == pytest.approx(moment, abs=1e-13)
 
 
 # ---- Ten yielding stories
@@ -332,12 +336,13 @@ def test_errors_for_ten_yielding_stories_with_long_steps(samples, allowed):
 def test_large_steps_of_yielding_building_converge(method, damping, halved):
     """A tenth to a quarter of the fundamental period of a yielding building, where Newton's plain
     iteration cycles."""
-    given = ten_bilinear(damping)
-    given = replace(
-        given, initial=replace(given.initial, displacement=tuple(0.05 * np.arange(1, 11)))
+    building_model = ten_bilinear(damping)
+    building_model = replace(
+        building_model,
+        initial=replace(building_model.initial, displacement=tuple(0.05 * np.arange(1, 11))),
     )
     for h in (0.1, 0.2):
-        response, energy = energies(given, method, h, 8.0)
+        response, energy = energies(building_model, method, h, 8.0)
         assert response.substeps <= halved
         assert method == "gauss4" or np.max(np.diff(energy)) <= 1e-12
 
@@ -348,8 +353,10 @@ def test_large_steps_of_yielding_building_converge(method, damping, halved):
 def turns_from_rest(monkeypatch, damping):
     """Stories that turn in ten steps from rest under a ramp of ground acceleration; the step as it
     is written."""
-    given = model([story(1e5, 4e7, Law("peak-oriented", (1e-9, 0.9, 0.3)))] * 2, damping=damping)
-    built = assemble(given)
+    building_model = model(
+        [story(1e5, 4e7, Law("peak-oriented", (1e-9, 0.9, 0.3)))] * 2, damping=damping
+    )
+    built = assemble(building_model)
     law_state = law_state_table(built.law_parameters)
     for i in range(2):
         enter(built.law_parameters, law_state, i)

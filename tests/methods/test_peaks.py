@@ -63,15 +63,15 @@ def buildings():
 def errors(building, record, method, parts, truth):
     """Yield the relative errors of the reported peaks and their limits for each quantity."""
     response = run(building, record, method=method, dt=record.dt / parts, history=True)
-    for one in QUANTITIES:
-        peak = getattr(truth.stories, f"peak_{one}")
+    for quantity in QUANTITIES:
+        peak = getattr(truth.stories, f"peak_{quantity}")
         history, exact = (
-            getattr(response.history, one.removeprefix("absolute_")),
-            getattr(truth.history, one.removeprefix("absolute_"))[:: FINE // parts],
+            getattr(response.history, quantity.removeprefix("absolute_")),
+            getattr(truth.history, quantity.removeprefix("absolute_"))[:: FINE // parts],
         )
         at_steps = np.abs(np.max(np.abs(history), axis=0) / peak - 1.0)
         own = np.max(np.abs(history - exact), axis=0) / peak
-        reported = np.abs(getattr(response.stories, f"peak_{one}") / peak - 1.0)
+        reported = np.abs(getattr(response.stories, f"peak_{quantity}") / peak - 1.0)
         yield reported, 1.1 * np.maximum(at_steps, own) + 1e-4
 
 
@@ -100,14 +100,16 @@ def test_peak_errors_of_linear_buildings_are_of_order_of_method(buildings, metho
     for building, record, truth in buildings[:2]:
         for column, parts in enumerate(pair):
             stories = run(building, record, method=method, dt=record.dt / parts).stories
-            for row, one in enumerate(QUANTITIES):
+            for row, quantity in enumerate(QUANTITIES):
                 found, exact = (
-                    getattr(stories, f"peak_{one}"),
-                    getattr(truth.stories, f"peak_{one}"),
+                    getattr(stories, f"peak_{quantity}"),
+                    getattr(truth.stories, f"peak_{quantity}"),
                 )
                 errors[row, column] += np.sum(np.abs(found / exact - 1.0))
     order = parse(method).order
-    expected = [min(order, 2 if one == "absolute_acceleration" else 4) for one in QUANTITIES]
+    expected = [
+        min(order, 2 if quantity == "absolute_acceleration" else 4) for quantity in QUANTITIES
+    ]
     observed = np.log2(errors[:, 0] / errors[:, 1]) / 2.0
     assert np.all((observed >= np.array(expected) - 0.5) | (errors[:, 1] <= 1e-7))
 
@@ -145,10 +147,10 @@ def test_reference_peaks_agree_with_dop853():
         )
         y, u, v = solved.y[:, -1], solved.y[:2], solved.y[2:]
         values = (np.diff(u, prepend=0.0, axis=0), u, v, absolute(u, v), forces(u))
-        peaks = np.maximum(peaks, [np.max(np.abs(one), axis=1) for one in values])
+        peaks = np.maximum(peaks, [np.max(np.abs(quantity), axis=1) for quantity in values])
     stories = run(building, record, method="impulse4", dt=record.dt / FINE).stories
-    for one, peak in zip(QUANTITIES, peaks, strict=True):
-        assert getattr(stories, f"peak_{one}") == pytest.approx(peak, rel=2e-5)
+    for quantity, peak in zip(QUANTITIES, peaks, strict=True):
+        assert getattr(stories, f"peak_{quantity}") == pytest.approx(peak, rel=2e-5)
 
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
@@ -188,8 +190,8 @@ def test_peaks_are_continuous_in_strength():
         peaks = []
         for part in (0.9795, 0.98):
             stories = [
-                replace(one, law=Law("bilinear", (part * one.law.parameters[0], 0.03)))
-                for one in OFFICE.stories
+                replace(story, law=Law("bilinear", (part * story.law.parameters[0], 0.03)))
+                for story in OFFICE.stories
             ]
             weaker = replace(OFFICE, stories=tuple(stories))
             peaks.append(

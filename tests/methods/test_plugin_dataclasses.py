@@ -31,8 +31,8 @@ def test_dataclass_may_inherit_from_public_class(name):
             object.__setattr__(self, "doubled", 2 * length)
 
     assert Extended.__doc__ == "A class with a field of its own."
-    assert [one.name for one in fields(Extended)] == [
-        *(one.name for one in fields(base)),
+    assert [attribute.name for attribute in fields(Extended)] == [
+        *(attribute.name for attribute in fields(base)),
         "remark",
         "doubled",
     ]
@@ -46,7 +46,7 @@ def test_extended_method_is_used_as_method():
         remark: str = ""
 
     method = catalogue()["impulse4"]
-    values = {one.name: getattr(method, one.name) for one in fields(method)}
+    values = {attribute.name: getattr(method, attribute.name) for attribute in fields(method)}
     extended = Extended(**values, remark="as published")
     assert replace(extended, remark="").order(1.0) == method.order(1.0)
     with pytest.raises(FrozenInstanceError):
@@ -60,7 +60,10 @@ def test_extended_law_and_record_keep_values():
 
         origin: str = ""
 
-    law = Law(**{one.name: getattr(LAWS[1], one.name) for one in fields(LAWS[1])}, origin="tests")
+    law = Law(
+        **{attribute.name: getattr(LAWS[1], attribute.name) for attribute in fields(LAWS[1])},
+        origin="tests",
+    )
     assert (law.name, law.parameters, law.origin) == ("bilinear", LAWS[1].parameters, "tests")
 
     @dataclass(frozen=True, repr=False)
@@ -70,8 +73,12 @@ def test_extended_law_and_record_keep_values():
         instrument: str = ""
 
     record = tdint.make_record(np.sin(np.arange(100.0)), dt=0.01, units="m/s^2")
-    values = {one.name: getattr(record, one.name) for one in fields(record) if one.init}
+    values = {
+        attribute.name: getattr(record, attribute.name)
+        for attribute in fields(record)
+        if attribute.init
+    }
     recorded = Recorded(**values, instrument="K2")
     model = {"stories": [{"mass": 1e3, "stiffness": 1e6}]}
-    found = [tdint.run(model, one).stories.peak_drift for one in (record, recorded)]
+    found = [tdint.run(model, attribute).stories.peak_drift for attribute in (record, recorded)]
     np.testing.assert_array_equal(*found)

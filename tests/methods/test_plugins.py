@@ -75,9 +75,9 @@ def test_method_of_readme_agrees_with_its_declarations(verlet, monkeypatch):
     # Yielding stories take longest and are tested above.
     monkeypatch.setattr(order, "faults_with_yielding", lambda integrator: {})
     false = replace(integrator.method, stability_limit=lambda: 2.2, order=lambda: 4)
-    of_order, of_limit = check_method(replace(integrator, method=false)).faults
-    assert re.fullmatch(r"verlet: .*\b4\b.*\b2\.00", of_order)
-    assert re.match(r"verlet: .*= 2\.2, .* 2;", of_limit)
+    order_fault, limit_fault = check_method(replace(integrator, method=false)).faults
+    assert re.fullmatch(r"verlet: .*\b4\b.*\b2\.00", order_fault)
+    assert re.match(r"verlet: .*= 2\.2, .* 2;", limit_fault)
 
 
 MISTAKES = {
@@ -119,7 +119,7 @@ MISTAKES = {
 def test_usual_mistakes_of_method_are_found(tmp_path, verlet, mistake):
     """Mistakes are detected before compilation: in plain Python with checked bounds, and then with
     yielding stories."""
-    before, after, told = MISTAKES[mistake]
+    before, after, message = MISTAKES[mistake]
     text = verlet.read_text().replace(
         "from tdint.plugin import (",
         "from tdint.kernels.stories import law_state as stories\nfrom tdint.plugin import (",
@@ -138,8 +138,8 @@ def test_usual_mistakes_of_method_are_found(tmp_path, verlet, mistake):
         faults = [*step_check.faults_with_yielding(integrator, ["bilinear"]).values()]
     except AnalysisError as error:
         faults = [str(error)]
-    assert sum(told in fault for fault in faults) == 1, faults
-    if "of scratch is used" in told or "NameError" in told:
+    assert sum(message in fault for fault in faults) == 1, faults
+    if "of scratch is used" in message or "NameError" in message:
         assert re.match(rf"{tmp_path}/outside_plugin\.py:\d+: ", faults[0])
 
 
@@ -177,12 +177,12 @@ def half(law_state, i, block, slope, lower, upper, turn):
     }
     (fault,) = check_law(tdint.load_model({"stories": [story]}), 1)
     assert "`enter`, `switch`, `advance`" in fault and "set_branch" in fault
-    whole = tdint.load_model({"stories": [{**story, "law": {**story["law"], "type": "gap"}}]})
-    assert check_law(whole, 1) == []
+    unchanged = tdint.load_model({"stories": [{**story, "law": {**story["law"], "type": "gap"}}]})
+    assert check_law(unchanged, 1) == []
 
 
 @pytest.fixture
-def of_the_law(tmp_path, hyperbolic):
+def model_with_law(tmp_path, hyperbolic):
     """Return the model of the README with its law."""
     tdint.load_plugin(str(hyperbolic))
     file = tmp_path / "workshop.yaml"
@@ -190,12 +190,12 @@ def of_the_law(tmp_path, hyperbolic):
     return tdint.load_model(str(file))
 
 
-def test_law_of_readme_agrees_with_formula(of_the_law):
+def test_law_of_readme_agrees_with_formula(model_with_law):
     """Along cycles, its force equals its formula."""
-    path = tdint.cyclic_test(of_the_law, 1, ["2%"], points=50).path
+    path = tdint.cyclic_test(model_with_law, 1, ["2%"], points=50).path
     x = 3e7 * path.drift / 3e5
     np.testing.assert_allclose(path.shear, 3e5 * x / np.sqrt(1.0 + x * x), rtol=1e-12, atol=1e-6)
-    assert check_law(of_the_law, 1) == []
+    assert check_law(model_with_law, 1) == []
 
 
 def test_false_tangent_and_energy_of_law_are_reported(tmp_path, hyperbolic):
@@ -378,11 +378,11 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
         "intensity: {scales: [0.5, 1.0]}\nanalysis: {method: verlet, dt: 0.005}\n"
     )
 
-    def run(*words):
-        place, table = (
-            ("out", "out/stories.csv") if words[0] == "run" else ("table.csv", "table.csv")
+    def run(*arguments):
+        output, table = (
+            ("out", "out/stories.csv") if arguments[0] == "run" else ("table.csv", "table.csv")
         )
-        result = runner().invoke(cli, [*words, "-o", place, "--overwrite"])
+        result = runner().invoke(cli, [*arguments, "-o", output, "--overwrite"])
         assert result.exit_code == 0, result.output
         return list(csv.DictReader(io.StringIO((tmp_path / table).read_text(encoding="utf-8"))))
 
@@ -434,9 +434,9 @@ def test_store_refuses_changed_plugin(workshop, verlet, hyperbolic, tmp_path, mo
         word for name in ("verlet", "hyperbolic", "unused") for word in ("--plugin", f"{name}.py")
     ]
 
-    def call(code, *words):
+    def call(code, *arguments):
         forget()
-        result = runner().invoke(cli, ["-q", *words])
+        result = runner().invoke(cli, ["-q", *arguments])
         assert result.exit_code == code, result.output
         return result.stderr
 
@@ -445,9 +445,9 @@ def test_store_refuses_changed_plugin(workshop, verlet, hyperbolic, tmp_path, mo
     ida = (*ida, "--method", "verlet", "--dt", "0.01", "-o", "levels")
     call(0, *study, "out")
     call(0, *ida)
-    told = json.loads((tmp_path / "out/summary.json").read_text())["versions"]["plugins"]
+    stored_plugins = json.loads((tmp_path / "out/summary.json").read_text())["versions"]["plugins"]
     names = ("hyperbolic.py", "outside_helpers.py", "verlet.py")
-    assert told == {
+    assert stored_plugins == {
         name: hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() for name in names
     }
     unused.write_text(unused.read_text() + "# edited\n")
@@ -455,18 +455,20 @@ def test_store_refuses_changed_plugin(workshop, verlet, hyperbolic, tmp_path, mo
     helpers.write_text(
         "FACTOR = 0.25\n"
     )  # of another size, because Python compares the size and the time of the last edit in seconds
-    for words in ((*study, "out"), ida):
-        refused = call(2, *words)
+    for command in ((*study, "out"), ida):
+        refused = call(2, *command)
         assert "plug-in outside_helpers.py: differs" in refused and "-o, or --overwrite" in refused
     call(0, *study, "new")
-    first, second = ((tmp_path / place / "runs.csv").read_text() for place in ("out", "new"))
+    first, second = (
+        (tmp_path / directory / "runs.csv").read_text() for directory in ("out", "new")
+    )
     assert first != second
     assert "plug-in outside_helpers.py: differs" in call(
         2, "campaign", "merge", "out", "new", "-o", "all"
     )
 
 
-def test_cached_reference_depends_on_law(of_the_law, hyperbolic, tmp_path):
+def test_cached_reference_depends_on_law(model_with_law, hyperbolic, tmp_path):
     """The cached reference solution is not used for another law with the same parameters, in the
     same or another file. A file that was edited after its execution in this process is not used
     under the old name."""
@@ -477,8 +479,8 @@ def test_cached_reference_depends_on_law(of_the_law, hyperbolic, tmp_path):
     tdint.load_plugin(str(outside(tmp_path, both.replace('"hyperbolic",', '"first",'))))
     files = []
     for name in ("hyperbolic", "first", "second"):
-        law = replace(of_the_law.stories[0].law, name=name)
-        model = replace(of_the_law, stories=(replace(of_the_law.stories[0], law=law),))
+        law = replace(model_with_law.stories[0].law, name=name)
+        model = replace(model_with_law, stories=(replace(model_with_law.stories[0], law=law),))
         files.append(_cache_file(Problem(model, None, 0.01, 8), 8))
     assert len(set(files)) == 3
     hyperbolic.write_text(text + "# edited\n")

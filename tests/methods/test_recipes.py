@@ -173,14 +173,14 @@ def test_check_suggests_public_name_of_import(tmp_path):
         "from tdint.kernels import layout as rows\nfrom tdint.kernels.stepping import "
         "Memory\nMETHODS = ()\n"
     )
-    said = CliRunner().invoke(cli, ["check", "--plugin", str(file)]).output
+    output = CliRunner().invoke(cli, ["check", "--plugin", str(file)]).output
     # The replacement is code that a user copies.
     for line, module, name in (
         (1, "tdint.kernels", "rows"),
         (2, "tdint.kernels.stepping", "Memory"),
     ):
         expected = rf"{file}:{line}: {module} .*; .*from tdint\.plugin import {name}\b"
-        assert re.search(expected, said), said
+        assert re.search(expected, output), output
     gone = tmp_path / "gone.py"
     gone.write_text("from tdint.kernels.bundles import Memory, Scene\nMETHODS = ()\n")
     result = CliRunner().invoke(cli, ["check", "--plugin", str(gone)])

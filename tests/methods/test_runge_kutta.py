@@ -35,11 +35,11 @@ GAUSS_C = np.array([0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0])
 
 def stability_function(method, Z):
     """R(Z) of a matrix: the polynomial of Dormand and Prince, the Pade approximation (2,2)."""
-    one = np.eye(len(Z))
+    identity = np.eye(len(Z))
     if method != "rk5":
-        even = one + Z @ Z / 12.0
+        even = identity + Z @ Z / 12.0
         return np.linalg.solve(even - Z / 2.0, even + Z / 2.0)
-    total, power = one, one
+    total, power = identity, identity
     for divisor in (1.0, 2.0, 6.0, 24.0, 120.0, 600.0):
         power = power @ Z
         total = total + power / divisor

@@ -107,8 +107,8 @@ def solution(name):
         0.0
         if force
         else (1.0 - law["hardening"])
-        * np.clip(spring * one, -law["yield_force"], law["yield_force"])
-        for force, law, spring, one in zip(elastic, laws, springs, drift, strict=True)
+        * np.clip(spring * story_drift, -law["yield_force"], law["yield_force"])
+        for force, law, spring, story_drift in zip(elastic, laws, springs, drift, strict=True)
     ]
     y = np.array([*initial["displacement"], *initial["velocity"], *hysteretic])
     states = [y]

@@ -148,7 +148,7 @@ def test_collapse_time_agrees_with_fine_steps(seed):
     1/64 of it differ by at most one sampling interval."""
     record = noise(samples=1201, seed=seed, peak=14.0)
     case = building("imk", seed, p_delta=True)
-    heavy = [story(one.mass, one.stiffness, one.law, height=1.6) for one in case.stories]
+    heavy = [story(light.mass, light.stiffness, light.law, height=1.6) for light in case.stories]
     case = model(heavy, damping=DAMPING, p_delta=True)
     coarse, fine = (run(case, record, method="impulse4", dt=record.dt / parts) for parts in (1, 64))
     assert coarse.collapse.time == pytest.approx(fine.collapse.time, abs=1.001 * record.dt)

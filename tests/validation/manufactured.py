@@ -52,8 +52,8 @@ class Observed:
 
 def model(law: str) -> dict[str, Any]:
     """The oscillator of 1 kg, its dashpot, and the harmonics of its force."""
-    said, force = LAWS[law]
-    story: dict[str, Any] = {"mass": 1.0, "law": dict(said), "dashpot": DAMPER}
+    declaration, force = LAWS[law]
+    story: dict[str, Any] = {"mass": 1.0, "law": dict(declaration), "dashpot": DAMPER}
     if law == "tanh":
         story["stiffness"] = 40.0
     phase = 2.0 * np.pi * (np.arange(4 * _TERMS) + 0.5) / (4 * _TERMS)
@@ -105,4 +105,4 @@ def observe(method: str, law: str) -> Observed | None:
 def observe_all() -> list[Observed]:
     """All methods on all smooth laws."""
     found = (observe(name, law) for law in LAWS for name in catalogue())
-    return [one for one in found if one is not None]
+    return [observed for observed in found if observed is not None]

@@ -45,8 +45,10 @@ class Frame:
         k = np.diag(self.stiffness + upper) - np.diag(upper[:-1], 1) - np.diag(upper[:-1], -1)
         root = 1.0 / np.sqrt(self.mass)
         omega = np.sqrt(np.linalg.eigvalsh(k * np.outer(root, root)))
-        one, three = omega[0], omega[2]
-        return 2.0 * self.ratio * one * three / (one + three), 2.0 * self.ratio / (one + three)
+        first, third = omega[0], omega[2]
+        return 2.0 * self.ratio * first * third / (first + third), 2.0 * self.ratio / (
+            first + third
+        )
 
 
 def problems() -> dict[str, Frame]:
@@ -115,7 +117,7 @@ def made_anew() -> dict[str, list[float]]:
         line for line in done.stdout.splitlines() if line.startswith("{")
     ]  # OpenSees also prints other lines
     found = json.loads(answers[0]) if answers else {}
-    return {name: one["peak_drift_m"] for name, one in found.items() if name != "version"}
+    return {name: peaks["peak_drift_m"] for name, peaks in found.items() if name != "version"}
 
 
 def _peak_drifts(ops: Any, frame: Frame, ground: Array) -> list[float]:

@@ -136,8 +136,13 @@ def code_verification(results: list[ValidationResult]) -> str:
     made = observe_all()
     steps = [f"T/{steps * 2 * np.pi / (5.0 * 4.0):.0f}" for steps in (STEPS[0], STEPS[-1])]
     manufactured = [
-        [one.law, one.method, f"{one.order:.2f}", *(f"{one.errors[end]:.1e}" for end in (0, -1))]
-        for one in made
+        [
+            observed.law,
+            observed.method,
+            f"{observed.order:.2f}",
+            *(f"{observed.errors[end]:.1e}" for end in (0, -1)),
+        ]
+        for observed in made
     ]
     return (
         "### Exact solutions\n\n"
@@ -170,11 +175,11 @@ def other_programs() -> str:
     kept = opensees.kept()
     made = opensees.made_anew()
     lines = []
-    for name, one in opensees.problems().items():
-        ours = opensees.ours(one)
+    for name, frame in opensees.problems().items():
+        ours = opensees.ours(frame)
         theirs = made.get(name, kept[name]["peak_drift_m"])
         worst = float(np.max(np.abs(ours / np.asarray(theirs) - 1.0)))
-        lines.append([name, one.what, number(theirs[0]), number(float(ours[0])), f"{worst:.1e}"])
+        lines.append([name, frame.what, number(theirs[0]), number(float(ours[0])), f"{worst:.1e}"])
     origin = (
         "computed on this machine"
         if made

@@ -28,12 +28,12 @@ def compared(path: Path, command: Callable[..., str]) -> list[float]:
         floors = {
             floor: {"file": str(path), "column": f"floor_{floor}_m_s2"} for floor in (1, 2, 3)
         }
-        said = {
+        comparison = {
             "base": {"file": str(path), "column": "base_m_s2"},
             "floors": floors,
             "band": [0.5, 25],
         }
-        recorded.write_text(yaml.safe_dump(said), encoding="utf-8")
+        recorded.write_text(yaml.safe_dump(comparison), encoding="utf-8")
         rows = list(
             csv.DictReader(io.StringIO(command("compare", str(model), "--recorded", str(recorded))))
         )

@@ -48,13 +48,14 @@ def test_wrong_or_missing_value_is_outside_tolerance():
 
 @pytest.mark.parametrize("law", manufactured.LAWS)
 def test_manufactured_forces_satisfy_equation_of_motion(law):
-    said = manufactured.model(law)
+    building = manufactured.model(law)
     time = np.linspace(0.0, 1.3, 500)
     u = manufactured.AMPLITUDE * np.sin(manufactured.OMEGA * time)
     v = manufactured.AMPLITUDE * manufactured.OMEGA * np.cos(manufactured.OMEGA * time)
     force = sum(
-        one["amplitude"] * (np.sin if one["phase"] == "sin" else np.cos)(one["omega"] * time)
-        for one in said["excitation"]["forces"]
+        harmonic["amplitude"]
+        * (np.sin if harmonic["phase"] == "sin" else np.cos)(harmonic["omega"] * time)
+        for harmonic in building["excitation"]["forces"]
     )
     left = force - (
         -(manufactured.OMEGA**2) * u + manufactured.DAMPER * v + manufactured.LAWS[law][1](u)
@@ -65,11 +66,11 @@ def test_manufactured_forces_satisfy_equation_of_motion(law):
 def test_every_method_has_its_order_for_manufactured_motions():
     found = manufactured.observe_all()
     assert len(found) == 46
-    for one in found:
+    for observed in found:
         # houbolt's last halving is not yet in its range: 1.94; rk5 nears rounding
-        assert one.order == pytest.approx(one.declared, abs=0.1 if one.method != "rk5" else 0.2), (
-            one
-        )
+        assert observed.order == pytest.approx(
+            observed.declared, abs=0.1 if observed.method != "rk5" else 0.2
+        ), observed
 
 
 def test_stored_opensees_results_agree():

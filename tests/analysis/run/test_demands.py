@@ -12,7 +12,7 @@ from tdint.campaign.batch import demand_cells
 
 HEIGHT = np.array([4.0, math.nan, 2.5])
 RANDOM = np.random.default_rng(2)
-VALUES = {one.name: RANDOM.uniform(0.5, 2.0, (2, 3)) for one in STORY}
+VALUES = {declared_quantity.name: RANDOM.uniform(0.5, 2.0, (2, 3)) for declared_quantity in STORY}
 VALUES["residual_drift"] *= np.array([-1.0, 1.0, -1.0])
 VALUES["peak_drift_ratio"] = VALUES["peak_drift"] / HEIGHT
 PEAKS = StoryPeaks(**VALUES, height=HEIGHT)
