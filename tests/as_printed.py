@@ -18,7 +18,8 @@ BETA = 1.0 / 144.0
 
 
 def step(m, c, k, h, start, impulse, end, beta=BETA):
-    """Eqs. 15 to 23: u1, v1 and the acceleration at the end of a linear step from (u0, v0, a0)."""
+    """Return u1, v1 and the acceleration at the end of a linear step from (u0, v0, a0) by eqs. 15
+    to 23."""
     return nonlinear_step(m, c, lambda u: (k @ u, k), h, start, impulse, end, beta, iterations=1)
 
 
@@ -64,8 +65,8 @@ def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
 
 
 def matrix(w, xi, beta=BETA):
-    """Eqs. 24 to 26: the amplification matrix of (u, v dt, a dt^2) of an oscillator, w = omega
-    dt."""
+    """Return the amplification matrix of (u, v dt, a dt^2) of an oscillator with w = omega dt by
+    eqs. 24 to 26."""
     identity = np.eye(1)
     columns = [
         step(

@@ -1,4 +1,4 @@
-"""Buildings and motions that several tests use, made here from numbers."""
+"""Buildings and motions that several tests use, defined by numbers."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def story(mass, stiffness, law=LINEAR, height=3.5, dashpot=0.0):
 def model(
     stories, *, damping=None, forces=(), displacement=None, velocity=None, p_delta=False, **analysis
 ):
-    """A model without a record."""
+    """Return a model without a record."""
     n = len(stories)
     return Model(
         name="test",
@@ -44,13 +44,13 @@ def model(
 
 
 def ten_linear(damping=FIVE_PERCENT):
-    """Ten equal linear stories, 5 % in modes 1 and 3."""
+    """Return ten equal linear stories with damping ratios of 5 % in modes 1 and 3."""
     return model([story(2e5, 3.5e8) for _ in range(10)], damping=damping)
 
 
 def ten_bilinear(damping=FIVE_PERCENT):
-    """Ten bilinear stories: hardening 3 %, base yield at 0.15 of the weight, triangular pattern
-    above."""
+    """Return ten bilinear stories with 3 % hardening; the yield force of the base is 0.15 of the
+    weight, with a triangular pattern above."""
     weights = np.arange(1, 11) / 55.0
     yields = 0.15 * 10 * 2e5 * 9.81 * np.cumsum(weights[::-1])[::-1]
     return model(
@@ -59,13 +59,13 @@ def ten_bilinear(damping=FIVE_PERCENT):
 
 
 def oscillator(omega, xi=0.0, **more):
-    """One story of unit mass."""
+    """Return one story of unit mass."""
     return model([story(1.0, omega**2, dashpot=2.0 * xi * omega)], **more)
 
 
 def noise(samples=801, dt=0.01, seed=7, peak=4.0):
-    """A seeded random ground motion that starts and ends at zero: smooth enough to be resolved,
-    m/s^2."""
+    """Return a seeded random ground motion (m/s^2) that starts and ends at zero and is smooth
+    enough to be resolved."""
     generator = np.random.default_rng(seed)
     t = np.arange(samples) * dt
     total = np.zeros(samples)

@@ -85,7 +85,7 @@ _FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def tree(text: str) -> Any:
-    """YAML as an editor reads it (version 1.2, where 2e8 is a number)."""
+    """Return YAML as an editor reads it (version 1.2, where 2e8 is a number)."""
 
     def converted(value: Any) -> Any:
         if isinstance(value, dict):

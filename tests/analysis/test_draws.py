@@ -236,7 +236,7 @@ def test_progress_is_reported_without_bar_in_pipe(capfd):
 
 
 def test_interrupt_before_first_run_gives_empty_result(monkeypatch):
-    """While the buildings are prepared, or while the first batch waits."""
+    """The interrupt occurs while the buildings are prepared, or while the first batch waits."""
 
     def interrupt(*_):
         raise KeyboardInterrupt

@@ -28,9 +28,9 @@ PEAKS = (
 
 
 def test_derivatives_satisfy_euler_theorem():
-    """Drifts are homogeneous of degree one in scale and strength, of degree zero in masses, springs
-    and strengths with damping ratios and the scale given: Euler's theorem, to what neighbors
-    see."""
+    """Drifts are homogeneous of degree one in scale and strength, and of degree zero in masses,
+    springs and strengths for given damping ratios and scale. Euler's theorem holds to the accuracy
+    of the differences between neighbors."""
     names = ("record.scale", "strength_factor", "mass_factor", "stiffness_factor")
     response = tdint.run(ten_bilinear(), RECORD, method="impulse4", gradient=names)
     by = dict(zip(names, response.gradient.peak_drift, strict=True))

@@ -19,7 +19,7 @@ TWO_PERCENT = RayleighRatio((0.02, 0.02), (1, 2))
 
 
 def small(**more):
-    """Two bilinear stories."""
+    """Return a building with two bilinear stories."""
     law = Law("bilinear", (2e4, 0.05))
     return model([story(2e3, 2e6, law, height=3.0)] * 2, damping=TWO_PERCENT, **more)
 
@@ -37,7 +37,7 @@ RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
 
 
 def test_histories_exceeding_memory_are_refused_with_size(monkeypatch):
-    """Three runs of 150 rows of 2 stories, 8 bytes a number."""
+    """The histories of three runs with 150 rows of 2 stories have 8 bytes per number."""
     monkeypatch.setattr("tdint.analysis.run.many_results.available_memory", lambda: 1e3)
     with pytest.raises(
         AnalysisError,

@@ -20,7 +20,7 @@ NAMES = [
 
 
 def shock(seed, peak, *, dt=0.01, samples=600, source="main"):
-    """Noise under a bell."""
+    """Return noise under a bell-shaped envelope."""
     t = np.linspace(0.0, 1.0, samples)
     noise = np.convolve(np.random.default_rng(seed).normal(size=samples), np.ones(12), "same")
     motion = noise * np.sin(np.pi * t) ** 2

@@ -50,7 +50,8 @@ def damage(states: DamageStates = STATES) -> BuildingDamage:
 
 
 def by_hand(states: DamageStates) -> list[list[float]]:
-    """The probability of each outcome of each run: none, the states, the ends by falling."""
+    """Return the probability of each outcome of each run: no damage, the damage states, and the
+    collapses."""
     rows = []
     for demand, end in zip(DEMANDS, ENDS, strict=True):
         if end in FALLEN:
@@ -182,8 +183,8 @@ def test_levels_count_ground_motions_instead_of_runs() -> None:
     ("yield_force", "share"), [(10.0, 0.7 * 10.0 / 800.0 / 3.0), (1e9, 0.1 * 0.06)]
 )
 def test_elastic_scale_of_one_story(yield_force: float, share: float) -> None:
-    """Before the first yielding, and a tenth of the collapse drift, by a run of the story that does
-    not yield."""
+    """The elastic scale causes 0.7 of the yield drift or a tenth of the collapse drift, whichever
+    is smaller, in a run of the story without yielding."""
     record = noise(samples=300)
     law = Law("bilinear", (yield_force, 0.05))
     building = model([story(2.0, 800.0, law, height=3.0)])

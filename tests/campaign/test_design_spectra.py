@@ -16,8 +16,8 @@ VALUES = Path(__file__).with_name("design_spectra.csv")
 
 
 def _named(text):
-    """The design spectrum of mapped values: SDS = 2/3 Fa SS, SD1 = 2/3 Fv S1 (ASCE 7-16, 11.4.4 and
-    11.4.5)."""
+    """Return the design spectrum of mapped values with SDS = 2/3 Fa SS and SD1 = 2/3 Fv S1 (ASCE
+    7-16, 11.4.4 and 11.4.5)."""
     name, _, parameters = text.partition(":")
     if name != "map":
         return text

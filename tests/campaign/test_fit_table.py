@@ -1,4 +1,5 @@
-"""Fits to the runs of a study: they equal fits to numbers that are counted by hand in its table."""
+"""Tests of fits to the runs of a study, which equal fits to numbers that are counted by hand in its
+table."""
 
 import math
 import sys

@@ -1,5 +1,5 @@
-"""Fits of fragility functions: published numbers, a second route to each maximum, what cannot be
-fitted."""
+"""Tests of the fits of fragility functions: published numbers, a second computation of each
+maximum, and data that cannot be fitted."""
 
 import math
 
@@ -55,8 +55,8 @@ def test_standard_errors_of_capacities_agree_with_closed_form():
 
 
 def information(negative, at, h=1e-4):
-    """The inverse of the observed information by central differences of the logarithm of the
-    likelihood."""
+    """Return the inverse of the observed information, by central differences of the logarithm of
+    the likelihood."""
     steps = h * np.eye(len(at))
     hessian = [
         [
@@ -283,8 +283,8 @@ def test_largest_disagreement_with_counts_is_reported():
 
 
 def test_observations_are_converted_to_other_units():
-    """A line ln EDP = a + b ln IM keeps its demands where the intensity is 9.80665 times as large a
-    number."""
+    """A line ln EDP = a + b ln IM has the same demands if the number of the intensity is multiplied
+    by 9.80665."""
     im = np.array([0.1, 0.2, 0.4, 0.8])
     (fit,) = fit_cloud(im, 0.02 * im**0.9 * np.array([1.1, 0.9, 1.05, 0.95]), (0.01,))
     fit = fit.beside_counts(im, np.array([0.0, 0.0, 1.0, 1.0])).named(0.01, "Sa", "g")

@@ -31,7 +31,7 @@ FRAME = Path(__file__).parents[2] / "configs" / "collapse-prone-frame.yaml"
 
 
 def motion(seed=0, size=600, dt=0.02):
-    """A pulse in noise: strong enough for any building once it is scaled."""
+    """Return a pulse in noise, which is strong enough for any building once it is scaled."""
     random = np.random.default_rng(seed)
     t = np.arange(size) * dt
     noise = np.convolve(random.standard_normal(size), np.hanning(9), mode="same")
@@ -56,7 +56,8 @@ def study(frame):
 
 
 def curve(*runs, collapse_drift=0.1):
-    """A curve of runs given as (im, drift ratio), inf for collapse and nan for no result."""
+    """Return a curve of runs given as (im, drift ratio), with inf for collapse and nan for a failed
+    run."""
     made = [
         IdaRun(
             im,
@@ -70,8 +71,8 @@ def curve(*runs, collapse_drift=0.1):
 
 
 def test_ida_curve_of_linear_building_is_straight():
-    """One story: the drift ratio is Sa / (omega^2 h) at every level, with the spectrum's exact
-    Sa."""
+    """The drift ratio of one story is Sa / (omega^2 h) at every level, with the exact Sa of the
+    spectrum."""
     omega, height = 2.0 * math.pi / 0.8, 3.0
     building = model(
         [story(1.0, omega**2, dashpot=2.0 * 0.05 * omega, height=height)], method="exact"
@@ -103,7 +104,7 @@ def test_collapse_brackets_have_requested_precision(study):
 
 
 def test_levels_fill_curves(study):
-    """Neighbours differ by less than 20 % in drift, unless their levels are closer than the
+    """Neighboring drifts differ by less than 20 %, unless the levels are closer than the
     bracket."""
     for ida_curve in study.curves:
         for low, high in pairwise(ida_curve.stable):
@@ -173,7 +174,8 @@ def test_failed_run_does_not_count_as_collapse():
 
 
 def drive(levels, building, most=200):
-    """The runs of a building that is a function from level to status and drift."""
+    """Perform the runs of a building that is given as a function from the level to status and
+    drift."""
     runs = []
     while (level := levels.next(runs)) is not None:
         runs.append(IdaRun(level, level, *building(level)))
@@ -213,7 +215,8 @@ def test_search_avoids_levels_of_failed_runs():
 
 @pytest.mark.parametrize("ratio", [1.06, 1.4, 30.0])
 def test_bracket_with_failed_run_is_divided_elsewhere(ratio):
-    """At a quarter of its logarithm, then at three: however narrow or wide the bracket is."""
+    """The new levels are at a quarter and then at three quarters of the logarithmic width, for any
+    width of the bracket."""
     runs = [IdaRun(2.0, 2.0, "done", 0.02), IdaRun(2.0 * ratio, 2.0 * ratio, "collapsed", 0.1)]
     for exponent in (0.5, 0.25, 0.75):
         level = LevelSearch(1.0).next(runs)

@@ -49,7 +49,8 @@ def test_analysis_overrides_apply_to_all_buildings() -> None:
 
 
 def test_damage_demands_use_first_mode_and_height() -> None:
-    """The same chain in matrices: participation for a mode that is 1 at the roof."""
+    """The participation factor of a mode that is 1 at the roof is computed with the matrices of the
+    same chain."""
     masses = np.array([building_story.mass for building_story in BUILDING.stories])
     springs = [building_story.stiffness for building_story in BUILDING.stories]
     stiffness = (

@@ -38,8 +38,8 @@ c,3,1931,URM,4500,37.805,-122.265
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    """campaign.yaml with three buildings and a grid of three points, each with two motions of two
-    components."""
+    """Write a campaign.yaml with three buildings and a grid of three points, each with two motions
+    of two components."""
     random = np.random.default_rng(3)
     (tmp_path / "campaign.yaml").write_text(STUDY)
     (tmp_path / "buildings.csv").write_text(BUILDINGS)
@@ -70,7 +70,7 @@ def rows_of(plan: Plan) -> list[RunRow]:
 
 
 def models(folder: Path) -> Iterator[tdint.Model]:
-    """The model files that `tdint inventory --models` writes of the rows."""
+    """Return the model files that `tdint inventory --models` writes for the rows."""
     rows, _ = read_inventory(str(folder / "buildings.csv"), 0.3048)
     for derived in derive_all(rows, "mdof-lu"):
         yield tdint.load_model(io.StringIO(model_text(derived.row.id, derived.building, "mdof-lu")))
@@ -93,7 +93,7 @@ def check_strongest_run(
 
 
 def test_runs_equal_runs_of_exported_models(study: Path) -> None:
-    """A run of a row is the run of the model that `tdint inventory --models` writes, under the
+    """A run of a row equals the run of the model that `tdint inventory --models` writes, under the
     motion times g."""
     campaign = plan(study)
     assert campaign.runs == 3 * 4 * 2 * 2  # buildings, samples, components, scales

@@ -1,4 +1,5 @@
-"""Multi-period spectra of ASCE 7-22 from a file with the structure of the USGS service."""
+"""Tests of multi-period spectra of ASCE 7-22 that are read from a file with the structure of the
+USGS service."""
 
 import json
 import pickle

@@ -1,4 +1,4 @@
-"""Intensity measures and the scaling of suites, against computations that are made here."""
+"""Tests of intensity measures and the scaling of suites against independent computations."""
 
 import math
 from pathlib import Path
@@ -50,7 +50,8 @@ def pairs(count):
 
 
 def turned(pair, measure, percentile):
-    """A percentile over 180 directions of a measure of the turned motion, by its definition."""
+    """Return a percentile, over 180 directions, of a measure of the rotated motion, by its
+    definition."""
     both = pair.first.acceleration, pair.second.acceleration
     motions = (
         Record(math.cos(a) * both[0] + math.sin(a) * both[1], pair.first.dt, "", "", "", "")

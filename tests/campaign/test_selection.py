@@ -1,5 +1,5 @@
-"""Motions chosen from many: against every choice of small pools, limits, earthquakes, scatter; the
-command."""
+"""Tests of the selection of motions: every selection of small pools, limits, earthquakes, scatter,
+and the command."""
 
 import itertools
 import re
@@ -125,7 +125,7 @@ def test_motions_with_close_start_times_belong_to_one_event():
 
 
 def named(*files_and_events):
-    """Motions of files with the event in their headers."""
+    """Return motions of files with the event in their headers."""
     return [
         replace(noise(seed=seed), source=file, event=event)
         for seed, (file, event) in enumerate(files_and_events)
@@ -236,7 +236,7 @@ def test_limits_include_common_factor_of_rule(rule):
 
 @pytest.mark.parametrize("rule", ["asce7", "ec8"])
 def test_nearest_selection_is_reported_if_limits_cannot_be_met(rule):
-    """The limits that the message names are enough."""
+    """The limits in the message are sufficient."""
     target = "asce7:sds=1,sd1=0.6,tl=8" if rule == "asce7" else "ec8:type=1,soil=B,ag=0.4g"
     pairs = weak_pairs(13, 0.2)
     with pytest.raises(AnalysisError, match=f"no selection .* meets the rule {rule}") as error:

@@ -1,4 +1,4 @@
-"""Sweeps of campaigns, and what peaks are sensitive to."""
+"""Tests of sweeps of campaigns, and of the sensitivity of peaks."""
 
 import csv
 import math
@@ -53,7 +53,7 @@ def records():
 
 
 def stored(models, records, scales=(1.0,)):
-    """An open store with the runs of some models."""
+    """Return an open store with the runs of some models."""
     motions = suite_motions(records)
     files = ModelFiles(()), RecordFiles((), RecordChoice())
     campaign = CampaignFile(
@@ -281,7 +281,7 @@ def test_distributions_agree_with_scipy(distribution: Distribution, expected: An
 def test_invalid_distribution_parameters_are_refused(
     name: str, numbers: tuple[float, float], message: str
 ) -> None:
-    """At their bounds; just within them they are some."""
+    """Parameters at their bounds are refused, and parameters just within them are accepted."""
     with pytest.raises(UsageError, match=message):
         Distribution(name, *numbers)
     for first, second in ((1e-9, 1.0), (0.5, 0.6)):

@@ -230,7 +230,7 @@ def names() -> list[str]:
 
 
 def command_line(name: str, seed: int) -> list[str]:
-    """The arguments of `tdint` for a command, the same for the same seed."""
+    """Return the arguments of `tdint` for a command, which are the same for the same seed."""
     source = random.Random(f"{name} {seed}")
     context = click.Context(cli)
     command = cli.get_command(context, name)

@@ -81,7 +81,7 @@ def _units(text: str) -> str | None:
 
 
 def _written() -> list[Sound]:
-    """Files that ObsPy writes."""
+    """Return files that ObsPy writes."""
     made = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "file"

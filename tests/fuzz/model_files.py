@@ -104,7 +104,7 @@ def sound_models() -> dict[str, str]:
 
 
 def damaged(text: str, seed: int) -> str:
-    """The text after one to three changes, the same for the same seed."""
+    """Return the text after one to three changes, which are the same for the same seed."""
     source = random.Random(seed)
     for _ in range(source.choice((1, 1, 2, 3))):
         action = source.randrange(4)

@@ -99,7 +99,7 @@ MUTATORS: tuple[Callable[[bytearray, random.Random], None], ...] = (
 
 
 def mutated(data: bytes, seed: int) -> bytes:
-    """The data after one to three of these, the same for the same seed."""
+    """Return the data after one to three changes, which are the same for the same seed."""
     source = random.Random(seed)
     changed = bytearray(data)
     for _ in range(source.choice((1, 1, 1, 2, 3))):

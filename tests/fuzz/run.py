@@ -44,7 +44,7 @@ def batches(names: list[str], count: int, seed: int) -> list[list[Case]]:
 
 
 def run_batch(input_type: str, batch: list[Case]) -> list[tuple[str, int, str, str]]:
-    """Outcome and, of a failure, the reason for each case."""
+    """Return the outcome of each case and the reason of each failure."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     logging.getLogger("tdint").setLevel(logging.CRITICAL)
     signal.signal(signal.SIGPROF, _too_long)
@@ -71,7 +71,7 @@ def _too_long(*_: object) -> None:
 def all_outcomes(
     input_type: str, names: list[str], count: int, seed: int, jobs: int
 ) -> tuple[dict[str, Counter[str]], list[str]]:
-    """Counts of outcomes by name, and a line for every failure."""
+    """Return the counts of outcomes by name and a line for every failure."""
     table: dict[str, Counter[str]] = defaultdict(Counter)
     failures: list[str] = []
     # Workers end with this process, because a batch can take minutes and commands catch SIGTERM. A
@@ -116,7 +116,7 @@ def print_table(table: dict[str, Counter[str]], outcomes: tuple[str, ...] = OUTC
 
 
 def flipped_bits(name: str, length: int) -> tuple[dict[int, Counter[str]], list[str]]:
-    """Outcomes of every single-bit flip of the first bytes of a file, by byte."""
+    """Return the outcomes of every single-bit flip of the first bytes of a file, by byte."""
     sound = next(candidate for candidate in corpus() if candidate.name == name)
     before = read(sound.data, sound.units)
     table: dict[int, Counter[str]] = defaultdict(Counter)

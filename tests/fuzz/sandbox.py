@@ -93,7 +93,7 @@ def sandbox() -> Iterator[Path]:
 
 @contextmanager
 def replaced(name: str, content: bytes) -> Iterator[None]:
-    """A file of the working directory with another content, for a while."""
+    """Replace a file of the working directory by other content within a `with` block."""
     file = Path(name)
     before, times = file.read_bytes(), file.stat()
     stamp = (

@@ -99,14 +99,14 @@ def _no_store(source: random.Random) -> None:
 
 
 def _other_division(source: random.Random) -> None:
-    """One of the shards is a third instead of a half."""
+    """Replace the division of one shard: a third instead of a half."""
     name = source.choice(("one", "two"))
     shutil.rmtree(name)
     _run("campaign", _CAMPAIGN, "-o", name, "--shard", source.choice(("1/3", "2/3", "3/3")))
 
 
 def _changed_table(source: random.Random) -> None:
-    """The table of a shard is not read by `merge`, which uses the stores."""
+    """Change the table of a shard, which `merge` does not read because it uses the stores."""
     file = Path(source.choice(("one", "two"))) / "runs.csv"
     if file.exists():
         file.write_bytes(file.read_bytes().replace(b"done", b"gone", 1))
@@ -158,7 +158,7 @@ def _tables_at_once() -> dict[str, bytes]:
 
 
 def outcome(name: str, seed: int) -> str:
-    """Attack the shards, within a sandbox; raises Failure if a wrong campaign is merged."""
+    """Attack the shards within a sandbox; raise Failure if a wrong campaign is merged."""
     source = random.Random(f"{name} {seed}")
     _extend_inventory()
     expected = _tables_at_once()

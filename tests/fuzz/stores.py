@@ -1,8 +1,5 @@
-"""Damaged stores of campaigns and studies, from a seed: the next call heals them, with a word, or
-refuses them.
-
-No table has a wrong byte.
-"""
+"""Damage stores of campaigns and studies, from a seed. The next call repairs them with a message or
+refuses them, and no table has a wrong byte."""
 
 import functools
 import random

@@ -1,5 +1,5 @@
-"""Small files that studies read: recordings in a building, campaigns, inventories, a grid, tables.
-All are sound."""
+"""Small valid files that studies read: recordings in a building, campaigns, inventories, a grid,
+tables."""
 
 import json
 import math
@@ -8,12 +8,12 @@ _STEP, _COUNT = 0.01, 60
 
 
 def _wave(period: float, peak: float, step: float = _STEP) -> list[float]:
-    """A sine, m/s^2 or m."""
+    """Return a sine, m/s^2 or m."""
     return [round(peak * math.sin(2.0 * math.pi * step * i / period), 7) for i in range(_COUNT)]
 
 
 def _history() -> str:
-    """A table of a base and two floors, as `tdint run --history` writes them."""
+    """Return a table of a base and two floors, as `tdint run --history` writes it."""
     columns = {
         "time_s": [round(_STEP * i, 6) for i in range(_COUNT)],
         "ground_acceleration_m_s2": _wave(0.4, 2.0),

@@ -42,7 +42,7 @@ CASES = [
 
 @pytest.fixture(scope="module")
 def work():
-    """The working directory is a sandbox."""
+    """Set the working directory to a sandbox."""
     with sandbox():
         yield
 
@@ -107,7 +107,7 @@ def test_oracle_accepts_valid_output():
 
 
 def test_oracle_detects_missing_comparison(monkeypatch):
-    """Without the comparison of the counts a lost line of a text is a silent change."""
+    """Without the comparison of the counts, a lost line of a text is not reported."""
     sound = next(candidate for candidate in corpus() if candidate.name == "SLIST")
     before = read(sound.data, sound.units)
     wrong = sound.data.replace(b"100 samples", b"94 samples")

@@ -19,7 +19,7 @@ START = UTCDateTime(2020, 1, 2, 3, 4, 5)
 
 
 def wave(samples=1000, dt=0.01, peak=3.0):
-    """A sine of 1.3 Hz, its largest sample scaled to `peak`."""
+    """Return a sine of 1.3 Hz with its largest sample scaled to `peak`."""
     sine = np.sin(2 * np.pi * 1.3 * np.arange(samples) * dt)
     return sine * (peak / np.abs(sine).max())
 

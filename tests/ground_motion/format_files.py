@@ -20,13 +20,14 @@ def motion(samples=120, peak=1.5, decimals=3):
 
 
 def columns(values, each, form):
-    """Rows of `each` numbers in a form of `format`."""
+    """Return rows of `each` numbers in a form of `format`."""
     texts = [format(value, form) for value in values]
     return [" ".join(texts[i : i + each]).rstrip() for i in range(0, len(texts), each)]
 
 
 def fortran(values, each, width, decimals):
-    """Rows of numbers in fixed columns, without a zero before the point, as Fortran writes them."""
+    """Return rows of numbers in fixed columns without a zero before the point, as Fortran writes
+    them."""
 
     def field(value):
         text = f"{value:.{decimals}f}"
@@ -39,7 +40,7 @@ def fortran(values, each, width, decimals):
 
 
 def text(*parts):
-    """Lines and lists of lines as the text of a file."""
+    """Return lines and lists of lines as the text of a file."""
     lines = []
     for part in parts:
         lines.extend([part] if isinstance(part, str) else part)
@@ -58,7 +59,7 @@ def at2(values=None, npts=None, step="NPTS=  {n}, DT= .00500 SEC", each=5, units
 
 
 def free_at2():
-    """Free lines before NPTS, words after the values."""
+    """Return a file with free lines before NPTS and words after the values."""
     return text(
         "Some motion, 1940",
         "120 points at equal spacing of 0.02 sec",
@@ -140,7 +141,7 @@ def csmip_texts(title, number, azimuth, more):
 def csmip_v2(
     components=None, data="{n} POINTS OF {kind} DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: {units})"
 ):
-    """Channels with acceleration, velocity and displacement."""
+    """Return channels with acceleration, velocity and displacement."""
     body = []
     for number, (azimuth, peak) in enumerate(
         (components or {" 90 DEG": 150.5, "UP": -75.25}).items(), start=1
@@ -167,7 +168,7 @@ def csmip_v2(
 
 
 def csmip_v1(components=None):
-    """Channels of equally spaced accelerations in g."""
+    """Return channels of equally spaced accelerations in g."""
     body = []
     for number, (azimuth, peak) in enumerate(
         (components or {"360 Deg": 0.125, " Up": -0.5}).items(), start=1
@@ -188,13 +189,13 @@ def csmip_v1(components=None):
 
 
 def pairs(values, dt, times=None):
-    """Pairs of time and value, 10F7.3."""
+    """Return pairs of time and value in the format 10F7.3."""
     times = np.arange(len(values)) * dt if times is None else times
     return fortran(np.column_stack([times, values]).ravel(), 10, 7, 3)
 
 
 def csmip_pairs(values=None, dt=0.005, times=None, units="G/10"):
-    """One channel of pairs of time and acceleration, as on film."""
+    """Return one channel of pairs of time and acceleration, as digitized from film."""
     values = motion() if values is None else values
     # The maximum is in g, but the samples are in tenths of g.
     peak = np.max(np.abs(values)) * parse_units(motion_units(units) or "g").scale / STANDARD_GRAVITY

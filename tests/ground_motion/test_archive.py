@@ -1,4 +1,4 @@
-"""Zip files of records, read in memory and with limits."""
+"""Tests of zip files of records, which are read in memory and with limits."""
 
 import io
 import zipfile

@@ -1,4 +1,5 @@
-"""Events of ground motions: as the headers of the formats state them, and which are the same."""
+"""Tests of the events of ground motions, as stated in the headers of the formats, and of their
+identity."""
 
 import numpy as np
 import pytest
@@ -119,7 +120,7 @@ FILES = {
 
 @pytest.mark.parametrize("name", FILES)
 def test_formats_state_event(name, tmp_path):
-    """Every component of a file has the event in its header."""
+    """Every component of a file has the event of its header."""
     text, label = FILES[name]
     (tmp_path / "motion").write_text(text)
     events = [event_of(record) for record in read_records(tmp_path / "motion")]

@@ -1,4 +1,5 @@
-"""Reading the text formats of strong-motion networks: samples, interval, units, names and times."""
+"""Tests of the text formats of strong-motion networks: samples, interval, units, names and
+times."""
 
 import re
 from datetime import datetime
@@ -22,7 +23,7 @@ def contents(text):
 
 
 def only(text):
-    """The only trace of a file's text."""
+    """Return the only trace of a file's text."""
     (trace,) = contents(text).traces
     return trace
 
@@ -273,7 +274,7 @@ class TestCsmip:
     @pytest.mark.parametrize("write", [files.csmip_pairs, files.usc])
     @pytest.mark.parametrize("first", [0.0, 99.0])
     def test_pairs_of_time_and_acceleration_are_read(self, write, first):
-        """From 100 s on without blanks between them."""
+        """From 100 s on there are no blanks between the pairs."""
         trace = only(write(motion(400), times=first + np.arange(400) * 0.005))
         np.testing.assert_array_equal(trace.data, motion(400))
         assert (trace.stats.delta, trace.stats.tdint_units) == (0.005, "0.1 g")

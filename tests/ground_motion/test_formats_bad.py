@@ -1,5 +1,5 @@
-"""Damaged files: a RecordError or the right samples, without filling the memory; tests/fuzz damages
-them at random."""
+"""Tests of damaged files, which cause a RecordError or give the right samples, without exhausting
+memory. tests/fuzz damages files at random."""
 
 import contextlib
 import io
@@ -79,7 +79,7 @@ def test_changed_numbers_in_header_are_read_or_refused(name, data, turn):
 
 @pytest.mark.parametrize(("name", "data"), CASES)
 def test_huge_number_of_samples_does_not_fill_memory(name, data):
-    """120 samples are written; ten to the twelfth would not fit into any memory."""
+    """The file has 120 samples and states 10^12, which would not fit into any memory."""
     tracemalloc.start()
     try:
         for match in re.finditer(rb"\b120\b", data):
@@ -97,7 +97,8 @@ LETTERS = st.text(alphabet="NPTSDT=,.0123456789\n eE+-#", max_size=400)
     data=st.binary(max_size=600) | LETTERS.map(str.encode) | st.text(max_size=300).map(str.encode)
 )
 def test_arbitrary_bytes_are_refused(data):
-    """No check of a format raises, and each reader refuses, as all together do."""
+    """Each reader and all readers together refuse the bytes, and no check of a format raises an
+    error."""
     for plugin in OWN:
         plugin.is_format.load()(io.BytesIO(data))
         read(plugin.name, data)

@@ -1,4 +1,5 @@
-"""Formats of single networks: components, units, steps, and the peaks that their headers state."""
+"""Tests of the formats of single networks: components, units, steps, and the peaks in their
+headers."""
 
 from datetime import datetime
 
@@ -75,7 +76,7 @@ def test_wrong_numbers_of_samples_are_refused():
 
 
 def test_incomplete_header_row_is_refused():
-    """Which is the twelfth of its row."""
+    """The incomplete row is the twelfth of the header."""
     for numbers in (11, 10):
         lines = files.bhrc().splitlines()
         lines[7] = lines[7][: 5 * numbers]

@@ -1,5 +1,5 @@
-"""Measures of ground motions against closed forms and against fine integration of the same straight
-lines."""
+"""Tests of measures of ground motions against closed forms and against fine integration of the same
+straight lines."""
 
 import math
 from dataclasses import replace
@@ -33,7 +33,7 @@ def arias(energy):
 
 class TestClosedForms:
     def test_measures_of_step(self):
-        """2 m/s^2 for 10 s."""
+        """The motion is 2 m/s^2 for 10 s."""
         found = measure(record([2.0] * 21))
         assert (found.pga, found.pgv, found.pgd) == pytest.approx((2.0, 20.0, 100.0), rel=1e-13)
         assert found.arias == pytest.approx(arias(40.0), rel=1e-13)
@@ -42,7 +42,7 @@ class TestClosedForms:
         assert found.mean == 2.0
 
     def test_measures_of_ramp(self):
-        """t from 0 to 10 s: the energy grows with t^3."""
+        """The motion is t from 0 to 10 s, whose energy grows with t^3."""
         found = measure(record(np.arange(21) * 0.5))
         assert (found.pga, found.pgv, found.pgd) == pytest.approx(
             (10.0, 50.0, 1000.0 / 6.0), rel=1e-13
@@ -71,7 +71,8 @@ class TestClosedForms:
         )
 
     def test_measures_of_triangle_through_zero(self):
-        """From 1 to -2 m/s^2 in 3 s: zero after 1 s, at rest again after 2 s."""
+        """The motion goes from 1 to -2 m/s^2 in 3 s: it is zero after 1 s, and the velocity is zero
+        again after 2 s."""
         found = measure(record([1.0, -2.0], dt=3.0))
         assert found.pgv == pytest.approx(
             1.5
@@ -195,18 +196,18 @@ class TestUnusualRecords:
 
 
 class TestMeasuresOfFrequencyAndLevel:
-    """Mean period, A95 and bracketed duration against closed forms."""
+    """Tests of mean period, A95 and bracketed duration against closed forms."""
 
     def test_mean_period_of_sine_is_its_period(self):
-        """100 whole periods of 2 Hz: one Fourier amplitude."""
+        """One hundred complete periods of 2 Hz have one Fourier amplitude."""
         dt, frequency = 0.005, 2.0
         motion = record(np.sin(2.0 * math.pi * frequency * dt * np.arange(10_000)), dt)
         assert measure(motion).mean_period == pytest.approx(0.5, rel=1e-9)
         assert measure(motion.scaled(7.0)).mean_period == pytest.approx(0.5, rel=1e-9)
 
     def test_mean_period_weights_periods_by_squared_amplitudes(self):
-        """Amplitudes 1 at 1 Hz and 2 at 4 Hz: (1 x 1 + 4 x 0.25) / 5. Frequencies outside of 0.25
-        to 20 Hz do not count."""
+        """Amplitudes 1 at 1 Hz and 2 at 4 Hz have the mean period (1 x 1 + 4 x 0.25) / 5.
+        Frequencies outside of 0.25 to 20 Hz do not count."""
         time = 0.005 * np.arange(20_000)
         sines = (1.0, 1.0), (2.0, 4.0), (9.0, 0.1), (9.0, 30.0)
         motion = sum(a * np.sin(2.0 * math.pi * f * time) for a, f in sines)
@@ -222,7 +223,7 @@ class TestMeasuresOfFrequencyAndLevel:
         assert measure(short).mean_period == measure(padded).mean_period
 
     def test_a95_of_ramp(self):
-        """The energy below A of a ramp from 0 to 1 is A^3 of the whole."""
+        """The energy below A of a ramp from 0 to 1 is the fraction A^3 of the total energy."""
         assert measure(record([0.0, 1.0])).a95 == pytest.approx(0.95 ** (1.0 / 3.0), rel=1e-12)
         assert measure(record([-3.0, 3.0])).a95 == pytest.approx(
             3.0 * 0.95 ** (1.0 / 3.0), rel=1e-12
@@ -232,15 +233,17 @@ class TestMeasuresOfFrequencyAndLevel:
         assert measure(record([1.0, 2.0])).a95 == pytest.approx(7.65 ** (1.0 / 3.0), rel=1e-12)
 
     def test_a95_of_levels(self):
-        """Constant 1 for 90 intervals and 2 for 10: 90 of 130 at level 1, so that A95 is 2; if the
-        second level lasts one interval and is 1.1, A95 is 1. The ramps between are negligible."""
+        """For the level 1 over 90 intervals and 2 over 10, 90 of 130 are at level 1, so that A95 is
+        2. If the second level lasts one interval and is 1.1, A95 is 1. The ramps between are
+        negligible."""
         flat = [1.0] * 91
         assert measure(record([*flat, *[2.0] * 11])).a95 == pytest.approx(2.0, rel=1e-9)
         assert measure(record([*[1.0] * 9001, 1.1, 1.1])).a95 == pytest.approx(1.0, rel=1e-9)
 
     def test_bracketed_duration_uses_linear_crossings(self):
-        """From 0 to 0.1 g, to -0.1 g, to 0 at intervals of 0.5 s: crossings at 0.25 s and 1.75 s...
-        the last sample inside is -0.1 g at 1 s, and the line to 0 crosses -0.05 g at 1.25 s."""
+        """The motion goes from 0 to 0.1 g, to -0.1 g and to 0 at intervals of 0.5 s. It first
+        exceeds 0.05 g at 0.25 s. The last sample above is -0.1 g at 1 s, and the line to 0 crosses
+        -0.05 g at 1.25 s."""
         g = STANDARD_GRAVITY
         motion = record([0.0, 0.1 * g, -0.1 * g, 0.0])
         assert measure(motion).bracketed_duration == pytest.approx(1.25 - 0.25, rel=1e-12)

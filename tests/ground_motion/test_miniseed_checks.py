@@ -15,7 +15,8 @@ WIDTHS = {1: 16, 2: 24, 3: 32, 4: 32, 5: 64, 12: 24, 13: 16, 14: 16, 16: 16, 30:
 
 
 class TestMiniSeed:
-    """Records of 512 bytes; a header's fields by their bytes (SEED manual 2.4, chapter 8)."""
+    """Tests with records of 512 bytes; the fields of a header are set by their bytes (SEED manual
+    2.4, chapter 8)."""
 
     @pytest.fixture(params=["FLOAT64", "INT32", "INT16", "STEIM1", "STEIM2"])
     def data(self, request, tmp_path):
@@ -270,7 +271,7 @@ class TestMiniSeedByHand:
         look_at_mseed(first + seed_record(second=1, fraction=5000, factor=50, channel=b"HNF"))
 
     def test_blank_space_between_records_is_skipped(self):
-        """A file may be blank for long, in steps of the shortest record."""
+        """A file may contain long blank space, in multiples of the shortest record."""
         record = seed_record(exponent=7)
         for blank in (b"\0" * 128, b" " * 1280):
             assert [header.number for header in look_at_mseed(record + blank + record + blank)] == [

@@ -40,12 +40,13 @@ def sine(frequency, dt=DT, seconds=30.0):
 
 
 def middle(samples):
-    """The third in the middle, away from the ends."""
+    """Return the third in the middle, away from the ends."""
     return samples[samples.size // 3 : 2 * samples.size // 3]
 
 
 def gain(corner, frequency, corners, dt=DT):
-    """Amplitude of a sine after a low-pass Butterworth filter, bilinear transform, both ways."""
+    """Return the amplitude of a sine after a low-pass Butterworth filter (bilinear transform) in
+    both directions."""
     ratio = math.tan(math.pi * frequency * dt) / math.tan(math.pi * corner * dt)
     return 1.0 / (1.0 + ratio ** (2 * corners))
 
@@ -214,7 +215,8 @@ def test_refined_resampling_keeps_old_samples(parts):
 
 @pytest.mark.parametrize("new", [0.0025, 0.004, 1.0 / 128.0, 0.02, 0.025, 0.0137, 0.1])
 def test_resampling_keeps_sine_below_nyquist_frequencies(new):
-    """Up to 0.9 of the old Nyquist frequency (shorter interval) or 0.8 of the new one (longer)."""
+    """The sine is kept up to 0.9 of the old Nyquist frequency for a shorter interval, or 0.8 of the
+    new one for a longer interval."""
     frequency = min(0.9 * 0.5 / DT, 0.8 * 0.5 / new)
     done = process(sine(frequency), resample=new)
     exact = np.sin(2.0 * math.pi * frequency * new * np.arange(done.acceleration.size))

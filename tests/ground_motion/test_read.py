@@ -20,7 +20,7 @@ FIRM_SOIL = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
 
 @pytest.fixture
 def three(tmp_path):
-    """A file of three components with peaks 1, 2 and 3."""
+    """Return a file of three components with peaks 1, 2 and 3."""
     traces = [
         trace(wave(peak=peak), channel=f"HN{c}")
         for c, peak in zip("ENZ", (1.0, 2.0, 3.0), strict=True)

@@ -1,4 +1,5 @@
-"""Files that must be refused: with a message, without a traceback, without running anything."""
+"""Tests of files that must be refused with a message, without a traceback and without executing any
+content."""
 
 import gzip
 import io
@@ -180,7 +181,7 @@ class TestCutOff:
 
 
 class TestFilesCrashingReaders:
-    """Files that end ObsPy's readers in C with a crash, or never."""
+    """Tests of files with which the C readers of ObsPy crash or do not return."""
 
     def test_gse2_with_excessive_samples_is_refused(self, tmp_path):
         data = write(tmp_path / "a", trace(counts()), format="GSE2").read_bytes()

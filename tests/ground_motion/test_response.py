@@ -1,4 +1,4 @@
-"""Removing an instrument's response by a StationXML file that the test writes."""
+"""Tests of the removal of an instrument's response, with a StationXML file that the test writes."""
 
 import re
 
@@ -125,8 +125,8 @@ def test_frequencies_stopped_by_digital_filter_are_faded_out(tmp_path):
 
 
 def test_stopped_frequencies_are_not_amplified(tmp_path):
-    """Noise in the counts, which no ground motion behind the filter can have made, is not blown
-    up."""
+    """Noise in the counts at frequencies that the filter of the instrument removes is not
+    amplified."""
     noise = np.random.default_rng(0).integers(-1000, 1000, 4000)
     record = read(tmp_path, noise, taps=[1 / 64, 6 / 64, 15 / 64, 20 / 64, 15 / 64, 6 / 64, 1 / 64])
     assert 1000 / GAIN < record.pga < 3000 / GAIN

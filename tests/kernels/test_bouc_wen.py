@@ -26,7 +26,7 @@ def law(exponent, beta):
 
 
 def hysteretic(forces, drifts):
-    """w from the force."""
+    """Return w from the force."""
     return (np.asarray(forces) - HARDENING * K * np.asarray(drifts)) / SOFT
 
 
@@ -35,7 +35,7 @@ def hysteretic(forces, drifts):
 )
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_loading_from_rest_agrees_with_closed_form(exponent, closed, sign):
-    """w' = 1 - w gives 1 - exp(-x), w' = 1 - w^2 gives tanh x."""
+    """The solution of w' = 1 - w is 1 - exp(-x), that of w' = 1 - w^2 is tanh x."""
     x = np.array([0.01, 0.5, 1.0, 3.0, 5.0, 80.0])
     drifts = sign * DY * x
     forces, _, _ = follow(law(exponent, 0.5), drifts)
@@ -120,8 +120,8 @@ def gone_along_compiled(law_parameters, turn, drifts):
     ],
 )
 def test_force_is_continuous_function_of_drift(exponent, gone, reach, size):
-    """Newton's iteration needs it: no jump where the number of substeps changes or w its sign, a
-    yield drift behind."""
+    """Newton's iteration requires that the force does not jump where the number of substeps or the
+    sign of w changes, at a distance of a yield drift."""
     drifts = 3.0 * DY - np.linspace(0.0, reach, size) * DY
     forces = gone(law(exponent, 0.9), 3.0 * DY, drifts)
     slopes = np.diff(forces) / np.diff(drifts)
@@ -132,7 +132,7 @@ def test_force_is_continuous_function_of_drift(exponent, gone, reach, size):
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0, 100.0])
 def test_force_is_at_most_strength(exponent):
-    """|w| <= 1 on any path, steps of a million yield drifts among them."""
+    """|w| <= 1 holds on any path, including steps of a million yield drifts."""
     generator = np.random.default_rng(7)
     drifts = DY * generator.normal(size=400) * 10.0 ** generator.uniform(-3, 6, size=400)
     law_parameters = law_table("bouc-wen", FY, 0.0, exponent, 0.7)
@@ -142,7 +142,7 @@ def test_force_is_at_most_strength(exponent):
 
 
 def test_large_exponent_approaches_bilinear_law():
-    """n -> infinity with beta = gamma: the bilinear law."""
+    """For beta = gamma, the limit n -> infinity is the bilinear law."""
     smooth, _, _ = follow(law(100.0, 0.5), CYCLE)
     sharp, _, _ = follow(law_table("bilinear", FY, HARDENING), CYCLE)
     assert smooth == pytest.approx(sharp, abs=0.02 * FY)

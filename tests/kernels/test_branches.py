@@ -1,4 +1,4 @@
-"""Drift laws: tangents, paths, energies, and the location of events."""
+"""Tests of drift laws: tangents, paths, energies, and the location of events."""
 
 import itertools
 import math
@@ -125,8 +125,8 @@ def test_following_branches_agrees_with_closed_form(name):
 
 
 def test_peak_oriented_loop_agrees_with_hand_calculation():
-    """Clough, no degradation of the unloading: yield, unload to zero force, reload towards the
-    other yield point."""
+    """The law of Clough without degradation of the unloading stiffness yields, unloads to zero
+    force and reloads towards the yield point of the opposite direction."""
     law_parameters = law_table("peak-oriented", FY, HARDENING, 0.0)
     turn = FY + HARDENING * K * 0.04  # at drift 0.06
     zero = 0.06 - turn / K
@@ -294,8 +294,9 @@ def test_first_sign_change_of_quadratic(seed):
 
 
 def test_sign_change_is_found_without_division_by_zero():
-    """A caller searches only if a later Bezier point is negative. Of all such quadratics on a grid
-    with equal and zero points, the turn is a zero of the quadratic, which is negative behind it."""
+    """A caller searches only if a later Bezier point is negative. For all such quadratics on a grid
+    with equal and zero points, the result is a zero of the quadratic, which is negative after
+    it."""
     points = [-1.0, -0.5, 0.0, 0.5, 1.0]
     for r0, r1, r2 in itertools.product([0.5, 1.0], points, points):
         if min(r1, r2) >= 0.0:

@@ -96,7 +96,7 @@ def test_interpreted_division_by_zero_gives_infinity():
 
 @pytest.fixture
 def background_processes(tmp_path, monkeypatch):
-    """The environment of a user with an empty cache; programs that were started."""
+    """Provide the environment of a user with an empty cache, and the list of started programs."""
     for name in ("CI", "TDINT_KERNELS", "TDINT_COMPILE", "TDINT_KERNELS_DIR"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
@@ -148,7 +148,8 @@ def test_only_one_background_process_compiles(background_processes, tmp_path, mo
 
 
 def test_run_continues_if_no_process_can_be_started(background_processes, monkeypatch, caplog):
-    """Under `ulimit -u` and in containers with a limit; the note does not promise what fails."""
+    """This occurs under `ulimit -u` and in containers with a limit; the note does not promise a
+    compilation that fails."""
     caplog.set_level("INFO", "tdint")
 
     def refused(*_):
@@ -196,7 +197,7 @@ def test_compiler_is_ended_if_no_thread_can_be_started(monkeypatch, first):
 
 
 def loops_of(model):
-    """Kernels with variants that a building needs."""
+    """Return the kernels with variants that a building needs."""
     prepared = PreparedBuilding.of(tdint.load_model(CONFIGS / f"{model}.yaml"))
     return [(integrate, prepared.variant)]
 

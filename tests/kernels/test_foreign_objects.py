@@ -32,7 +32,7 @@ MAGIC = {"linux": b"\x7fELF", "darwin": b"\xcf\xfa\xed\xfe", "win32": b"\x64\x86
 
 
 def checks():
-    """The module that looks into the objects of a wheel."""
+    """Return the module that inspects the objects of a wheel."""
     file = TESTS.parent / ".github" / "foreign_objects.py"
     specification = importlib.util.spec_from_file_location(file.stem, file)
     module = importlib.util.module_from_spec(specification)
@@ -41,8 +41,8 @@ def checks():
 
 
 def weighed(x, table, row, out, factor):
-    """Sums of functions of x, weighted by a row of a table; an array on the stack is longer than a
-    page of memory."""
+    """Return sums of functions of x, weighted by a row of a table; an array on the stack is longer
+    than a page of memory."""
     kept = local(3000)
     for i in range(kept.size):
         kept[i] = i
@@ -63,14 +63,14 @@ def weighed(x, table, row, out, factor):
 
 @pytest.fixture(scope="module")
 def compiled():
-    """A kernel with what kernels call for this machine and for each of NAMES, and the symbol of
-    all."""
+    """Return a kernel that uses all functions that kernels call, compiled for this machine and for
+    each of NAMES, and the symbol of all."""
     return objects_of(weighed, SIGNATURE, [native(), *map(named, NAMES)])
 
 
 @pytest.fixture(scope="module")
 def objects(compiled):
-    """The object and the target of each of NAMES."""
+    """Return the object and the target of each of NAMES."""
     return {name: (code, named(name)) for name, code in zip(NAMES, compiled[0][1:], strict=True)}
 
 

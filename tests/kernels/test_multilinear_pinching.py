@@ -1,4 +1,4 @@
-"""The multilinear law with pinching: loops of OpenSees, loops by hand, energy."""
+"""Tests of the multilinear law with pinching: loops of OpenSees, loops by hand, energy."""
 
 import csv
 import math
@@ -89,7 +89,7 @@ def loops():
 
 @pytest.mark.parametrize(("case", "rows"), loops())
 def test_loops_agree_with_opensees(case, rows):
-    """The work there is summed by trapezoids over steps that pass the bends of the path."""
+    """OpenSees sums the work by trapezoids, over steps that pass the bends of the path."""
     drift, force, work = np.transpose(rows)
     path = along(CASES[case], [0.0, *drift])
     assert np.max(np.abs(path.shear[1:] - force)) < 1e-6
@@ -138,7 +138,7 @@ BY_HAND = [
     ("pinching", "drifts", "shears"), BY_HAND, ids=["a loop", "no way", "the mean", "small turns"]
 )
 def test_loops_agree_with_hand_calculation(pinching, drifts, shears):
-    """Backbone (1, 1), (3, 2), then flat."""
+    """The backbone curve has the points (1, 1) and (3, 2), and is then flat."""
     assert along(multilinear(FLAT, pinching), [0, *drifts]).shear[1:] == pytest.approx(
         shears, abs=1e-12
     )
@@ -158,7 +158,7 @@ def test_exhausted_capacity_increases_maximum_drift():
 
 
 def test_forces_do_not_depend_on_number_of_steps():
-    """A path in one step or in many: the same forces and the same work."""
+    """A path in one step or in many steps has the same forces and the same work."""
     for law in CASES.values():
         corners = np.random.default_rng(3).uniform(-12.0, 12.0, 40)
         ways = [np.linspace(a, b, 8)[1:] for a, b in pairwise([0.0, *corners])]
@@ -206,7 +206,7 @@ def test_force_is_zero_beyond_ultimate_drift():
 
 
 def test_no_degradation_before_first_yielding():
-    """Cycles below it, though the work done there is not zero."""
+    """Cycles below the yield drift cause no degradation, although their work is not zero."""
     cycles = np.tile([0.9, -0.9], 20)
     degrading = along(CASES["vmtk_degrading"], [0.0, *cycles, 8.0])
     assert degrading.shear == pytest.approx(

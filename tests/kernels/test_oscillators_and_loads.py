@@ -1,5 +1,5 @@
-"""Oscillators, loads, internal forces and branch changes against their definitions, computed here
-by another route. None of these tests needs compiled loops."""
+"""Tests of oscillators, loads, internal forces and branch changes against their definitions, which
+are computed independently here. None of these tests needs compiled loops."""
 
 import itertools
 import math

@@ -37,7 +37,8 @@ def trials(method, name):
 
 
 def trial(method, name, dt=None):
-    """The trial of a method on a problem, with the step dt where the problem has several."""
+    """Return the trial of a method on a problem; `dt` selects the step of a problem with several
+    steps."""
     found = [result for result in trials(method, name) if dt is None or result.dt == dt]
     assert len(found) == 1
     return found[0]
@@ -64,7 +65,7 @@ def test_softening_motion_agrees_with_independent_integration():
 
 
 def test_soft_node_motion_is_limit_of_rigid_base():
-    """u'' + u = sin 1.2 t from rest, and the published amplitudes."""
+    """The response to u'' + u = sin 1.2 t from rest has the published amplitudes."""
     times = np.linspace(0.0, 10.0, 101)
     u = smooth(lambda t, u, v: math.sin(1.2 * t) - u, 0.0, 0.0, times)[0]
     assert soft_node_motion(times) == pytest.approx(u, abs=1e-11)
@@ -166,7 +167,8 @@ def test_explicit_model_based_methods_blow_up_in_hardening_story():
 
 
 def test_errors_of_dissipative_impulse4_at_stiff_and_soft_node():
-    """As measured with another implementation of the same formulas, to the two digits given."""
+    """The errors agree, to the two published digits, with another implementation of the same
+    formulas."""
     assert trial("impulse4:rho_inf=0.5", "stiff-node").error == pytest.approx(0.55, rel=0.03)
     assert trial("impulse4:rho_inf=0.5", "soft-node").error == pytest.approx(2.3e-3, rel=0.02)
     assert math.isnan(trial("impulse4", "stiff-node").energy_ratio_min)
@@ -180,7 +182,8 @@ def test_errors_of_dissipative_impulse4_at_stiff_and_soft_node():
 
 
 def digest():
-    """Rows of the digest in the methods' README: problem, dt, method, text of the cell."""
+    """Return the rows of the digest in the README of the methods: problem, dt, method, text of the
+    cell."""
     lines = [line.strip("|").split("|") for line in readmes.digest("failures").splitlines() if line]
     header, *body = [
         [cell.strip(" `") for cell in line] for line in lines if not line[0].startswith("---")
@@ -237,8 +240,8 @@ def test_verdict_below_and_above_stability_limit(method, name):
 
 
 def test_overshoot_from_displacement_and_velocity():
-    """Wilson's method overshoots from both starts, U0-V0 and impulse4 from none, cr from a velocity
-    only."""
+    """Wilson's method overshoots from both initial states, U0-V0 and impulse4 from neither, and cr
+    only from an initial velocity."""
     for method, expected in {
         "wilson": (True, True),
         "u0v0": (False, False),

@@ -189,7 +189,7 @@ DUFFING = (40.0, 0.0, 200.0)  # f = 40 u + 200 u^3
 
 
 def history(case, method, record=None, **more):
-    """Displacements, velocities and accelerations at the steps."""
+    """Return the displacements, velocities and accelerations at the steps."""
     result = run(case, record, method=method, history=True, **more).history
     return result.displacement, result.velocity, result.acceleration
 
@@ -210,7 +210,7 @@ def assert_same(history, expected, tolerance=1e-10):
     ],
 )
 def test_methods_equal_to_average_acceleration(law, methods):
-    """Under ground motion, in a linear building under a force as well."""
+    """The methods are equal under ground motion and, for a linear building, also under a force."""
     forced = replace(LINEAR_BUILDING, excitation=Excitation(None, (Force(3, 2e5, -1e5, 9.0),)))
     case = duffing() if law == "duffing" else forced
     average = history(case, "newmark-average", noise(201))
@@ -231,8 +231,8 @@ def duffing():
 
 
 def radau_iia(rate, y, h, steps):
-    """The two-stage method of order 3 (Ehle 1969), stages by fixed-point iteration; shape (steps +
-    1, y.size)."""
+    """Integrate with the two-stage method Radau IIA of order 3 (Ehle 1969); the stages are found by
+    fixed-point iteration. Shape (steps + 1, y.size)."""
     c, a = (1.0 / 3.0, 1.0), np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
     result = [np.asarray(y)]
     for step in range(steps):
@@ -269,8 +269,8 @@ def test_impulse4_with_rho_inf_0_is_radau_iia(law):
 
 
 def test_order_with_several_samples_per_step():
-    """Thirty-two samples in the coarsest step, two in the finest; of all methods:
-    tests/methods/test_long_steps.py."""
+    """The coarsest step contains 32 samples and the finest two. tests/methods/test_long_steps.py
+    tests all methods."""
     observed = observed_order(parse("hht"), order_problem("record", "linear", stride=32))
     assert observed.order("displacement") == pytest.approx(2.0, abs=0.25)
     assert np.isnan(observed.order("algorithmic_acceleration"))

@@ -133,7 +133,7 @@ def test_verdict_of_unstable_method(method):
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 def test_motion_is_normalized_by_exact_amplitude(damping):
-    """Against the closed form of the free vibration."""
+    """The normalized motion agrees with the closed form of the free vibration."""
     dt_over_t, steps = 0.3, 7
     omega_d = math.sqrt(1.0 - damping**2)  # over omega
     t = 2.0 * math.pi * dt_over_t * np.arange(steps + 1)  # omega t
@@ -149,7 +149,7 @@ def test_motion_is_normalized_by_exact_amplitude(damping):
 
 
 def test_first_step_of_wilson():
-    """u1 tends to -(omega h)^2 (1 - 1 / theta) u0 / 2: the formulas of the step with da = -a0 /
+    """u1 tends to -(omega h)^2 (1 - 1 / theta) u0 / 2, by the equations of the step with da = -a0 /
     theta."""
     motion = both("wilson", dt_over_t=100.0)[0]
     expected = -0.5 * (200.0 * math.pi) ** 2 * (1.0 - 1.0 / 1.4)
@@ -207,7 +207,7 @@ def test_fine_steps_follow_exact_nonlinear_motion(law, start):
 
 @pytest.mark.parametrize("law", SPRINGS)
 def test_first_step_of_average_acceleration_in_nonlinear_motion(law):
-    """From the velocity V: 4 (u1 - h V) / h^2 + f(u1) = 0, for a(0) = 0."""
+    """From an initial velocity V, u1 satisfies 4 (u1 - h V) / h^2 + f(u1) = 0, because a(0) = 0."""
     dt_over_t = 10.0
     h = 2.0 * math.pi / 10.0 * dt_over_t
     force, fastest = SPRINGS[law], FASTEST[law]

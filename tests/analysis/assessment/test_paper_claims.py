@@ -59,8 +59,8 @@ def test_cusp_of_spectral_radius_of_wilson(damping, cusp):
 
 
 def test_first_frequency_of_example_3():
-    """The paper: 0.031 rad/s. A chain of n masses, one end fixed: 2 sqrt(k / m) sin(pi / (2 (2 n +
-    1)))."""
+    """The paper states 0.031 rad/s. The first frequency of a chain of n masses with one fixed end
+    is 2 sqrt(k / m) sin(pi / (2 (2 n + 1)))."""
     exact = 2.0 * math.sqrt(500.0 / 50.0) * math.sin(math.pi / 602.0)
     building = assemble(examples()[3].model)
     measured = math.sqrt(np.linalg.eigvalsh(building.stiffness_matrix() / building.mass[0])[0])

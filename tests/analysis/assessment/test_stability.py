@@ -1,5 +1,5 @@
-"""Spectral radius, period error, numerical damping and critical steps, measured on the compiled
-steps."""
+"""Tests of the spectral radius, the period error, the numerical damping and the critical steps,
+which are measured on the compiled steps."""
 
 import math
 
@@ -75,7 +75,7 @@ def one_point(method, dt_over_t, damping=0.0):
 
 
 def shown(text):
-    """A number with an error of half a unit in its last digit."""
+    """Return a number and an error of half a unit in its last digit."""
     decimals = len(text.partition(".")[2])
     return pytest.approx(float(text), abs=0.51 * 10.0**-decimals if float(text) else 1e-9)
 
@@ -158,7 +158,8 @@ def test_spectral_radius_of_conservative_methods_is_one(method):
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 @pytest.mark.parametrize("method", catalogue())
 def test_k_steps_equal_kth_power_of_amplification_matrix(method, damping):
-    """From memory rows set at random, as after the start of a multi-step method; h is not 1."""
+    """The memory rows are set at random, as after the start of a multi-step method; h differs from
+    1."""
     integrator = parse(method)
     family, h, k = integrator.family, 0.01, 25
     omega = np.array([0.1, 0.5, 0.9]) / h
@@ -188,7 +189,7 @@ def test_k_steps_equal_kth_power_of_amplification_matrix(method, damping):
 
 
 def test_amplification_does_not_depend_on_other_oscillators():
-    """The coefficients of `exact` belong to a building; many oscillators share one."""
+    """The coefficients of `exact` belong to one building, which here contains many oscillators."""
     integrator = parse("exact")
     omega, damping = np.geomspace(1e-3, 1e4, 60), np.tile([0.0, 0.05, 0.9], 20)
     alone = [
@@ -222,7 +223,7 @@ def test_period_error_is_undefined_beyond_half_a_period():
 
 
 def test_numerical_damping_excludes_damping_of_oscillator():
-    """Average acceleration has (1 - z/2)^-1 (1 + z/2) for its principal root, z = h s."""
+    """The principal root of average acceleration is (1 - z/2)^-1 (1 + z/2) with z = h s."""
     xi, omega_h = 0.05, 0.2 * math.pi
     z = omega_h * complex(-xi, math.sqrt(1.0 - xi**2))
     root = np.log((1.0 + z / 2.0) / (1.0 - z / 2.0))

@@ -67,8 +67,8 @@ PROBLEMS = {
 
 
 def ours(problem, name, dt):
-    """A reference that is one of our methods with one step, so that errors against it are
-    differences from us."""
+    """Return a reference that equals one of our methods with one step, so that errors against it
+    are differences from our result."""
     steps = problem.steps(dt)
     return Reference(name, dt, "", NOTHING, problem.motion(parse(name), steps))
 
@@ -335,7 +335,7 @@ def test_points_of_peers_follow_points_of_methods(monkeypatch):
 
 @pytest.fixture
 def leapfrog(tmp_path):
-    """The README's plug-in, forgotten after the test."""
+    """Register the plug-in of the README and remove it after the test."""
     file = tmp_path / "leapfrog.py"
     file.write_text(readmes.block("plugin-peer"))
     load_plugin(str(file))

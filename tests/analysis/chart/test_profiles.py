@@ -1,4 +1,4 @@
-"""Many problems: performance profiles in closed form, sets of problems, and a ranking that was
+"""Tests of performance profiles in closed form, of sets of problems, and of a ranking that was
 computed by hand."""
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def test_profile_counts_problems_solved_within_factor():
 
 
 def points(line, order, cost, error=1.0, fails=()):
-    """A method with errors error * part^order and costs cost / part."""
+    """Return the points of a method with errors error * part^order and costs cost / part."""
     return [
         Point(line, part, round(1 / part), "diverged", line=line)
         if part in fails
@@ -96,8 +96,8 @@ def test_small_error_at_large_step_by_chance_is_ignored():
 
 
 def test_ratios_of_methods_of_two_orders_agree_with_formulas():
-    """Order 2 at cost 1 a step, order 4 at cost 3: within e the steps are the largest part <=
-    sqrt(e), e^(1/4)."""
+    """One method has order 2 and cost 1 per step, the other order 4 and cost 3. For a tolerance e,
+    the step is the largest part <= sqrt(e) and e^(1/4), respectively."""
     chart = field_chart(
         [measured(points("two", 2, 1.0), points("four", 4, 3.0), points("none", 0, 1.0))]
     )
@@ -295,7 +295,8 @@ def test_errors_agree_with_runs_with_fine_steps():
 
 
 def test_performance_profiles_of_several_records():
-    """One building under two motions: columns, a line, ratios from 1."""
+    """For one building under two motions, the profiles have columns and a line, and the ratios
+    start at 1."""
     records = [noise(samples=97), noise(samples=97, seed=8)]
     methods = ("newmark-average", "impulse4", "exact")
     chart = performance_profiles(ten_linear(), records, method=methods, tolerances=(0.01, 0.1))

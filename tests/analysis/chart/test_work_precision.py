@@ -1,4 +1,4 @@
-"""Work against precision: errors, the reference and its cache, recommendations."""
+"""Tests of work-precision diagrams: errors, the reference and its cache, recommendations."""
 
 import math
 import time
@@ -39,7 +39,8 @@ HARDENING = Law("polynomial", (400.0, 0.0, 4000.0))
 
 
 def forced(duration=2.0):
-    """Two hardening stories under a smooth force: no kink anywhere."""
+    """Return a building with two hardening stories under a smooth force, whose response has no
+    kinks."""
     stories = [story(1.0, 400.0, HARDENING, dashpot=1.0) for _ in range(2)]
     return model(
         stories, forces=[Force(2, 20.0, 0.0, 5.0)], velocity=(0.3, 0.5), dt=0.02, duration=duration
@@ -96,8 +97,8 @@ def test_peaks_below_a_thousandth_of_maximum_are_ignored():
 
 
 def harmonic_motion(problem, force):
-    """Displacements at the samples of a linear building at rest under one force cos(omega t):
-    closed form."""
+    """Return the closed-form displacements, at the samples, of a linear building that is initially
+    at rest under one force cos(omega t)."""
     building = problem.building
     n = building.stories
     inverse = np.diag(1.0 / building.mass)

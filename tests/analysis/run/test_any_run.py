@@ -42,7 +42,7 @@ METHODS = [name for name in catalogue() if name != "exact"] + [
 
 
 def law(generator, strength):
-    """A random law of a story with stiffness 1e6 N/m."""
+    """Return a random law of a story with stiffness 1e6 N/m."""
     hardening = float(generator.choice([0.0, 0.02, 0.5]))
     laws = [
         LINEAR,

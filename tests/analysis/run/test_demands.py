@@ -1,5 +1,5 @@
-"""The largest demands of runs by hand: made-up peaks of stories, two runs, a story without
-height."""
+"""Tests of the largest demands of runs, computed by hand for given peaks of stories, for two runs
+and for a story without height."""
 
 import math
 

@@ -31,7 +31,7 @@ NAMES = [field.name for field in fields(StoryErrors)]
 
 
 def pairs(response, reference):
-    """Estimated and true errors of all peaks that have a value, flat."""
+    """Return the estimated and true errors of all peaks that have a value, as flat arrays."""
     for name in NAMES:
         true = np.abs(getattr(response.stories, name) - getattr(reference.stories, name))
         found = getattr(response.check.errors, name)
@@ -58,8 +58,8 @@ def pairs(response, reference):
 )
 @pytest.mark.parametrize("dt", [0.02, 0.05, 0.08])
 def test_estimated_errors_of_free_vibration(method, dt):
-    """u = cos(omega t) + sin(omega t), period 1 s: amplitude root of 2; after five periods u = 1
-    again."""
+    """The displacement is u = cos(omega t) + sin(omega t) with a period of 1 s. Its amplitude is
+    the root of 2, and u = 1 after five periods."""
     omega = 2.0 * np.pi
     case = oscillator(omega, displacement=(1.0,), velocity=(omega,))
     response = run(case, method=method, dt=dt, duration=6.0, check=True)
@@ -265,7 +265,8 @@ def vibrating_building_with_a_gap():
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
 @pytest.mark.parametrize("part", [3, 5, 10])
 def test_long_steps_without_record_are_compared_with_fiftieth_of_period(method, part):
-    """With half of a fifth of the period, the true error of `impulse4` is 14 times the estimate."""
+    """For a step of half of a fifth of the period, the true error of `impulse4` is 14 times the
+    estimate."""
     building, period = vibrating_building_with_a_gap()
     response = run(building, method=method, dt=period / part, duration=9.0 * period)
     truth = run(building, dt=period / 1600, duration=9.0 * period, check=False)
@@ -284,7 +285,8 @@ def test_short_steps_without_record_are_compared_with_half_step():
 
 
 def test_half_of_long_step_underestimates_error_of_contact():
-    """The case that the sampling interval is used for: twice the old estimate is exceeded."""
+    """The true error is more than twice the estimate from half of the step, which is why the
+    sampling interval is used."""
     building, record = building_with_a_gap()
     peaks = [
         run(building, record, dt=dt, duration=10.0, check=False).stories.peak_absolute_acceleration
@@ -295,7 +297,8 @@ def test_half_of_long_step_underestimates_error_of_contact():
 
 
 def test_accidental_agreement_of_one_story_is_corrected():
-    """The first of three stories does not change at all; its neighbours do, by a tenth."""
+    """The first of three stories does not change, while the neighbouring stories change by a
+    tenth."""
     size = np.array([5.0, 1.0, 1.0])
     estimated = common(np.array([0.0, 0.1, 0.1]), size)
     assert estimated / size == pytest.approx(np.sqrt(0.02 / 3.0))
@@ -337,7 +340,7 @@ def dashpots(exponent):
     ],
 )
 def test_moment4_estimates_its_own_errors_with_curved_laws(building, method, reference):
-    """In buildings without branches of the laws, if it has no numerical dissipation."""
+    """This applies to buildings whose laws have no branches, without numerical dissipation."""
     response = run(building, noise(), method=method)
     assert response.check.method.partition(":")[0] == reference
     assert response.check.time_steps == (0.005,)
@@ -417,7 +420,8 @@ def test_error_estimate_changes_no_result():
 
 
 def test_time_steps_of_additional_runs():
-    """Halves, also of an odd number of samples. All end at the same time."""
+    """The steps are divided by two, also for an odd number of samples, and all runs end at the same
+    time."""
     assert finer(Steps(0.01, 7, 2)) == Steps(0.005, 14, 4)
     assert finer(Steps(0.06, 7, 1, 6)) == Steps(0.03, 14, 1, 3)
     assert finer(Steps(0.03, 7, 1, 3)) == Steps(0.015, 14, 2, 3)

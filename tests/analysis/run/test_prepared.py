@@ -45,7 +45,7 @@ def counted(monkeypatch):
 
 
 def test_scaled_cases_share_matrices_and_modes(counted):
-    """Rayleigh damping through modes and a method with a limit both need the modes."""
+    """Rayleigh damping by modes and a method with a stability limit both require the modes."""
     case = prepare(ten_linear(), noise(samples=11), method="central-difference")
     peaks = [run_case(case.scaled(factor), dt=0.005).stories.peak_drift for factor in SCALES]
     assert counted == {"assemble": 1, "solve_modes": 1, "find_instability": 1}

@@ -1,4 +1,4 @@
-"""Published numbers that are no case of the validation page (tests/validation)."""
+"""Tests against published numbers that are not cases of the validation page (tests/validation)."""
 
 import numpy as np
 import pytest
@@ -37,8 +37,8 @@ def test_average_acceleration_agrees_with_published_table():
 
 
 def test_roof_displacement_of_five_stories_by_two_modes():
-    """Roof displacement at 2 s of ag = 1.93 sin 2 pi t for t <= 1 s: two modes as oscillators,
-    added up."""
+    """The roof displacement at 2 s under ag = 1.93 sin 2 pi t for t <= 1 s is the sum of the
+    responses of two modal oscillators."""
     modes = assemble(model([story(25910.0, 1e7)] * 5)).modes()
     t, roof = 0.1 * np.arange(21), 0.0
     record = Record(

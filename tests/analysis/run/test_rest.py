@@ -126,8 +126,8 @@ def test_undamped_building_does_not_come_to_rest():
 
 @pytest.mark.parametrize("duration", [1.0, 1.37, 2.5])
 def test_residual_oscillation_of_free_vibration(duration):
-    """One story in free vibration: that of its start, at any time; no note without ground
-    motion."""
+    """The oscillation of one story in free vibration equals that of its start at any time; there is
+    no note without ground motion."""
     response = run(oscillator(10.0, velocity=(0.3,)), method="exact", dt=0.01, duration=duration)
     assert response.residual_oscillation[0] == pytest.approx(0.03, rel=1e-6)
     assert not moves(response)
@@ -143,7 +143,7 @@ def test_residual_oscillation_under_forces_is_ignored():
 
 @cache
 def drawn(seed):
-    """A building, its motion, a method and the true peaks."""
+    """Return a random building, its motion, a method and the true peaks."""
     building, record, method = checked_building(seed, 502)
     return (
         building,
@@ -173,8 +173,8 @@ def test_errors_of_residual_drifts_of_steps_beyond_end_of_record(samples):
 
 
 def test_residual_oscillation_of_first_mode():
-    """Two equal stories: omega^2 = (3 - sqrt 5) / 2 k/m, floors as 1 to the golden ratio, drifts as
-    that to 1."""
+    """For two equal stories, omega^2 = (3 - sqrt 5) / 2 k/m; the ratio of the floors is 1 to the
+    golden ratio, and that of the drifts its inverse."""
     golden, omega = (1.0 + np.sqrt(5.0)) / 2.0, 10.0 * np.sqrt((3.0 - np.sqrt(5.0)) / 2.0)
     two = model([story(1.0, 100.0), story(1.0, 100.0)], velocity=(0.3, 0.3 * golden))
     for duration in (1.0, 1.37):

@@ -18,8 +18,8 @@ DAMPED = "configs/fluid-dampers.yaml"
 
 
 def by_parts(model, history):
-    """The total shear from its parts: springs, P-delta, dashpots, Rayleigh or modal damping; shape
-    (steps + 1, n)."""
+    """Return the sum of the shears of springs, P-delta, dashpots and Rayleigh or modal damping;
+    shape (steps + 1, n)."""
     building = assemble(model)
     chain = building.linear_terms[:, :-1]
     rate = np.diff(history.velocity, axis=1, prepend=0.0)

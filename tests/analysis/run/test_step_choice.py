@@ -1,5 +1,5 @@
-"""The largest step within a tolerance: from coarse steps over many samples down to small parts of
-one."""
+"""Tests of the choice of the largest step within a tolerance, from steps of many samples to small
+fractions of a sample."""
 
 from functools import cache
 
@@ -77,8 +77,8 @@ def pair_errors(tolerance, factor):
     ("tolerance", "runs", "ratio", "factor"), [(0.02, 2, 2, 8 / 9), (1e-4, 3, 2, 2 / 3)]
 )
 def test_error_is_fraction_of_difference_of_pair(tolerance, runs, ratio, factor):
-    """8/9 of the difference of the first pair; 2/3 when differences have decreased by more than 3.
-    A fifth of the root mean square of the stories is the least."""
+    """The error is 8/9 of the difference of the first pair, or 2/3 if differences have decreased by
+    more than a factor of 3. It is at least a fifth of the root mean square over the stories."""
     check, reported, expected = pair_errors(tolerance, factor)
     assert check.step_choice.runs == runs
     assert check.time_steps[0] == pytest.approx(ratio * check.time_steps[1])
@@ -98,8 +98,8 @@ def test_error_is_fraction_of_difference_of_pair(tolerance, runs, ratio, factor)
     ],
 )
 def test_error_fraction_follows_observed_order(earlier, difference, halvings, factor):
-    """By Richardson: the difference over r^p - 1 of the observed order, with a margin of a third;
-    no less than 2 over r^2 - 1."""
+    """By Richardson extrapolation, the fraction is 1 / (r^p - 1) with the observed order p, with a
+    margin of a third, and at least 2 / (r^2 - 1)."""
     search = _Search.of(prepare(ten_linear(), noise(samples=101), method="impulse4"), 0.01, None, 1)
     if earlier is not None:
         search.pairs.append((earlier, 1))
@@ -124,7 +124,8 @@ def test_halvings_are_predicted_from_error_and_tolerance():
 
 
 def test_chosen_step_is_at_most_allowed_step():
-    """Half of the tolerance would be met by steps of two samples, the finer of the first pair."""
+    """Half of the tolerance would be met by steps of two samples, the finer step of the first
+    pair."""
     case = prepare(ten_linear(), noise(), method="impulse4")
     for largest, taken in ((np.inf, 2), (2 * DT, 2), (1.9 * DT, 1), (DT, 1), (0.9 * DT, 0.5)):
         assert step_within(case, 0.5, largest=largest) == taken * DT

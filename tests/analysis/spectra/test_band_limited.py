@@ -48,8 +48,8 @@ def dense():
 
 
 def response(period, t, turning):
-    """Relative displacement and velocity, absolute acceleration from rest: forced waves and a free
-    vibration."""
+    """Return the relative displacement and velocity and the absolute acceleration from rest, as the
+    sum of forced waves and a free vibration."""
     omega = 2.0 * math.pi / period
     forced = -WAVES / (omega**2 - OMEGA**2 + 2j * DAMPING * omega * OMEGA)
     free = omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2))
@@ -62,7 +62,8 @@ def response(period, t, turning):
 
 
 def largest(values):
-    """Largest absolute value at the vertices of the parabolas through three close points."""
+    """Return the largest absolute value at the vertices of the parabolas through three neighboring
+    points."""
     before, here, after = values[:-2], values[1:-1], values[2:]
     top = (np.abs(here) >= np.abs(before)) & (np.abs(here) >= np.abs(after)) & (before != after)
     slope, bend = 0.5 * (after - before)[top], (after - 2.0 * here + before)[top]

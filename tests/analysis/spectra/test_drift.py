@@ -1,5 +1,5 @@
-"""Drift spectra against the matrix exponential, the wave sum of the shear beam, and the limits of
-one and many stories."""
+"""Tests of drift spectra against the matrix exponential, the wave sum of the shear beam, and the
+limits of one and many stories."""
 
 import math
 from dataclasses import replace
@@ -19,7 +19,7 @@ MANY = HeightPeriod(0.1, 1.0)
 
 
 def uniform(period, stories, damping):
-    """The building of a drift spectrum as a model."""
+    """Return the building of a drift spectrum as a model."""
     root = 2.0 * math.pi / period / (2.0 * math.sin(math.pi / (2.0 * (2 * stories + 1))))
     return model([story(1.0, root**2)] * stories, damping=ModalDamping((damping,)))
 
@@ -55,7 +55,7 @@ def test_maxima_between_samples_are_found(damping):
 
 
 def velocity(record, times):
-    """Ground velocity at any times, 0 before the motion; exact."""
+    """Return the exact ground velocity at any times; it is 0 before the motion."""
     a, h = record.acceleration, record.dt
     at_samples = np.append(0.0, np.cumsum(0.5 * h * (a[1:] + a[:-1])))
     i = np.clip((times / h).astype(int), 0, a.size - 2)
@@ -66,8 +66,8 @@ def velocity(record, times):
 
 @pytest.mark.parametrize("period", [0.21, 0.5, 1.3, 3.0])
 def test_undamped_beam_is_sum_of_waves(period):
-    """Iwan (1997): waves of the velocity 4 H / T, reflected at the roof and, with their sign
-    changed, at the base."""
+    """By Iwan (1997), waves of the velocity 4 H / T are reflected at the roof and, with opposite
+    sign, at the base."""
     record = noise(samples=801)
     spectrum = drift_spectrum(record, np.array([period]), 0.0, beam=True)
     times = np.arange((record.acceleration.size - 1) * 20 + 1) * record.dt / 20

@@ -1,5 +1,5 @@
-"""Maxima between the samples against matrix exponentials, refined by Brent's method; PEER's and
-USGS's definitions."""
+"""Tests of the maxima between the samples against matrix exponentials, refined by Brent's method,
+and of the definitions of PEER and USGS."""
 
 import math
 from dataclasses import replace
@@ -64,7 +64,7 @@ def test_maxima_of_real_records(name):
 @example(seed=0, samples=2, period=19.0, damping=0.0)
 @example(seed=0, samples=2, period=115.0, damping=0.0)
 def test_maxima_of_white_noise(seed, samples, period, damping):
-    """The hardest motion to search: every sample is a kink."""
+    """White noise is the most difficult motion to search, because every sample is a kink."""
     record = Record(np.random.default_rng(seed).standard_normal(samples), 0.02, "", "", "", "")
     measured = values(spectrum(record, np.array([0.02 * period]), damping))
     parts = max(20, math.ceil(30.0 / period))
@@ -83,7 +83,7 @@ def test_two_extremes_within_one_sampling_interval():
 
 
 def test_maximum_at_last_sample_is_found():
-    """A pulse that the record ends in: the displacement still grows at its last sample."""
+    """The record ends within a pulse, so that the displacement still grows at its last sample."""
     record = Record(np.linspace(0.0, 1.0, 40), 0.01, "", "", "", "")
     result = spectrum(record, np.array([5.0]))
     assert result.sd[0] == pytest.approx(
@@ -95,7 +95,8 @@ def test_maximum_at_last_sample_is_found():
     ("maxima", "steps_per_period"), [("peer", 10.0), ("samples", 0.0)], ids=["peer", "usgs"]
 )
 def test_maxima_at_samples(maxima, steps_per_period):
-    """PEER samples at ten or more steps per period, USGS at the record's own step."""
+    """The definition of PEER uses ten or more steps per period, that of USGS the step of the
+    record."""
     record = noise(samples=401)
     for period in (0.01, 0.013, 0.04, 0.05, 0.0999, 0.1, 0.7):
         parts = max(1, math.ceil(steps_per_period * record.dt / period - 1e-9))
@@ -105,8 +106,8 @@ def test_maxima_at_samples(maxima, steps_per_period):
 
 
 def test_peak_displacements_of_el_centro_1940():
-    """Chopra, Dynamics of Structures, section 6.4, inches, to 0.03; the same maxima at the samples
-    to three digits."""
+    """The peaks agree with Chopra, Dynamics of Structures, section 6.4, to 0.03 inches, and the
+    maxima at the samples to three digits."""
     record = read_record(real_file("elCentro1940_180.at2"))
     g = 386.4 * INCH
     ground = np.append(0.0, record.acceleration) * (g / 9.80665)

@@ -39,8 +39,8 @@ def test_sinusoid_of_complete_cycles_has_one_frequency(cycles) -> None:
 
 @pytest.mark.parametrize("size", [SIZE, SIZE - 1])
 def test_parseval_theorem_holds(noise, size) -> None:
-    """dt sum a^2 = df sum |A|^2 over both signs of the frequency; the one of even sizes at the end
-    has one sign."""
+    """dt sum a^2 equals df sum |A|^2 over both signs of the frequency; the last frequency of an
+    even size has only one sign."""
     samples = noise.acceleration[:size]
     found = tdint.fourier_spectrum(record(samples), None)
     assert found.frequencies.size == size // 2
@@ -52,7 +52,7 @@ def test_parseval_theorem_holds(noise, size) -> None:
 
 @pytest.mark.parametrize("bandwidth", [10.0, 40.0, 188.0])
 def test_smoothing_agrees_with_konno_ohmachi_window_of_obspy(noise, bandwidth) -> None:
-    """ObsPy's window, normalized, at the same frequencies."""
+    """The window of ObsPy is normalized and evaluated at the same frequencies."""
     with quiet_import():
         from obspy.signal.konnoohmachismoothing import konno_ohmachi_smoothing_window
     plain = tdint.fourier_spectrum(noise, None)

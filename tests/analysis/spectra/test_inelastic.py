@@ -1,5 +1,5 @@
-"""Bilinear oscillators against closed forms, the matrix exponential and `tdint run`; the search for
-a strength."""
+"""Tests of bilinear oscillators against closed forms, the matrix exponential and `tdint run`, and
+of the search for a strength."""
 
 import math
 from dataclasses import replace
@@ -23,7 +23,7 @@ NOISE = noise(samples=601)
 
 
 def between_samples(values):
-    """Largest absolute value of the parabolas through three neighbors."""
+    """Return the largest absolute value of the parabolas through three neighboring points."""
     values = np.abs(values)
     i = 1 + int(np.argmax(values[1:-1]))
     low, top, high = values[i - 1 : i + 2]
@@ -31,7 +31,7 @@ def between_samples(values):
 
 
 def one_story(period, damping, yield_acceleration, hardening):
-    """A bilinear story of unit mass."""
+    """Return a building with a bilinear story of unit mass."""
     omega = 2.0 * math.pi / period
     law = Law("bilinear", (yield_acceleration, hardening))
     return model([story(1.0, omega**2, law, dashpot=2.0 * damping * omega)])
@@ -64,8 +64,8 @@ def test_spectrum_for_ductility_1_is_exact_elastic_spectrum(damping):
     [(0.55, 0.0), (0.7, 0.0), (0.97, 0.0), (0.6, 0.01), (1.0, 0.1), (1.5, 0.5), (3.0, 0.999)],
 )
 def test_ductility_under_suddenly_applied_force(load, hardening):
-    """F mu = 1/2 + (mu - 1) + hardening (mu - 1)^2 / 2: the work of the force is the energy taken
-    up. Of an elastoplastic oscillator 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
+    """The work of the force equals the absorbed energy: F mu = 1/2 + (mu - 1) + hardening (mu -
+    1)^2 / 2. For an elastoplastic oscillator, mu = 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
     strength = 2.0
     (spectrum,) = constant_strength(
         steady(load * strength, 20.0),
@@ -164,9 +164,9 @@ def test_zero_motion_requires_no_strength():
 
 
 def test_elastoplastic_oscillators_under_el_centro_agree_with_chopra():
-    """Chopra, Dynamics of Structures, 7.4: T = 0.5 s, 5 %, strengths of 1, 1/2, 1/4, 1/8 of the
-    elastic one. Largest displacements 2.25, 1.62, 1.75, 2.07 in, ductilities 1, 1.44, 3.11,
-    7.36."""
+    """Chopra, Dynamics of Structures, 7.4: T = 0.5 s, 5 %, strengths of 1, 1/2, 1/4 and 1/8 of the
+    elastic strength. The largest displacements are 2.25, 1.62, 1.75 and 2.07 in, the ductilities 1,
+    1.44, 3.11 and 7.36."""
     record = read_record(real_file("elCentro1940_180.at2")).scaled(
         386.4 * 0.0254 / STANDARD_GRAVITY
     )
@@ -186,7 +186,8 @@ def test_elastoplastic_oscillators_under_el_centro_agree_with_chopra():
 
 
 def bumpy(heights, positions, widths):
-    """A ductility that is not monotone: 1 / ratio with bumps over the logarithm of the ratio."""
+    """Return a ductility that is not monotone: 1 / ratio with bumps over the logarithm of the
+    ratio."""
 
     def ductility(ratio):
         x = math.log(ratio)

@@ -1,5 +1,5 @@
-"""Response spectrum analysis: a two-story frame by hand, published correlations, modes outside of a
-target."""
+"""Tests of the response spectrum analysis: a two-story frame by hand, published correlations, modes
+outside of a target."""
 
 import math
 
@@ -14,7 +14,7 @@ from tdint.units import STANDARD_GRAVITY as G
 
 
 def table(folder, periods, psa):
-    """The file of a target with these pseudo-accelerations (m/s^2)."""
+    """Return the file of a target with these pseudo-accelerations (m/s^2)."""
     file = folder / "target.csv"
     file.write_text(
         "period_s,sa_m_s2\n"
@@ -24,8 +24,8 @@ def table(folder, periods, psa):
 
 
 def test_two_story_frame_agrees_with_hand_calculation(tmp_path):
-    """Masses 2m, m and springs 2k, k: omega^2 = k/2m, 2k/m, shapes (1/2, 1), (-1, 1), factors 4/3,
-    -1/3 (Chopra)."""
+    """Masses 2m, m and springs 2k, k have omega^2 = k/2m, 2k/m, shapes (1/2, 1), (-1, 1) and
+    participation factors 4/3, -1/3 (Chopra)."""
     m, k, a = 100.0, 4e4, 0.3 * G
     result = tdint.response_spectrum_analysis(
         model([story(2 * m, 2 * k), story(m, k)]), table(tmp_path, [0.01, 9.0], [a, a])

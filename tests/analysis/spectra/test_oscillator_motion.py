@@ -1,4 +1,4 @@
-"""The motion of single oscillators, by closed forms, SciPy and the spectra."""
+"""Tests of the motion of single oscillators against closed forms, SciPy and the spectra."""
 
 import csv
 import math

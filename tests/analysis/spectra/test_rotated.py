@@ -31,7 +31,7 @@ def rotated(motion, degrees):
 
 
 def each_direction(motion, periods, damping=0.05, **choices):
-    """Pseudo-accelerations of the motion turned to each direction, shape (180, k)."""
+    """Return the pseudo-accelerations of the motion rotated to each direction, shape (180, k)."""
     return np.array(
         [
             spectrum(rotated(motion, degrees), periods, damping, **choices).psa

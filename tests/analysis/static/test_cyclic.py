@@ -1,4 +1,4 @@
-"""Cyclic tests of drift laws: closed forms, the first law, and the same law in a run."""
+"""Tests of cyclic tests of drift laws: closed forms, the first law, and the same law in a run."""
 
 import math
 
@@ -144,8 +144,8 @@ def test_points_and_cycles_of_path():
     ids=["asymmetric", "falling"],
 )
 def test_secant_stiffness_connects_ends_of_loop(coefficients, shears, secant, ratio):
-    """f = 2 d + d^2 between -1 and 1: forces 3 and -1, the slope between them 2; none positive, no
-    damping ratio."""
+    """For f = 2 d + d^2 between -1 and 1 the forces are 3 and -1, and the slope between them is 2.
+    Without a positive force there is no damping ratio."""
     law = Law("polynomial", coefficients)
     (cycle,) = cyclic_test(
         model([story(1.0, coefficients[0], law)]), 1, [parse_drift("1m")], points=4
@@ -242,7 +242,7 @@ def test_cyclic_test_of_story_is_independent_of_other_stories():
 
 
 def test_number_of_points_is_limited(monkeypatch):
-    """Three sizes of two cycles of four quarters of five points: 120."""
+    """Three amplitudes of two cycles with four quarters of five points have 120 points."""
     building = model([story(1.0, 2.0)])
     sizes = [parse_drift(size) for size in ("1mm", "2mm", "3mm")]
     monkeypatch.setattr(cyclic, "MAX_CYCLE_POINTS", 120)

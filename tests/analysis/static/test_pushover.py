@@ -1,4 +1,4 @@
-"""Pushover: closed forms, and equilibrium of every story at every row."""
+"""Tests of the pushover analysis: closed forms, and equilibrium of every story in every row."""
 
 import math
 from pathlib import Path
@@ -24,8 +24,8 @@ def softening(strength, dy, ultimate=60.0, residual=0.1):
 
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_pushover_of_linear_building(pattern):
-    """Story shears are the sums of the forces above: roof displacement over base shear is the sum
-    of share over k."""
+    """Story shears are the sums of the forces above, so that roof displacement over base shear is
+    the sum of share / k."""
     masses, k = np.array([3.0, 2.0, 1.0]), np.array([900.0, 700.0, 400.0])
     case = model([story(m, s, height=3.0) for m, s in zip(masses, k, strict=True)])
     result = pushover(case, parse_drift("1%"), pattern=pattern, points=5)
@@ -42,8 +42,8 @@ def test_pushover_of_linear_building(pattern):
 
 
 def test_pushover_of_one_story_is_its_backbone_curve():
-    """k = Fy = 1, down from 5 on, the residual 0.1 from 5 + 8 / 1.1 on; with P-delta less 0.01 per
-    unit of drift."""
+    """For k = Fy = 1, the force decreases from drift 5 and is constant at 0.1 from 5 + 8 / 1.1;
+    P-delta reduces it by 0.01 per unit of drift."""
     heavy = 0.01 * 3.0 / STANDARD_GRAVITY
     case = model([story(heavy, 1.0, softening(1.0, 1.0), height=3.0)], p_delta=True)
     result = pushover(case, parse_drift("20m"), points=60)
@@ -133,7 +133,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_story_shears_are_in_equilibrium_in_every_row(name):
-    """The laws followed once more, from row to row, over the drifts of the table."""
+    """The laws are evaluated again, from row to row, for the drifts of the table."""
     case, drift = CASES[name]
     result = pushover(case, parse_drift(drift), pattern="uniform", points=12)
     building = assemble(case)

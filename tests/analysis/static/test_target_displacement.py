@@ -1,5 +1,5 @@
-"""Target displacements: the formulas of the two standards by hand, for oscillators that yield
-without hardening."""
+"""Tests of target displacements against the equations of the two standards by hand, for oscillators
+that yield without hardening."""
 
 import math
 from functools import partial
@@ -55,7 +55,7 @@ def flat(tmp_path, acceleration):
 def test_n2_of_oscillator_agrees_with_hand_calculation(
     mass, strength, yields, period, ratio, displacement
 ):
-    """EN 1998-1:2004, annex B, by hand, to the six digits that were written down."""
+    """The values of EN 1998-1:2004, annex B, agree with a calculation by hand to its six digits."""
     n2, _ = target_displacements(
         pushover(oscillator(mass, strength, yields), "200mm", points=POINTS), EC8
     )
@@ -186,8 +186,8 @@ def test_coefficient_method_of_bilinear_oscillator(tmp_path, hardening, ductilit
 
 @pytest.mark.parametrize("seed", range(40))
 def test_coefficient_method_of_hardening_buildings(seed):
-    """The strength is the smallest that balances the areas up to the target displacement: a scan of
-    all strengths over the curve in closed form, story by story."""
+    """The strength is the smallest that balances the areas up to the target displacement. It is
+    found by a scan of all strengths over the closed-form curve, story by story."""
     draw = np.random.default_rng(seed)
     stories = int(draw.integers(1, 6))
     stiffness = np.sort(draw.uniform(0.8e8, 2e8, stories))[::-1]
@@ -217,7 +217,8 @@ def test_coefficient_method_of_hardening_buildings(seed):
 
 
 def test_elastic_building_has_no_strength_warning():
-    """Forty stories under P-delta, pushed past their peak: a strength ratio below 1 is elastic."""
+    """Forty stories under P-delta are pushed beyond their peak; a strength ratio below 1 is
+    elastic."""
     case = model([story(2e5, 4e8, Law("bilinear", (4e6, 0.0)), height=3.0)] * 40, p_delta=True)
     _, made = target_displacements(pushover(case, "2%", points=60), "asce7:sds=0.2,sd1=0.1,tl=8")
     assert made.strength_ratio < 1.0
