@@ -148,7 +148,9 @@ class TestCosmos:
     @pytest.mark.parametrize("quantity_name", ["raw acceleration", "raw accel."])
     def test_counts_require_value_of_count(self, tmp_path, quantity_name):
         path = tmp_path / "a.v0"
-        path.write_text(files.cosmos(np.arange(1, 121), units="counts (50)", quantity=quantity_name))
+        path.write_text(
+            files.cosmos(np.arange(1, 121), units="counts (50)", quantity=quantity_name)
+        )
         refused(path, "counts of a recorder")
         assert read_record(path, units="0.01 gal").pga == pytest.approx(0.012)
 
