@@ -36,7 +36,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 gc.set_threshold(50_000, 20, 20)
 
 # Examples have no time limit, because they take longer on a busy machine.
-settings.register_profile("any machine", deadline=None)
+settings.register_profile("any machine", deadline=None, max_examples=50)
 settings.load_profile("any machine")
 
 # Background jobs of a script such as .ci/run ignore interrupts, and so do their child processes.
@@ -93,6 +93,17 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
     if "laid_out" not in request.fixturenames:
         monkeypatch.setattr(Figure, "savefig", save)
         monkeypatch.setattr(ConstrainedLayoutEngine, "execute", lambda engine, figure: None)
+
+
+@pytest.fixture
+def short_matching(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Match motions at few periods in few rounds, for tests of commands and files.
+    tests/analysis/test_matching.py tests the quality of matched motions."""
+    from tdint.analysis import matching
+
+    monkeypatch.setattr(matching, "_FIRST_PERIODS", 30)
+    monkeypatch.setattr(matching, "_STAGES", 0)
+    monkeypatch.setattr(matching, "_MAX_ROUNDS", (3,))
 
 
 def pytest_collection_finish() -> None:

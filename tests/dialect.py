@@ -66,9 +66,10 @@ def _plain(text: str) -> str:
 def _comments(source: str) -> Iterator[tuple[int, str]]:
     """Yield comments without directives for linters."""
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type != tokenize.COMMENT:
+            continue
         text = token.string.lstrip("#!: ")
-        is_directive = re.match(r"noqa|type:|pragma|fmt:|mypy|ruff|-\*-", text)
-        if token.type == tokenize.COMMENT and not is_directive:
+        if not re.match(r"noqa|type:|pragma|fmt:|mypy|ruff|-\*-", text):
             yield token.start[0], text
 
 
@@ -119,7 +120,7 @@ def _python_texts(source: str) -> Iterator[tuple[int, str]]:
             skipped.update(id(part) for part in node.values)
     for node in nodes:
         text = "" if id(node) in skipped else _string_value(node)
-        if len(re.findall(r"[A-Za-z]{2,}", text)) >= 4 and " " in text:
+        if " " in text and len(re.findall(r"[A-Za-z]{2,}", text)) >= 4:
             yield node.lineno, text
     yield from _comments(source)
 

@@ -66,7 +66,7 @@ def refused(request, tmp_path):
         (b"COLUMN,name\n1,Z\xfcrich\n", r"t\.csv: not UTF-8 text \(byte 0xfc\); save it as UTF-8"),
         ("id\n1\n".encode("utf-16"), r"t\.csv: not UTF-8 text \(byte 0xff\)"),
         (b"COLUMN\n1\n2\0\n", r"t\.csv:3: null character"),
-        (b'COLUMN,name\n1,a\n2,"b\n3,c\n', r"t\.csv: a quotation mark below line 2 is not closed"),
+        (b'COLUMN,name\n1,a\n2,"b\n3,c\n', r"t\.csv: .*quotation mark .*line 2"),
         (b"COLUMN," + 200_000 * b"x" + b"\n1,2\n", r"t\.csv:1: invalid CSV: field larger"),
         (b"\nCOLUMN,x, COLUMN\n1,2,3\n", r"t\.csv:2: the header contains the column COLUMN twice"),
     ],
@@ -216,7 +216,7 @@ def test_excessive_numbers_are_refused(tmp_path, reader, cell):
             "site.csv,-122,37",
             "TH_file,factor\nm,x\n",
             ModelError,
-            r"site\.csv:2: factor must be a number, got 'x'",
+            r"site\.csv:2: factor .*got 'x'",
         ),
         (
             "site.csv,-122,37",

@@ -56,7 +56,7 @@ def test_validation_applies_only_to_failed_calls():
     assert asked("a") == "aa"
     with pytest.raises(ValueError, match="a bug"):
         asked(1.0, flag=True)
-    with pytest.raises(UsageError, match="call: number must be a number, got 'a'"):
+    with pytest.raises(UsageError, match=r"call: number .*got 'a'"):
         asked("a", flag=True)
     with pytest.raises(UsageError, match="call: missing a required argument: 'number'"):
         asked()

@@ -169,9 +169,7 @@ def test_sample_out_of_range_keeps_its_row():
         "stories[1].stiffness": [1e8, 1e8, -1.0],
         "record.scale": [1.0, 1.0, 0.0],
     }
-    with pytest.raises(
-        UsageError, match=r"damping must be a ratio|stiffness must be a positive number"
-    ):
+    with pytest.raises(UsageError, match=r"damping .* ratio|stiffness .* positive"):
         tdint.run_many(building, RECORD, vary=vary)
     runs = tdint.run_many(building, RECORD, vary=vary, errors="keep", gradient="damping")
     assert runs.status.tolist() == ["done", "out-of-range", "out-of-range"]

@@ -27,6 +27,13 @@ specification.loader.exec_module(run)
 PAGE = run.PAGE.read_text(encoding="utf-8")
 
 
+@pytest.fixture(scope="module")
+def stored():
+    """Stored entries, their conditions, and the chart of all entries."""
+    entries, conditions = run.raw_points.load()
+    return entries, conditions, run.complete_chart(entries, conditions)
+
+
 def made_up(name="linear", motion="near-fault", lines=("impulse4", "newmark-average")):
     """A problem on which the error of each method is its step squared, in per cent."""
     points = [
@@ -124,17 +131,16 @@ def test_what_is_not_solved_is_counted(errors):
     assert "|`impulse4`|0/-/-/1|" in run.tables_of_profiles(chart)
 
 
-def test_the_page_is_written_from_the_stored_points():
+def test_the_page_is_written_from_the_stored_points(stored):
     """The committed page is equal to the page of the CSV files, without a run."""
-    entries, conditions = run.raw_points.load()
-    shown = [one[:2] for one in run.pictures(run.complete_chart(entries, conditions))]
+    entries, conditions, chart = stored
+    shown = [one[:2] for one in run.pictures(chart)]
     assert run.page(entries, len(read_problems(STANDARD)), shown, conditions) == PAGE
 
 
-def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points():
+def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points(stored):
     """Each count of buildings on the first page is in the statements that the points give."""
-    entries, conditions = run.raw_points.load()
-    chart = run.complete_chart(entries, conditions)
+    _, _, chart = stored
     first, second = (
         " ".join(part.split())
         for part in re.search(

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from facts import each_states, states
 from tdint.campaign.fragility.fit_table import (
     FragilityRequest,
     fit_table,
@@ -58,9 +59,7 @@ def test_runs_at_common_levels_are_fitted_as_stripes(tmp_path: Path) -> None:
     lost[2, :2] = lost[1, 5] = "diverged"
     result = fit_table(table(tmp_path, im, lost), FragilityRequest(thresholds=(OVER,)))
     (warning,) = result.warnings
-    assert warning.startswith(
-        f"{tmp_path / 'runs.csv'}: 3 of 48 runs have no result and are omitted, which biases"
-    )
+    assert states(warning, f"{tmp_path / 'runs.csv'}: 3 of 48 runs ... omitted")
     known = lost != "diverged"
     (found,) = result.functions
     for function, hits, total in (
@@ -190,10 +189,13 @@ def test_threshold_outside_demands_causes_warning(tmp_path: Path) -> None:
     file = tmp_path / "cloud.csv"
     file.write_text("im,edp\n0.1,0.01\n0.2,0.02\n0.3,0.029\n")
     result = fit_table(str(file), FragilityRequest(thresholds=(0.001, 0.025, 0.03, 2.0)))
-    assert result.disagreements == [
-        "no run exceeds threshold 0.03, threshold 2: the median is extrapolated",
-        "every run exceeds threshold 0.001: the median is extrapolated",
-    ]
+    assert each_states(
+        result.disagreements,
+        [
+            "no run exceeds threshold 0.03, threshold 2: ... extrapolated",
+            "every run exceeds threshold 0.001: ... extrapolated",
+        ],
+    )
 
 
 def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -289,9 +291,9 @@ def test_few_exceedances_give_no_confidence_interval(tmp_path: Path) -> None:
     assert result.functions[0].theta > np.max(im[low]) and math.isnan(
         result.functions[0].theta_error
     )
-    assert result.disagreements == [
-        f"every intensity is below the median of threshold {eighth:g}: the median is extrapolated"
-    ]
+    assert each_states(
+        result.disagreements, [f"every intensity ... threshold {eighth:g}: ... extrapolated"]
+    )
 
 
 def test_failed_fits_are_reported_next_to_successful_fits(tmp_path: Path) -> None:

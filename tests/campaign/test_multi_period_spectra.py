@@ -75,7 +75,7 @@ def test_values_are_linear_between_periods_of_file(site):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"multiPeriodDesignSpectrum": None}, "must be a JSON file of the USGS design maps"),
+        ({"multiPeriodDesignSpectrum": None}, "JSON file of the USGS"),
         ({"multiPeriodDesignSpectrum": {"periods": PERIODS}}, "must be a JSON file of the USGS"),
         (
             {"multiPeriodDesignSpectrum": {"periods": PERIODS, "ordinates": ["1"] * 22}},

@@ -108,7 +108,7 @@ def test_inelastic_displacement_agrees_with_constant_strength_spectrum():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("pgx", "unknown intensity measure 'pgx'; did you mean 'pg"),
+        ("pgx", "'pgx'; did you mean 'pg"),
         ("pga:1", "unknown intensity measure"),
         ("sa:0", "must be a positive number"),
         ("sa:x", "expected sa"),
@@ -231,7 +231,5 @@ def test_inconsistent_tables_are_refused(tmp_path):
     (tmp_path / "measures.csv").write_text("\n".join(lines[:5]) + "\n")
     with pytest.raises(ModelError, match=r"row of the run a .* is missing"):
         compare_measures(tmp_path, ["sa", "pgv"])
-    with pytest.raises(
-        ModelError, match="column building must have the same value in all rows, got "
-    ):
+    with pytest.raises(ModelError, match=r"column building .*, got "):
         compare_measures(folder_of(tmp_path, ("a", "b")), ["sa", "pgv"])

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from facts import each_states
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
@@ -140,10 +141,7 @@ def test_duplicate_motions_of_suite_are_noted(tmp_path):
         (tmp_path / f"{name}.txt").write_text(f"# dt = {dt} s, units = g\n0\n1\n{last}\n")
     first, copy, *others = (str(tmp_path / f"{name}.txt") for name in "abcd")
     suite = read_suite([str(tmp_path), first], RecordChoice())
-    assert suite.notes == (
-        f"the same ground motion is included more than once in all means: {copy} is {first}, "
-        f"{first} is {first}",
-    )
+    assert each_states(suite.notes, [f"more than once ... {copy} is {first}, {first} is {first}"])
     assert read_suite([first, *others], RecordChoice()).notes == ()
 
 
@@ -162,9 +160,9 @@ def test_vertical_components_are_omitted_unless_requested(tmp_path):
     files = [str(tmp_path / f"{name}.mseed") for name in ("both", "up", "flat")]
     suite = read_components(files, RecordChoice(units="m/s^2"))
     assert [record.component for record in suite.records] == ["HNE", "HNN", "HNE"]
-    assert [str(failure).partition(": ")[2] for failure in suite.failures] == [
-        "no horizontal component found; select a component by name to use a vertical one"
-    ]
+    assert each_states(
+        map(str, suite.failures), [f"{files[1]}: no horizontal component ... vertical"]
+    )
     assert [note for note in suite.notes if "vertical" in note] == [
         f"{files[0]}: vertical component omitted: HNZ"
     ]
@@ -296,7 +294,7 @@ def test_target_tables_are_read(tmp_path):
         ("period_s,sa_g,sa_m_s2\n1,2,3\n", "the table contains several spectra, sa_g, sa_m_s2"),
         (
             "period_s,sa_g\n1,2\n0.5,2\n",
-            r"3: the periods of a spectrum must be 0 or positive, and increase, got 0\.5 s",
+            r"3: .*periods .* increase, got 0\.5 s",
         ),
         ("period_s,sa_g\n-1,2\n0.5,2\n", "t.csv:2: the periods"),
         ("period_s,sa_g\n0,2\n0.5,2\n", "at least two positive periods"),

@@ -21,36 +21,36 @@ TARGET = "asce7:sds=1,sd1=0.6,tl=8"
 
 def score(off, wanted=None):
     """Return the mean squared deviation of ln Sa from the target plus half the mean squared error
-    of the scatter."""
-    result = np.mean(off.mean(axis=0) ** 2)
-    return (
-        result
-        if wanted is None
-        else result + 0.5 * np.mean((off.std(axis=0, ddof=1) - wanted) ** 2)
-    )
+    of the scatter, of a selection or of each selection (axes: selection, motion, period)."""
+    result = np.mean(off.mean(axis=-2) ** 2, axis=-1)
+    if wanted is None:
+        return result
+    return result + 0.5 * np.mean((off.std(axis=-2, ddof=1) - wanted) ** 2, axis=-1)
 
 
 @pytest.mark.parametrize("scatter", [None, 0.35])
 @pytest.mark.parametrize("per_event", [1, 99])
 def test_best_selection_from_small_pools_is_found(scatter, per_event):
-    """In at least 19 of 20 pools, the best of all selections of four from twelve motions is found,
+    """In at least 9 of 10 pools, the best of all selections of four from twelve motions is found,
     and no result is better."""
     rng, events = np.random.default_rng(58), np.arange(12) // 2
     wanted = None if scatter is None else np.full(15, scatter)
-    choices = [
-        c
-        for c in map(list, itertools.combinations(range(12), 4))
-        if np.bincount(events[c]).max() <= per_event
-    ]
+    choices = np.array(
+        [
+            c
+            for c in map(list, itertools.combinations(range(12), 4))
+            if np.bincount(events[c]).max() <= per_event
+        ]
+    )
     found = 0
-    for _ in range(20):
+    for _ in range(10):
         off = 0.3 * rng.normal(0.0, 0.4, (12, 15)).cumsum(axis=1) + rng.normal(0.0, 0.2, (12, 1))
-        best = min(score(off[choice], wanted) for choice in choices)
+        best = np.min(score(off[choices], wanted))
         chosen = _search(off, 4, wanted, events, per_event)
         assert np.bincount(events[chosen]).max() <= per_event
         assert score(off[chosen], wanted) >= best * (1.0 - 1e-9)
         found += score(off[chosen], wanted) <= best * (1.0 + 1e-9)
-    assert found >= 19
+    assert found >= 9
 
 
 @pytest.fixture(scope="module")
@@ -96,12 +96,12 @@ def test_rule_applies_to_selected_motions(pool):
 @pytest.mark.parametrize(
     ("wishes", "message"),
     [
-        ({"count": 0}, "the number of motions to select must be a whole number of at least 1"),
-        ({"factors": (2.0, 1.0)}, "the limits must be positive, the minimum first"),
+        ({"count": 0}, "number .* at least 1"),
+        ({"factors": (2.0, 1.0)}, "limits .* positive"),
         ({"per_event": 0}, "per_event must be at least 1"),
         (
             {"events": ["one"] * 17, "per_event": 2},
-            "3 motions are requested, but only 2 of 17 can be selected .*at most 2 of an event",
+            "3 motions .* 2 of 17 .*at most 2 of an event",
         ),
         ({"scatter": -1.0}, "target standard deviation must be"),
         ({"rule": "usual"}, "unknown rule 'usual'"),
@@ -203,20 +203,34 @@ def test_event_table_requires_one_row_per_recording():
     table = {"A_337": "here", "x/B.mseed": "there"}
     assert named_events(motions, table) == ["here", "here", "there", ""]
     assert named_events([Horizontals(*motions[:2])], table) == ["here"]
-    with pytest.raises(UsageError, match="components of one recording, but their events differ"):
+    with pytest.raises(UsageError, match=r"one recording, .* events differ"):
         named_events(motions, table | {"A_067.AT2": "there"})
+
+
+@pytest.fixture
+def few_starts(monkeypatch):
+    """Search from few starting points, and compare averages with the target at few periods, where
+    neither is the subject."""
+    monkeypatch.setattr("tdint.campaign.selection._START_LIMITS", (3, 3))
+    monkeypatch.setattr("tdint.campaign.scaling._MIN_TOLERANCE", 0.3)
 
 
 def weak_pairs(count, peak):
     return [
         Horizontals(
-            noise(seed=2 * number, peak=peak * (1.0 + 0.3 * number)),
-            replace(noise(seed=2 * number + 1, peak=peak * (1.0 + 0.3 * number)), component="HN2"),
+            *(
+                replace(
+                    noise(samples=301, seed=2 * number + i, peak=peak * (1.0 + 0.3 * number)),
+                    component=f"HN{i + 1}",
+                )
+                for i in range(2)
+            )
         )
         for number in range(count)
     ]
 
 
+@pytest.mark.usefixtures("few_starts")
 @pytest.mark.parametrize("rule", ["asce7", "ec8"])
 def test_limits_include_common_factor_of_rule(rule):
     """The rule increases the factors of the best selection beyond the limit; another selection
@@ -234,6 +248,7 @@ def test_limits_include_common_factor_of_rule(rule):
     assert limited.limits == (0.001, high) and len(limited.motions) == 11
 
 
+@pytest.mark.usefixtures("few_starts")
 @pytest.mark.parametrize("rule", ["asce7", "ec8"])
 def test_nearest_selection_is_reported_if_limits_cannot_be_met(rule):
     """The limits in the message are sufficient."""

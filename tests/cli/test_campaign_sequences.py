@@ -274,7 +274,7 @@ IMK = (
             2,
             "below the collapse drift",
         ),
-        (IMK, ("--damage", "3%"), 5, "leads to a drift ratio of 3 % without collapse"),
+        (IMK, ("--damage", "3%"), 5, "3 % without collapse"),
     ],
     ids=["collapse", "no damage"],
 )

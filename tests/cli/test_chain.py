@@ -102,7 +102,25 @@ def pool(here, request):
     return options
 
 
-@pytest.mark.parametrize("pool", WRITERS, indirect=True)
+@pytest.mark.parametrize("pool", ["csv", "mseed", "sac", "knet"], indirect=True)
+def test_pairs_of_each_format_are_selected_and_matched(pool, tdint, short_matching):
+    """A pair stays a pair. The tests below execute the complete chain with one more format, because
+    the formats differ only in what `scale` and `match` read."""
+    choice = ("--pairs", "rotd100", *TARGET)
+    selection = ("--select", "3", "--factor-range", ".25:40", "--max-factor", "40")
+    tdint("scale", "pool", *pool, *selection, *choice, "-o", "factors.csv", code=0)
+    factors = rows("factors.csv")
+    assert len(factors) == 6 and len({row["factor"] for row in factors}) == 3
+    matching = ("match", "--factors", "factors.csv", *pool, *choice, "--format", "at2", "-o", "m")
+    tdint(*matching, code=0)
+    assert len(list(Path("m").glob("*.at2"))) == 6
+    words = ("--limit", "2%", "-o", "larger", "--pair-demand", "larger")
+    said = tdint("run", "frame.yaml", "m", *words, code=0).stderr
+    mean = pairs.mean_drift(rows("larger/runs.csv"), "larger")
+    assert f"Mean drift {100.0 * mean:.3g} %" in said and "Demand of pairs: larger" in said
+
+
+@pytest.mark.parametrize("pool", ["at2"], indirect=True)
 def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
     """No file is edited between the commands; a pair stays a pair in all of them. RotD100 of the
     outputs is the target within the misfit that is reported, and the mean over pairs is that of the

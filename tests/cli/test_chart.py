@@ -8,6 +8,7 @@ from importlib.metadata import version
 import pytest
 
 from csv_rows import rows
+from facts import states
 from tdint.analysis.chart import peers, problem, profiles, work_precision
 from tdint.analysis.chart.work_precision import DEFAULT_METHODS
 from tdint.analysis.defaults import PEAKS, QUANTITIES
@@ -266,10 +267,7 @@ def test_unstable_steps_are_rows_of_the_table(folder, tdint):
     assert (first["outcome"], second["outcome"]) == ("unstable-step", "done")
     assert [name for name, cell in first.items() if cell] == ["method", "dt_s", "steps", "outcome"]
     assert "note: central-difference: unstable-step with dt 0.2 s" in result.stderr
-    assert (
-        "For 0.1 % (peak-drift): no method meets this error with these time steps; add "
-        in result.stderr
-    )
+    assert states(result.stderr, "For 0.1 % (peak-drift): no method ... add ")
 
 
 def test_no_recommendation_if_the_peaks_occur_at_the_start(folder, tdint):
@@ -279,7 +277,7 @@ def test_no_recommendation_if_the_peaks_occur_at_the_start(folder, tdint):
         encoding="utf-8",
     )
     result = tdint("chart", "free.yaml", *QUICK, "-o", "x.csv")
-    assert "note: the peak drifts occur at the start, where all methods are exact" in result.stderr
+    assert "note: the peak drifts occur at" in result.stderr
     assert "For 1 %" not in result.stderr
     assert json.loads((folder / "x.json").read_text())["recommended"] == []
     assert (
@@ -364,7 +362,7 @@ def test_a_progress_bar_is_written_at_a_terminal(folder, tdint, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--dt", "0.013"], 2, "dt must be the sampling interval of the record, 0.01 s"),
+        (["--dt", "0.013"], 2, "dt ... sampling interval ... 0.01 s"),
         (["--dt", "-1"], 2, "-1.0 is not in the range 0.0<x<=1000000.0"),
         (["--dt", "nan"], 2, "nan is not a finite number"),
         (["--stories", "1,2.5"], 2, "'2.5' is not a valid integer"),
@@ -384,7 +382,7 @@ def test_a_progress_bar_is_written_at_a_terminal(folder, tdint, monkeypatch):
         (["--method", "newmrk"], 2, "unknown method 'newmrk'"),
         (["--method", "exact"], 2, "exact supports only linear buildings"),
         (["--scale", "0"], 2, "must not be zero"),
-        (["--duration", "-1"], 2, "duration must be a positive number of seconds"),
+        (["--duration", "-1"], 2, "duration must be a positive number"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),
         (["-o", "x.json"], 6, "x.json: two outputs have this file name"),
         (
@@ -479,7 +477,7 @@ def test_a_file_of_problems_and_its_figure(folder, tdint):
     )
     result = tdint(*words, "peak-absolute-acceleration", "--peers", "--tolerance", "1%", code=0)
     assert re.search(
-        r"two stories, near: openseespy: (omitted: it is not installed|\S+ from the reference, "
+        r"two stories, near: openseespy: (omitted: .* not installed|\S+ from the reference, "
         r"extrapolated)",
         result.stderr,
     )
@@ -501,7 +499,7 @@ def test_a_file_of_problems_and_its_figure(folder, tdint):
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        ((), 2, "a model is required; specify one or several MODEL.yaml"),
+        ((), 2, "model is required; ... MODEL.yaml"),
         (
             ("shaken.yaml", "--problems", "standard"),
             2,
@@ -523,7 +521,7 @@ def test_a_file_of_problems_and_its_figure(folder, tdint):
             "--target-error peak-total-shear requires many problems",
         ),
         (("--problems", "bad.yaml"), 3, "bad.yaml:7:23: problems[1].scales.far: unknown key"),
-        (("--problems", "none.yaml"), 3, "none.yaml: file not found; specify a file of problems"),
+        (("--problems", "none.yaml"), 3, "none.yaml: file not found"),
     ],
 )
 def test_invalid_arguments_for_many_problems_are_refused(folder, tdint, options, code, words):

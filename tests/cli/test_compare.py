@@ -260,7 +260,7 @@ def test_all_errors_of_a_recording_file_are_reported_at_once(recorded, tdint):
         (["--require", "correlation=much"], 2, "correlation must be a positive number"),
         (["--plot"], 2, "--plot without a file name requires -o"),
         (["-o", "{folder}/recorded.csv"], 6, "recorded.csv"),
-        (["--dt", "0.04"], 2, "must not exceed the sampling interval of the recording"),
+        (["--dt", "0.04"], 2, "sampling interval of the recording"),
     ],
 )
 def test_invalid_arguments_are_refused(recorded, tdint, arguments, code, message):
@@ -272,14 +272,14 @@ def test_invalid_arguments_are_refused(recorded, tdint, arguments, code, message
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "the file of recordings is empty; it needs at least `base` and `floors`"),
+        ("", "empty; ... `base` and `floors`"),
         ("base: x.csv\n", "floors: is missing; specify the floors"),
         ("base: []\nfloors: {}\n", "base: must name at least one file"),
         (
             "base: x.csv\nfloors: [x.csv]\n",
-            "floors: must be a mapping from floors (numbers from 1, or roof)",
+            "floors: ... mapping ... roof",
         ),
-        (None, "file not found; specify a file of recordings (YAML)"),
+        (None, "file not found; ... (YAML)"),
     ],
 )
 def test_files_without_recordings_are_refused(recorded, tdint, tmp_path, text, message):

@@ -335,7 +335,7 @@ def test_refusals_of_functions_by_type(
     [
         (
             "{dispersion: 0.3}",
-            "damage.thresholds: is missing; specify the demand of each state, hazus, capacity",
+            "damage.thresholds: is missing; ... hazus, capacity",
         ),
         (
             "{thresholds: {slight: 1%}}",
@@ -351,11 +351,11 @@ def test_refusals_of_functions_by_type(
         ),
         (
             "{demand: acceleration, thresholds: {slight: 1}, dispersion: 0}",
-            "number with its unit, such as 0.3 g, got",
+            "0.3 g, got",
         ),
         (
             "{thresholds: hazus}",
-            "hazus can only be used with an inventory with the rules mdof-lu",
+            "hazus ... inventory ... mdof-lu",
         ),
         (
             "{thresholds: other.csv, dispersion: 0}",
@@ -387,19 +387,19 @@ def test_invalid_damage_sections_are_refused(
     ("classes", "said"),
     [
         ("class,slight_m\nA,0.1\n", "no column moderate_m"),
-        (CLASSES.replace("B,", "C,"), "damage thresholds of the class 'B' not found"),
+        (CLASSES.replace("B,", "C,"), "class 'B' not found"),
         (
             CLASSES.replace("0.003,", "0.02,"),
-            "class A: the thresholds of damage states must be positive and increase",
+            "class A: ... thresholds ... increase",
         ),
         (
             CLASSES.replace("0.003,", "x,"),
-            "table.csv:2: slight_m must be zero or a positive number, got 'x'",
+            "table.csv:2: slight_m ... 'x'",
         ),
         (CLASSES.replace(",0.4\n", ",\n"), "table.csv:2: beta is missing"),
         (
             CLASSES.replace("A,0.02,0.25,,,,,", "A,0.02,0.25,1,2,3,4,1"),
-            "class A has different values in a row above",
+            "class A ... different values",
         ),
     ],
 )
@@ -422,9 +422,7 @@ def test_drift_ratios_need_heights(folder: Path, tdint: Command, words: tuple[st
     damage = DAMAGE % (0.01, 0.02, 0.0)
     Path("own.yaml").write_text(Path("shaken.yaml").read_text() + damage)
     Path("study.yaml").write_text(STUDY + damage)
-    tdint.refused(
-        "damage by drift_ratio requires the heights of the stories", *words, "-o", "out", code=3
-    )
+    tdint.refused("drift_ratio requires the heights", *words, "-o", "out", code=3)
 
 
 @pytest.mark.parametrize(

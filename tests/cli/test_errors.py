@@ -188,6 +188,7 @@ def test_endless_or_large_style_sheets_are_refused(folder, tdint):
         tdint.refused(words, "modes", "forced.yaml", "--plot", "a.png", "--style", sheet)
 
 
+@pytest.mark.usefixtures("short_matching")
 def test_the_mean_of_one_ground_motion_has_no_scatter(folder, tdint):
     """It has no scatter."""
     words = ["--units", "m/s^2", "--component", "HNE", "--range", "0.1:1", "-o", "matched"]

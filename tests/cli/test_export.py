@@ -110,7 +110,7 @@ def test_records_with_equal_codes_become_stations(folder, tdint) -> None:
         (
             ("motion.mseed", "--export", "out.csv"),
             2,
-            "a CSV file can contain one component, got 2; select one",
+            "one component, got 2; select one",
         ),
         (("motion.mseed", "--export", "out.txt"), 2, "use the suffix .mseed or .csv"),
         (("motion.mseed", "--export", "motion.mseed"), 6, "motion.mseed"),

@@ -68,7 +68,7 @@ def test_selected_methods_and_problems(here, tdint):
         (
             ["--problem", "hardning"],
             2,
-            "unknown problem 'hardning'; did you mean 'hardening'? (known: hardening, ",
+            "'hardning'; did you mean 'hardening'? (known: hardening, ",
         ),
         (["--problem", "x"], 2, "unknown problem 'x' (known: "),
         (["--method", "newmrk"], 2, "did you mean 'newmark'?"),

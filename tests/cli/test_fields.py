@@ -18,6 +18,7 @@ from scipy.stats import beta, norm
 
 from cli.conftest import Command, change, copy_of, made_once, write_record
 from csv_rows import rows
+from facts import states
 from tdint.campaign.buildings import RowBuildings
 from tdint.campaign.definition import FieldFile
 from tdint.campaign.inputs import read_inputs
@@ -289,11 +290,10 @@ def test_a_map_has_one_feature_for_each_building_and_event(region: Path, tdint: 
             "M7-2,east",
             "M7-1,east",
             3,
-            "fields.csv:5: event 'M7-1' at site 'east' is already on line 3; each event can have "
-            "only one record at a site",
+            "fields.csv:5: event 'M7-1' at site 'east' ... line 3; ... one record",
         ),
         ("fields.csv", "-1.25", "0", 3, "fields.csv:3: factor must not be zero, got '0'"),
-        ("fields.csv", "-1.25", "x", 3, "fields.csv:3: factor must be a number, got 'x'"),
+        ("fields.csv", "-1.25", "x", 3, "fields.csv:3: factor ... got 'x'"),
         ("fields.csv", "M7-2,west", ",west", 3, "fields.csv:4: event is missing"),
         ("fields.csv", "event,", "quake,", 3, "fields.csv:1: no column event"),
         (
@@ -336,14 +336,14 @@ def test_a_map_has_one_feature_for_each_building_and_event(region: Path, tdint: 
             "record,factor",
             "record,gmv_MMI",
             3,
-            "fields.csv:1: the table has the columns gmv_mmi; keep only the intensity",
+            "fields.csv:1: ... gmv_mmi; ",
         ),
         (
             "sites.csv",
             "37.81",
             "97.81",
             3,
-            "sites.csv:3: latitude must be from -90 to 90 degrees, got '97.81'",
+            "sites.csv:3: latitude ... -90 to 90 degrees, got '97.81'",
         ),
         ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is listed twice"),
         (
@@ -543,7 +543,7 @@ def test_a_shard_reports_its_own_skipped_buildings_and_the_merge_all_of_them(
     change("buildings.csv", ("Longitude", "Longitude,note"))
     tdint("campaign", "campaign.yaml", "-o", "part-2", "--shard", "2/10")
     refused = tdint("campaign", "merge", *parts, "-o", "other", code=2)
-    assert "columns of the inventory or the section damage differ" in refused.stderr
+    assert states(refused.stderr, "inventory ... damage ... differ")
     # A building that has moved to another site changes the fields, but the inventory is the cause.
     change("buildings.csv", (",1002,37.85,-122.2", ",1002,37.8,-122.27"))
     tdint("campaign", "campaign.yaml", "-o", "moved", "--shard", "2/10", code=3)
@@ -567,10 +567,8 @@ def test_a_building_with_an_unknown_site_is_refused(region: Path, tdint: Command
     change("campaign.yaml", (" sites: sites.csv,", ""))
     change("buildings.csv", ("-122.26,east", "-122.26,nowhere"))
     result = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
-    assert result.stderr == (
-        "Error: buildings.csv:4:8: site: 'nowhere' is not a site in fields.csv; its sites are "
-        "west, east\n"
-    )
+    (line,) = result.stderr.splitlines()
+    assert states(line, "buildings.csv:4:8: site: 'nowhere' ... fields.csv; ... west, east")
 
 
 def test_rows_with_a_missing_record_are_skipped(region: Path, tdint: Command) -> None:
@@ -651,10 +649,10 @@ def test_losses_are_sums_over_the_buildings(losing: Path, tdint: Command) -> Non
         groups == 3 + 8 + 6 and len(found) == groups + 8
     )  # events; types, districts, buildings in events
     again = tdint("campaign", "campaign.yaml", "-o", "out", "--by", "county", code=2)
-    assert "--by county: column not found in the inventory; available" in again.stderr
+    assert states(again.stderr, "--by county: ... not found ... available")
     change("buildings.csv", ("1.5e6", "much"))
     wrong = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
-    assert "buildings.csv:3:9: cost: must be zero or a positive number, got 'much'" in wrong.stderr
+    assert states(wrong.stderr, "buildings.csv:3:9: cost: ... got 'much'")
 
 
 def test_only_selected_tables_are_written(losing: Path, tdint: Command) -> None:
@@ -707,7 +705,7 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
     )
     change("campaign.yaml", (", pairs: true", ""))
     tdint.refused(
-        "fields.csv:1: the column record_2 can only be used with pairs",
+        "fields.csv:1: ... record_2 ... pairs",
         "campaign",
         "campaign.yaml",
         "-o",
@@ -920,7 +918,7 @@ def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
         (
             ("--by", "district", "--polygons", "s.json"),
             polygons("north", "south").replace("Polygon", "Point"),
-            "s.json: the geometry of 'north' must be a Polygon or MultiPolygon",
+            "s.json: ... 'north' ... MultiPolygon",
         ),
         (
             ("--by", "district", "--polygons", "s.json"),

@@ -78,7 +78,7 @@ def test_a_sampling_interval_that_miniseed_cannot_store_is_reported(tmp_path):
     [
         (
             ["--floor-spectra", "3", "-o", "out"],
-            "floor '3' not found; floors must be numbers from 1 to 2",
+            "floor '3' not found; ... 1 to 2",
         ),
         (["--floor-spectra", "top", "-o", "out"], "floor 'top' not found"),
         (["--floor-spectra", "roof"], "--floor-spectra requires -o DIR"),

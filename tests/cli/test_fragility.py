@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from csv_rows import rows
+from facts import states
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -90,7 +91,7 @@ def test_runs_of_a_campaign_at_common_levels_are_stripes(folder, tdint):
         "m/s^2",
         "3",
     )
-    assert "1 of 10 runs have no result and are omitted" in result.stderr
+    assert states(result.stderr, "1 of 10 runs ... omitted")
     assert row["failed"] == "1" and "count all of these runs as exceeding" in result.stderr
     assert (
         float(row["theta_failed_exceed"]) < float(row["theta"]) < float(row["theta_failed_stand"])
@@ -104,7 +105,7 @@ def test_runs_of_a_campaign_at_common_levels_are_stripes(folder, tdint):
             "building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n",
             (),
             3,
-            "runs.csv: column building must have the same value in all rows, got a, b",
+            "runs.csv: column building ... got a, b",
         ),
         ("building,status,peak_drift_ratio\na,done,0.1\n", (), 3, "no column sa_t1_m_s2"),
         (
@@ -113,7 +114,7 @@ def test_runs_of_a_campaign_at_common_levels_are_stripes(folder, tdint):
             2,
             "the runs have no measure pgv",
         ),
-        (None, (), 3, "this directory contains no capacities.csv and no runs.csv"),
+        (None, (), 3, "no capacities.csv and no runs.csv"),
     ],
 )
 def test_unusable_runs_are_refused(folder, tdint, text, options, code, message):
@@ -138,7 +139,7 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
 @pytest.mark.parametrize(
     ("text", "arguments", "code", "message"),
     [
-        ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im must be a number, got 'x'"),
+        ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im ... got 'x'"),
         (
             "im,collapses,records\n1,0,3\n2,1.5,3\n",
             (),
@@ -149,7 +150,7 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
             "capacity,im,edp\n1,1,1\n2,2,2\n",
             (),
             2,
-            "t.csv:1: the table has the columns of two types, capacity and im,edp; specify --fit",
+            "t.csv:1: ... capacity and im,edp; specify --fit",
         ),
         (
             "capacity\n1\n2\n3\n",
@@ -161,7 +162,7 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
             "im,collapses,records\n1,0,3\n2,4,3\n",
             (),
             3,
-            "t.csv:3: collapses must be from 0 to the number of records",
+            "t.csv:3: collapses ... records",
         ),
         ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
         ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),
@@ -169,21 +170,21 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
             "im,collapse,records\n1,0,3\n",
             (),
             3,
-            "t.csv:1: a table has the columns im,collapses,records (stripes)",
+            "t.csv:1: ... im,collapses,records (stripes)",
         ),
         (
             "capacity,censored\n1,perhaps\n",
             (),
             3,
-            "t.csv:2: censored must be true or false, got 'perhaps'",
+            "t.csv:2: censored ... got 'perhaps'",
         ),
-        ("capacity\n1\n-2\n", (), 3, "t.csv:3: capacity must be a positive number, got '-2'"),
+        ("capacity\n1\n-2\n", (), 3, "t.csv:3: capacity ... got '-2'"),
         ("capacity\n1\n2\n", ("--fit", "cloud"), 2, "this table is for --fit ida, not cloud"),
         (
             "capacity\n1\n2\n",
             ("--threshold", "1%,2%"),
             2,
-            "has no column threshold, so at most one --threshold",
+            "no column threshold, ... one --threshold",
         ),
         (
             "threshold,capacity\n0.1,1\n0.1,2\n",
@@ -195,7 +196,7 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
             "capacity,im_name\n1,pga\n2,pgv\n",
             (),
             3,
-            "column im_name must have the same value in all rows, got pga, pgv",
+            "column im_name ... got pga, pgv",
         ),
         ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "a demand threshold is required; specify --threshold"),
         (
@@ -214,10 +215,10 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
             "capacity,threshold\n1,\n2\n",
             (),
             3,
-            "t.csv: no row has a threshold; add thresholds or remove the column",
+            "t.csv: no row has a threshold",
         ),
         ("", (), 3, "t.csv: the file is empty"),
-        ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the header contains the column im twice"),
+        ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: ... column im twice"),
     ],
 )
 def test_invalid_tables_are_refused(folder, tdint, text, arguments, code, message):

@@ -77,6 +77,7 @@ def office(tmp_path_factory):
     "name",
     [pytest.param(name, marks=[pytest.mark.slow] * (name == "examples")) for name in COMMANDS],
 )
+@pytest.mark.usefixtures("short_matching")
 def test_examples_run(name, office, monkeypatch, tdint):
     """Of `tdint examples` test_examples.py runs nearly the same lines."""
     monkeypatch.chdir(office)

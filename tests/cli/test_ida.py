@@ -217,9 +217,7 @@ def test_a_study_in_other_units_and_back(studied, tdint):
     assert columns["capacity"]["unit"] == columns["peak_absolute_acceleration_g"]["unit"] == "g"
     assert "pga_g" in about["records"][0] and about["settings"]["output_units"] == "kip,in,kg,g"
     # All motions are one, times a factor.
-    tdint.refused(
-        "all capacities are equal: the dispersion cannot be estimated", "fragility", "out", code=5
-    )
+    tdint.refused("all capacities are equal: ", "fragility", "out", code=5)
     assert "m/s^2" in tdint(*STUDY[:-1]).stderr
     assert [rows(studied / "out" / name)[0]["unit"] for name in names] == ["m/s^2"] * 2
 
@@ -227,7 +225,7 @@ def test_a_study_in_other_units_and_back(studied, tdint):
 def test_another_study_requires_another_directory_or_overwrite(studied, tdint):
     arguments = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--precision", "20%", "-o", "out")
     arguments += ("--pair-demand", "separate")
-    result = tdint.refused("setting precision: 0.05 in the store, 0.2 in this study", *arguments)
+    result = tdint.refused("precision: 0.05 ... store, 0.2", *arguments)
     assert "record other.mseed HNE: only in the store" in result.stderr
     tdint(*arguments, "--overwrite", code=0)
     assert len(rows(studied / "out" / "capacities.csv")) == 8
@@ -247,18 +245,18 @@ def test_a_bad_record_is_reported_and_the_others_run(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("--max-im", "3"), 2, "'3' must be a number with a unit of"),
+        (("--max-im", "3"), 2, "'3' ... unit of"),
         (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: wrong unit for sa("),
         (
             ("--im", "d5-95"),
             2,
-            "d5-95: ground motions cannot be scaled to levels of this measure",
+            "d5-95: ... levels",
         ),
         (("--im", "pgv", "--max-im", "3g"), 2, "--max-im 3g: wrong unit for pgv"),
         (
             ("--threshold", "20%"),
             2,
-            "threshold 0.2: must be a drift ratio above 0 and at most the collapse drift, 0.1",
+            "threshold 0.2: ... collapse drift, 0.1",
         ),
         (("--period", "T2"), 2, "'T2' is not a valid float"),
         (("--method", "central-difference", "--dt", "1"), 5, "unstable"),

@@ -157,13 +157,13 @@ RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2
     ("period", "force", "more", "rest", "told"),
     [
         (0.2, 1e5, "", STEP % (0.2 / 11.0), ""),
-        (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period; use at least 10"),
+        (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period; "),
         (
             0.2,
             2e4,
             "",
             STEP % (0.2 / 11.0),
-            "base shear at yield to the weight: 0.0204; usual values are 0.03 to 3",
+            "weight: 0.0204; usual values are 0.03 to 3",
         ),
         (0.2, 2e4, ", isolator: true", STEP % (0.2 / 11.0), ""),
         # On the record's own samples the motion is straight, and the default needs fewer.

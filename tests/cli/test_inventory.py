@@ -52,7 +52,7 @@ def test_invalid_rows_change_only_the_exit_code(folder, tdint):
         (
             ["odd.csv", "--units", "m", "--models", "x"],
             2,
-            "the id '../up' cannot be used as a file name",
+            "id '../up'",
         ),
         (
             ["b.csv", "--units", "m", "-o", "forced.yaml"],

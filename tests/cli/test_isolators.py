@@ -181,12 +181,9 @@ def test_plausibility_off_suppresses_warnings_with_a_reason(folder, tdint):
     assert "unusual collapse_drift: 0.5; " in tdint("check", "odd.yaml").stderr
     for command in ("check", "run"):
         told = tdint(command, "meant.yaml").stderr
-        assert "usual" not in told and "are not shown: test rig in the laboratory" in told
+        assert "usual" not in told and "not shown: test rig in the laboratory" in told
     Path("bare.yaml").write_text(text + "plausibility: off\n")
-    assert (
-        "plausibility: must be `off`, a comma and the reason, such as"
-        in tdint("check", "bare.yaml", code=3).stderr
-    )
+    assert "plausibility: must be `off`" in tdint("check", "bare.yaml", code=3).stderr
 
 
 def test_a_note_about_many_files_is_one_line(capsys):

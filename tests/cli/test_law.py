@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from csv_rows import rows
+from facts import states
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -83,8 +84,8 @@ def test_a_drift_path_from_a_file(folder, tdint, units):
         [69.0, -11.0, 69.0, 79.0], rel=1e-9
     )
     assert [(row["step"], row["cycle"]) for row in table] == [(str(i), "") for i in range(4)]
-    assert result.stderr.splitlines()[-1].startswith(
-        "4 drifts from 0.02 to 0.0425 m, forces from -11 to 79 N, "
+    assert states(
+        result.stderr.splitlines()[-1], "4 drifts ... 0.02 to 0.0425 m, ... -11 to 79 N, "
     )
     assert (folder / "x.png").exists()
 
@@ -115,7 +116,7 @@ def test_figures_of_any_drift(folder, tdint, model, drift, drawn):
         (
             ["shaken.yaml", "--path", "forced.yaml"],
             2,
-            "forced.yaml: column drift_m not found in the first line",
+            "forced.yaml: column drift_m not found",
         ),
         (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: file not found"),
         (["-", "--path", "-"], 2, "cannot both be standard input"),
@@ -147,7 +148,7 @@ def test_figures_of_any_drift(folder, tdint, model, drift, drawn):
         (
             ["no-height.yaml", "--drift", "1%"],
             2,
-            "drift 1% is a drift ratio, and story 1 has no height",
+            "drift 1% ... story 1 has no height",
         ),
         (["missing.yaml", "--drift", "1%"], 3, "missing.yaml: file not found"),
         (
@@ -158,7 +159,7 @@ def test_figures_of_any_drift(folder, tdint, model, drift, drawn):
         (
             ["cubic.yaml", "--drift", "1e59m"],
             5,
-            "story 1: force or energy of the law is not finite at the drift ",
+            "story 1: ... not finite ... drift ",
         ),
     ],
 )

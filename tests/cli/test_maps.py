@@ -157,7 +157,7 @@ def test_a_map_follows_the_geojson_specification(
         (
             ("Latitude,Longitude", "North,East"),
             (),
-            "a map requires an inventory with the columns Latitude and Longitude",
+            "map requires ... Latitude and Longitude",
         ),
         (
             ("", ""),

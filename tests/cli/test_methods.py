@@ -8,6 +8,7 @@ import pytest
 import scipy.integrate
 
 from csv_rows import rows
+from facts import each_states, states
 from tdint.analysis.assessment.order import LOADS, STORY_LAWS
 from tdint.methods.catalogue import catalogue, parse
 from tdint_cli.commands import order
@@ -78,12 +79,12 @@ def test_a_table_with_the_suffix_of_a_workbook_causes_a_warning(here, tdint):
         (
             ["--method", "newmrk"],
             2,
-            "unknown method 'newmrk'; did you mean 'newmark'? (known: impulse, ",
+            "'newmrk'; did you mean 'newmark'? (known: impulse, ",
         ),
         (
             ["--method", "wilson:beta=1"],
             2,
-            "wilson has no parameter 'beta'; it has theta in [1, 10]",
+            "wilson ... 'beta'; ... theta in [1, 10]",
         ),
         (["--method", "hht:alpha=0.1"], 2, "alpha must lie in [-0.333333, 0], got 0.1"),
         (
@@ -235,7 +236,7 @@ def test_overshoot_in_nonlinear_motion(here, tdint):
         abs(float(row["displacement"])) for row in table if row["method"] == "newmark-average"
     )
     lines = result.stderr.splitlines()
-    assert lines[0] == "note: exact is omitted: it supports linear buildings only"
+    assert states(lines[0], "note: exact is omitted: ... linear buildings only")
     told = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
     assert told["newmark-average"] == [
         "1",
@@ -297,19 +298,17 @@ def test_methods_that_do_not_support_the_law_are_reported(tdint, command, law):
     words = (*command.split(), "--law", law, "--method")
     result = tdint(*words, "exact,newmark-average", code=0)
     assert set(column(result, "method")) == {"newmark-average"}
-    assert result.stderr.startswith("note: exact is omitted: it supports linear buildings only\n")
-    tdint.refused(
-        f"Error: exact supports linear buildings only and cannot be used with --law {law}\n",
-        *words,
-        "exact",
+    assert states(
+        result.stderr.splitlines()[0], "note: exact is omitted: ... linear buildings only"
     )
+    tdint.refused(f"Error: exact ... linear buildings only ... --law {law}\n", *words, "exact")
 
 
 def test_rounding_errors_are_reported_as_the_reason_of_a_missing_order(here, tdint, drawn):
     result = tdint(
         "order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg"
     )
-    assert result.stderr == "note: exact: no order, because its errors are rounding errors\n"
+    assert each_states(result.stderr.splitlines(), ["note: exact: no order, ... rounding errors"])
     assert column(result, "displacement_order")[0] == ""
     assert "errors are rounding" in (here / "x.svg").read_text(encoding="utf-8")
 

@@ -197,12 +197,11 @@ def test_a_history_is_compressed_and_thinned(folder: Path, tdint: Command) -> No
     [
         (
             ("--history",),
-            "--history without a file writes to the directory of -o: add -o DIR, or use "
-            "--history=FILE.csv",
+            "--history without a file ... add -o DIR, or use --history=FILE.csv",
         ),
         (
             ("--history=h.txt",),
-            "--history h.txt: the file of a response history must end in .csv or .csv.gz",
+            "--history h.txt: ... .csv or .csv.gz",
         ),
         (("--history=",), "--history must not be empty; specify a name"),
         (("--history=h.csv", "--history-every", 0), "--history-every"),

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from cli.conftest import STUDY
+from facts import states
 from tdint.output.figures.style import Picture
 from tdint.output.printed import PRINTED, PrintedAs, in_print
 
@@ -58,27 +59,21 @@ def test_labels_and_styles_can_be_replaced(here, tdint, drawn):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("90", "--style '90': unknown key; the keys are width, font, title, label:NAME, file"),
-        (
-            "width=90",
-            "--style: width must be a length from 30 to 600 mm, such as 90mm or 3.5in, got '90'",
-        ),
-        (
-            "9m",
-            "--style: width must be a length from 30 to 600 mm, such as 90mm or 3.5in, got '9m'",
-        ),
+        ("90", "--style '90': unknown key; ... width, font, title, label:NAME, file"),
+        ("width=90", "--style: width ... 30 to 600 mm, such as 90mm or 3.5in, got '90'"),
+        ("9m", "--style: width ... 30 to 600 mm, such as 90mm or 3.5in, got '9m'"),
         ("widht=90mm", "--style 'widht=90mm': unknown key; did you mean 'width'?"),
         ("title=maybe", "--style 'title=maybe': title must be yes or no"),
         ("font=", "--style 'font=': font requires a value"),
-        ("font='Times", "must be a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."),
-        ("font=No Such Font", "font 'No Such Font' is not installed on this machine"),
+        ("font='Times", "(90mm), ... (paper.mplstyle) or KEY=VALUE,..."),
+        ("font=No Such Font", "font 'No Such Font' is not installed"),
         ("label:impulse4", "--style 'label:impulse4': a label must be label:NAME=TEXT"),
         ("label:nothing=x", "label 'nothing' not found in the figure"),
         ("none.mplstyle", "style sheet none.mplstyle: "),
     ],
 )
 def test_invalid_styles_are_refused_in_one_line(here, tdint, words, message):
-    assert message in tdint(*STABILITY, "--style", words, "--plot=a.svg", code=2).stderr
+    assert states(tdint(*STABILITY, "--style", words, "--plot=a.svg", code=2).stderr, message)
     assert not (here / "a.svg").exists()
 
 
@@ -95,7 +90,7 @@ def test_panels_without_room_are_refused(folder, tdint):
         "--style",
         "30mm",
     )
-    assert "do not fit into a width of 30 mm" in tdint(*words, code=2).stderr
+    assert "a width of 30 mm" in tdint(*words, code=2).stderr
     assert not list((folder / "out").glob("*.png"))
 
 
@@ -139,7 +134,7 @@ def test_a_campaign_keeps_the_style_of_its_file(folder, tdint, monkeypatch):
     [
         ("widht=90mm", "study.yaml: style: 'widht=90mm': unknown key; did you mean 'width'?"),
         ("none.mplstyle", "study.yaml: style sheet "),
-        ("font=No Such Font", "study.yaml: font 'No Such Font' is not installed on this machine"),
+        ("font=No Such Font", "study.yaml: font 'No Such Font' is not installed"),
     ],
 )
 def test_invalid_styles_of_a_campaign_are_reported_before_the_runs(folder, tdint, style, message):

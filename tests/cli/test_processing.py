@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
+from facts import states
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.processing_steps import process
@@ -89,7 +90,7 @@ def test_results_equal_those_of_the_processed_record(folder, tdint, processed, c
 
 def test_notes_name_the_component_of_files_with_several(folder, tdint):
     told = notes(tdint("info", "motion.mseed", *OPTIONS))
-    assert told[0] == "motion.mseed: trimmed to the part from 0.5 to 2.5 s"
+    assert states(told[0], "motion.mseed: trimmed ... 0.5 to 2.5 s")
     assert [line for line in told if "a line from" in line][1].startswith("motion.mseed: HNN: ")
 
 
@@ -109,7 +110,7 @@ def test_an_invalid_processing_step_of_one_record_does_not_stop_the_others(
     make_record(folder / "short.mseed", "HNE", samples=100)
     result = tdint("info", "short.mseed", "other.mseed", "--trim", "1:2")
     assert (result.exit_code, len(result.stdout.splitlines())) == (4, 2)
-    assert "Error: short.mseed: TD.TEST..HNE: trim must be within the record" in result.stderr
+    assert "Error: short.mseed: TD.TEST..HNE: trim " in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -184,7 +185,7 @@ def test_an_option_replaces_the_same_step_of_the_model(folder, tdint):
 
 def test_processing_requires_a_record(folder, tdint):
     tdint.refused(
-        "processing requires a record, but the model specifies no record",
+        "processing requires a record",
         "run",
         "forced.yaml",
         "--pad",

@@ -12,6 +12,7 @@ import pytest
 
 from cli.conftest import Command
 from csv_rows import rows
+from facts import states
 from tdint.campaign.profiles import Statistics
 
 STUDY = """\
@@ -191,10 +192,8 @@ def test_a_requirement_is_not_met_before_all_runs_are_completed(
         required = tdint("-q", *words, *gate, code=5)
         done = len(rows(f"{folder}/runs.csv"))
         assert 0 < done < 16
-        assert (
-            required.stderr.splitlines(keepends=True)[-1]
-            == f"Error: the drift limit of 90 % is not checked: {done} of 16 runs are done\n"
-        ), words
+        last = required.stderr.splitlines(keepends=True)[-1]
+        assert states(last, f"Error: ... 90 % is not checked: {done} of 16 runs"), words
     assert "is not checked" in tdint("-q", "campaign", "export", "first", *gate[:2], code=0).stderr
     assert (
         "is not checked"
@@ -205,7 +204,7 @@ def test_a_requirement_is_not_met_before_all_runs_are_completed(
     Path("study.yaml").write_text(STUDY.replace("motion.mseed,", "motion.mseed, broken.mseed,"))
     tdint("campaign", "study.yaml", "-o", "lost", *gate, code=4)
     again = tdint("campaign", "export", "lost", *gate, code=5)
-    assert "is not met: 1 record could not be used" in again.stderr
+    assert states(again.stderr, "not met: 1 record")
 
 
 def test_collapsed_runs_are_counted_and_excluded_from_means(study: Path, tdint: Command) -> None:
@@ -248,10 +247,7 @@ def test_at_most_ten_of_many_buildings_are_listed(study: Path, tdint: Command) -
         STUDY.replace("shaken.yaml, stiff.yaml", listed).replace("stories: true", "profiles: true")
     )
     result = tdint("campaign", "study.yaml", "-o", "out", code=0)
-    assert (
-        "note: model files listed more than once, which are run repeatedly: weak-0.yaml"
-        in result.stderr
-    )
+    assert states(result.stderr, "note: ... more than once, ... weak-0.yaml")
     told = [line for line in result.stderr.splitlines() if "no mean can be computed" in line]
     lost = {
         (row["building"], row["scale"]) for row in rows("out/profiles.csv") if int(row["collapsed"])
@@ -261,10 +257,7 @@ def test_at_most_ten_of_many_buildings_are_listed(study: Path, tdint: Command) -
         and "and 9 more: of 3 ground motions, 3 collapsed" in told[0]
         and len(lost) == 14
     )  # 7 names at two levels; one is run twice
-    assert (
-        "6 more buildings or intensity levels with collapsed or failed runs: see the columns "
-        "collapsed and failed of profiles.csv" in result.stderr
-    )
+    assert states(result.stderr, "6 more buildings ... collapsed and failed of profiles.csv")
 
 
 def test_levels_of_a_measure_have_their_own_column(study: Path, tdint: Command) -> None:

@@ -474,6 +474,7 @@ def test_rounding_is_relative_to_the_peak(tmp_path):
     assert is_rounding("drift_m", "4.0\n1e-12", "4.0\n3e-9") == [False]
 
 
+@pytest.mark.usefixtures("short_matching")
 def test_matched_motions_are_compared(folder, tdint, rerun):
     """They are the result of the command: a changed byte and a deleted file are found."""
     design = "ec8:type=1,soil=B,ag=0.25g"

@@ -193,15 +193,14 @@ def test_units_on_the_command_line_replace_the_inventory_of_the_model(folder, td
         (
             ["shaken.yaml", "--dt", "0.003"],
             2,
-            "dt must be the sampling interval of the record, 0.01 s",
+            "dt ... sampling interval ... 0.01 s",
         ),
         (["shaken.yaml", "--scale", "0"], 2, "must not be zero"),
         (["shaken.yaml", "--scale", "inf"], 2, "inf is not a finite number"),
         (
             ["forced.yaml", "--method", "central-difference", "--dt", "0.5"],
             5,
-            "mode 2 (omega 13.4922 rad/s, omega dt 6.74611) grows; the largest stable step is "
-            "0.148233 s",
+            "mode 2 (omega 13.4922 rad/s, omega dt 6.74611) grows; ... 0.148233 s",
         ),
         (["forced.yaml", *UNSTABLE], 5, "diverged after"),
         (["forced.yaml", "-o", ""], 2, "-o must not be empty; specify a name"),
@@ -215,7 +214,7 @@ def test_units_on_the_command_line_replace_the_inventory_of_the_model(folder, td
             (
                 ["forced.yaml", option, "2"],
                 2,
-                f"{option} requires a record, but the model specifies no record; add --record",
+                f"{option} requires a record, ... add --record",
             )
             for option in ("--units", "--component", "--inventory", "--scale")
         ),
@@ -381,7 +380,7 @@ def test_a_tolerance_selects_the_time_step(folder, tdint, tolerance):
     chosen = (
         f"from {check['runs_for_the_step']} runs: {summary['dt_s']:.6g} s, {samples:g} sampling"
     )
-    assert f"Time step selected for peak drift errors below 0.1 %, {chosen}" in result.stderr
+    assert f"below 0.1 %, {chosen}" in result.stderr
     if samples != 1.0 and check["solves_at_record_step"]:
         assert f"the sampling interval requires {check['solves_at_record_step']}." in result.stderr
     assert summary["dt_s"] == pytest.approx(0.01 * samples) and summary["dt_s"] < 0.04
@@ -389,9 +388,8 @@ def test_a_tolerance_selects_the_time_step(folder, tdint, tolerance):
 
 
 def test_an_unreachable_tolerance_is_an_error(folder, tdint):
-    result = tdint(
-        "run", "forced.yaml", "--method", "houbolt", "--tolerance", "1e-12", "-o", "out", code=5
-    )
+    words = ("--duration", 0.2, "--method", "houbolt", "--tolerance", "1e-12", "-o", "out")
+    result = tdint("run", "forced.yaml", *words, code=5)
     assert (
         "houbolt does not reach the tolerance of 1e-10 %" in result.stderr and result.stdout == ""
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
+from facts import states
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -196,9 +197,7 @@ def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
         "0.2:2",
     )
     told = tdint(*words, code=0).stderr
-    assert (
-        "Warning: factors outside 0.25 to 4, the range of common practice: motion.mseed HNE" in told
-    )
+    assert states(told, "Warning: factors outside 0.25 to 4, ... motion.mseed HNE")
     tdint.refused(
         "larger than --max-factor 5: motion.mseed HNE",
         *words,
@@ -215,8 +214,8 @@ def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
     [
         ((), "no target is specified; specify one of --target"),
         (("--sa", "0.5g"), "--sa requires a period; add --at"),
-        (("--sa", "0.5", "--at", 1), "'0.5' must be a number with a unit of"),
-        (("--sa", "5cm/s", "--at", 1), "must be a number with a unit of"),
+        (("--sa", "0.5", "--at", 1), "'0.5' ... unit of"),
+        (("--sa", "5cm/s", "--at", 1), "number with a unit of"),
         (("--pgv", "0.4g"), "such as 40cm/s"),
         (("--pga", "0.4g", "--pgv", "40cm/s"), "--pga and --pgv cannot be used together"),
         (("--pga", "0.4g", *TARGET), "--target and --pga cannot be used together"),
@@ -224,12 +223,12 @@ def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
         (("--p695", "--pga", "0.4g"), "--p695 cannot be used with --pga"),
         (("--p695", "--pairs", "rotd50"), "--pairs rotd50 cannot be used with --p695"),
         ((*TARGET, "--range", "2"), "'2' must be a range FIRST:LAST"),
-        ((*TARGET, "--range", "0.2:9"), "must be within the spectrum, 0.02 to 5 s, got 0.2 to 9 s"),
+        ((*TARGET, "--range", "0.2:9"), "0.02 to 5 s, got 0.2 to 9 s"),
         ((*TARGET, "--rule", "asce7"), "add --at, --building or --range"),
         ((*TARGET, "--rule", "ec8"), "--rule ec8 compares spectra from 0.2 T to 2 T"),
         (
             (*TARGET, "--rule", "ec8", "--at", 0.5),
-            "the rule ec8 requires the target at the period 0",
+            "ec8 requires ... period 0",
         ),
         ((*TARGET, "--building", "x.yaml", "--at", 0.5), "--at requires --sa"),
         (
@@ -299,7 +298,7 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
         (
             ("other.mseed", "--factors", "zero.csv"),
             3,
-            "zero.csv:3: factor: must be a number that is not zero, got '0'",
+            "zero.csv:3: factor: ... got '0'",
         ),
     ],
 )
@@ -308,9 +307,10 @@ def test_invalid_factor_tables_are_refused(folder, tdint, arguments, code, said)
     Path("lost.csv").write_text("record,component,factor\ngone.mseed,HNE,2\n,HNN,2\n")
     Path("component.csv").write_text("record,component,factor\nother.mseed,HNZ,2\n")
     Path("zero.csv").write_text("record,component,factor\nother.mseed,HNE,1\nother.mseed,HNN,0\n")
-    assert said in tdint("run", "shaken.yaml", *UNITS, *arguments, code=code).stderr
+    assert states(tdint("run", "shaken.yaml", *UNITS, *arguments, code=code).stderr, said)
 
 
+@pytest.mark.usefixtures("short_matching")
 def test_records_of_the_table_of_factors(folder, tdint, make_record):
     """Select, match, run, ida and campaign require no record arguments: the table lists the
     selected records, and the other motions of the suite are not used."""
@@ -408,7 +408,7 @@ def test_motions_are_selected(folder, tdint):
     result = tdint(
         *words, "--per-event", 1, "--events", "events.csv", "-o", "chosen.csv", "--plot", code=0
     )
-    assert "Selected from 3: the mean of ln Sa differs from the target by" in result.stderr
+    assert "Selected from 3: the mean of ln Sa" in result.stderr
     table = rows(folder / "chosen.csv")
     assert [row["record"] for row in table] == ["motion.mseed", "other.mseed"]
     settings = json.loads((folder / "chosen.json").read_text())["settings"]
@@ -416,9 +416,7 @@ def test_motions_are_selected(folder, tdint):
     assert (folder / "chosen.png").exists()
     (folder / "scatter.csv").write_text("period_s,scatter\n0.1,0.2\n3,0.4\n")
     tdint(*words[:-1], 3, "--target-std", "scatter.csv", "--factor-range", "0.001:1000", code=0)
-    tdint.refused(
-        "4 motions are requested, but only 3 of 3 can be selected", *words[:-1], 4, code=2
-    )
+    tdint.refused("4 motions ... 3 of 3", *words[:-1], 4, code=2)
     lone = ("scale", "motion.mseed", *UNITS, *TARGET, "--per-event", 1)
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\n")
     unknown = "the event of 1 motion is unknown: other.mseed"

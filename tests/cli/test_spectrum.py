@@ -136,7 +136,7 @@ def test_notes_are_reported_once(folder, tdint):
         ["Warning", "motion.mseed"],
         ["Warning", "other.mseed"],
     ]
-    assert lines[2].startswith("note: below a period of 0.1 s (10 sampling intervals)")
+    assert lines[2].startswith("note: below a period of 0.1 s (10 ")
     assert len(lines) == 3
     large = tdint(
         "-q", "spectrum", "motion.mseed", "--units", "30 m/s^2", "--period", "1"
@@ -268,7 +268,7 @@ def test_a_design_spectrum_is_written_and_read_as_a_target(folder, tdint):
             ("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"),
             "--target has no effect",
         ),
-        (("--target", EC8, "--damping", "2%"), "give the damping of a design spectrum by name"),
+        (("--target", EC8, "--damping", "2%"), "damping of a design spectrum"),
         (("--target", EC8, "--period", "12"), "got 12 to 12 s"),
         (("--target", "ec8:type=1"), "ec8 requires soil, ag"),
     ],

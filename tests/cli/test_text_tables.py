@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cli.test_info import errors, rows
+from facts import states
 from tdint.units import STANDARD_GRAVITY
 from tdint_cli.main import COMMANDS, cli
 
@@ -89,7 +90,7 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         (
             "info motion.mseed --step 0.02",
             4,
-            "sampling interval in the file is 0.01 s, which contradicts --step 0.02",
+            "0.01 s, which contradicts --step 0.02",
         ),
         ("info motion.mseed --column 2", 4, "--column 2 cannot be used with the file format MSEED"),
         ("info motion.mseed --step 0", 2, "--step"),
@@ -98,15 +99,14 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         (
             "info tables/a.txt",
             4,
-            "starts in line 4: specify it by --step and --column and skip the lines above by "
-            "--skip-lines",
+            "starts in line 4: ... --step ... --column ... --skip-lines",
         ),
         ("run forced.yaml --step 0.01", 2, "requires a record"),
     ],
 )
 def test_invalid_options_are_refused(tables, tdint, words, code, message):
     (line,) = errors(tdint.refused(message, *words.split(), code=code))
-    assert message in line
+    assert states(line, message)
 
 
 @pytest.mark.parametrize(
@@ -114,22 +114,22 @@ def test_invalid_options_are_refused(tables, tdint, words, code, message):
     [
         (
             lambda line, i: line[:5] if i == 50 else line,
-            "line 51 must contain 2 numbers, got '0.49,'; a cell is empty",
+            "line 51 ... 2 numbers, got '0.49,'",
         ),
         (
             lambda line, i: line[:5] if i == 1 else line,
-            "line 2 must contain 2 numbers, got '0.00,'; a cell is empty",
+            "line 2 ... 2 numbers, got '0.00,'",
         ),
         (
             lambda line, i: f"{i - 1 if i else ''},{line}",
-            "line 1: ',time,acc' has no name for the first column, as",
+            "line 1: ',time,acc' ... first column",
         ),
     ],
 )
 def test_incomplete_rows_are_reported_with_their_line(folder, tdint, change, message):
     lines = ["time,acc", *(f"{0.01 * i:.2f},{np.sin(0.1 * i):.6f}" for i in range(200))]
     (folder / "t.csv").write_text("\n".join(change(line, i) for i, line in enumerate(lines)) + "\n")
-    assert message in tdint("info", "t.csv", "--units", "g", code=4).stderr
+    assert states(tdint("info", "t.csv", "--units", "g", code=4).stderr, message)
 
 
 def test_a_table_without_units_causes_a_note_about_the_option(folder, tdint):

@@ -48,6 +48,7 @@ def work():
 
 
 @pytest.mark.parametrize(("input_type", "name"), CASES)
+@pytest.mark.usefixtures("short_matching")
 @pytest.mark.filterwarnings("ignore")
 def test_corrupt_inputs_have_expected_outcomes(work, input_type, name):
     seeds, some = TRIED[input_type]
@@ -58,6 +59,7 @@ def test_corrupt_inputs_have_expected_outcomes(work, input_type, name):
 
 
 @pytest.mark.parametrize("name", studies.STUDIES)
+@pytest.mark.usefixtures("short_matching")
 def test_intact_studies_are_done(work, name):
     """Fits are excluded, because they take seconds and are tested in tests/cli/test_compare.py."""
     lines = {line for line in studies.STUDIES[name].lines if "--fit" not in line}

@@ -73,11 +73,11 @@ class TestSac:
             (
                 0,
                 0.02,
-                r"time of the last sample\) of 9.98\d* s, but the data that were read have 19.9",
+                r"time of the last sample\) of 9.98\d* s, .* 19.9",
             ),
-            (2, 9.81 * 3.0, r"largest sample\) of 29.4\d*, but the data that were read have 3"),
+            (2, 9.81 * 3.0, r"largest sample\) of 29.4\d*, .* 3"),
             (1, -3.1, "smallest sample"),
-            (56, 1.0, "mean of 1, but the data that were read have"),
+            (56, 1.0, "mean of 1, "),
         ],
     )
     def test_wrong_header_value_is_refused(self, data, word, value, match):
@@ -231,7 +231,7 @@ def test_knet_peaks_are_compared_without_offset(off, remarked):
         assert compare([number, found]) == ("number of samples", "peak")
     for length in (0.0, float("nan"), -1.0):
         component.stats.knet.duration = length
-        with pytest.raises(Damaged, match="its header states an invalid number of samples"):
+        with pytest.raises(Damaged, match="invalid number of samples"):
             knet_statements(None, [component])
     del component.stats["knet"]
     with pytest.raises(Damaged, match="its header is incomplete"):

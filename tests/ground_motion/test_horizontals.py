@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from facts import each_states
 from real_records import real_file
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.horizontals import (
@@ -106,10 +107,7 @@ def test_horizontal_components_are_paired(names, found):
 def test_names_without_direction_are_paired_with_note():
     pair = find_horizontals([record("", source="a.txt"), record("", source="b.txt", seed=1)])
     assert (pair.source, pair.component) == ("a.txt+b.txt", "?+?")
-    assert pair.notes == (
-        "the names do not state directions: one and the other are assumed to be two perpendicular "
-        "horizontal components",
-    )
+    assert each_states(pair.notes, ["names ... assumed ... perpendicular"])
 
 
 @pytest.mark.parametrize(
@@ -117,7 +115,7 @@ def test_names_without_direction_are_paired_with_note():
     [
         (
             [record("HNZ")],
-            "two horizontal components are required, but the source contains 0: none",
+            "two horizontal components .* 0: none",
         ),
         ([record("HNE"), record("HNN"), record("HN1")], "the source contains 3: HNE, HNN, HN1"),
         ([record("67"), record("90")], "the directions 67 and 90 differ by 23 degrees"),
@@ -137,7 +135,7 @@ def test_names_without_direction_are_paired_with_note():
         ),
         (
             [record("HNE"), record("HNN", samples=90)],
-            "have 100 and 90 samples; trim them to equal length",
+            "100 and 90 samples",
         ),
     ],
 )
@@ -220,9 +218,7 @@ def test_pairs_by_file_name_patterns():
         ("x/N/1.txt", "x/E/1.txt"),
         ("x/N/2.txt",),
     ]
-    with pytest.raises(
-        UsageError, match=r"no file name matches N/\{\}.txt or E/\{\}.txt; the files are a.txt"
-    ):
+    with pytest.raises(UsageError, match=r"N/\{\}.txt or E/\{\}.txt; .* a.txt"):
         files_of_motions(["a.txt"], folders)
 
 

@@ -41,12 +41,12 @@ class TestMiniSeed:
             (
                 30,
                 b"\x0b\xb8",
-                r"record 1: its header states 3000 samples, but the record has space for \d+",
+                r"record 1: .*3000 samples, .* \d+",
             ),
             (
                 -512 + 30,
                 b"\x0b\xb8",
-                r"record \d+: its header states 3000 samples, but the record has space for \d+",
+                r"record \d+: .*3000 samples, .* \d+",
             ),
             # libmseed would drop the record without a word.
             (44, b"\0\0", "at byte 0|states byte 0"),

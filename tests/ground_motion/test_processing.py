@@ -251,17 +251,17 @@ def test_resampling_keeps_constant_and_duration(new):
         ({"trim": (30.0, None)}, "trim must be within the record"),
         (
             {"trim": (1.001, 1.009)},
-            "trim must keep at least two samples at the interval of 0.01 s, got 1.001:1.009 s",
+            "trim .*two samples .* 0.01 s, got 1.001:1.009 s",
         ),
-        ({"lowpass": 50.0}, "lowpass must be below the Nyquist frequency of 50 Hz, got 50 Hz"),
-        ({"highpass": 60.0}, "highpass must be below the Nyquist frequency of 50 Hz, got 60 Hz"),
+        ({"lowpass": 50.0}, "lowpass .*50 Hz, got 50 Hz"),
+        ({"highpass": 60.0}, "highpass .*50 Hz, got 60 Hz"),
         (
             {"highpass": 1e-4},
-            "highpass must be at least 0.001 Hz for a sampling interval of 0.01 s, got 0.0001 Hz",
+            "highpass .*0.001 Hz .*0.01 s, got 0.0001 Hz",
         ),
         (
             {"resample": 20.0},
-            "the resampled record must have at least two samples; an interval of 20 s is too long",
+            "at least two samples; .*20 s",
         ),
         ({"resample": 1e-9}, "must have at most 50000000 samples"),
         ({"pad": 1e9}, "pad must add at most 50000000 samples, got 200000000000"),

@@ -49,8 +49,8 @@ class TestRecordAttributes:
     @pytest.mark.parametrize(
         ("data", "note"),
         [
-            (wave(peak=319.0), "peak ground acceleration: 325 g; usual values are 0.0001 g to 5 g"),
-            (wave(peak=1e-6), "peak ground acceleration: 1.02e-06 g; usual"),
+            (wave(peak=319.0), "325 g; usual values are 0.0001 g to 5 g"),
+            (wave(peak=1e-6), "1.02e-06 g; usual"),
             (np.zeros(10), "all samples are zero"),
             (0.1 * wave() + 0.1, "25% of the peak"),
         ],
@@ -153,13 +153,13 @@ class TestKnet:
             (
                 b"4.383",
                 b"5.000",
-                r"states a peak of 5 gal, but the data that were read have 4\.383",
+                r"peak of 5 gal, .* 4\.383",
             ),
             *(
                 (
                     b"Time(s)  59",
                     b"Time(s)  " + length,
-                    "states an invalid number of samples|but the data that were read have 5900",
+                    "invalid number of samples|read have 5900",
                 )
                 for length in (b"1e308", b"nan", b"1e12", b"-5", b"58", b"60")
             ),

@@ -6,6 +6,7 @@ import io
 import numpy as np
 import pytest
 
+from facts import states
 from ground_motion.format_files import motion, one_column, text, two_columns
 from ground_motion.samples import SAMPLES
 from tdint.errors import ModelError, RecordError, UsageError
@@ -47,10 +48,7 @@ class TestStep:
     def test_step_of_column_without_header(self, file):
         (record,) = read(file, one_column(header=None), "gal", step=0.005)
         assert (record.dt, record.pga) == (0.005, 0.015)
-        assert (
-            record.notes[0]
-            == "using the specified sampling interval of 0.005 s; the file states none"
-        )
+        assert states(record.notes[0], "sampling interval of 0.005 s; ... none")
 
     def test_step_of_columns_without_time(self, file):
         records = read(file, table([], *COLUMNS, separator="  "), "gal", step=0.02)
@@ -135,13 +133,13 @@ class TestColumn:
     @pytest.mark.parametrize(
         ("wanted", "units", "message"),
         [
-            ("6", None, "column 6 not found; the table has columns 1 to 5"),
+            ("6", None, "column 6 .*columns 1 to 5"),
             ("0", None, "column 0 not found"),
-            ("9" * 400, None, "column 9{40} not found; the table has columns 1 to 5"),
+            ("9" * 400, None, "column 9{40} .*columns 1 to 5"),
             ("1", None, r"column 1 is the time \(Time \(s\)\)"),
-            ("sensor", None, "column 'sensor' not found; the columns are Time"),
-            ("5", None, "must be a unit of acceleration, but its header states 'c'"),
-            ("3", "gal", r"states its units \(g\), but gal is specified"),
+            ("sensor", None, "column 'sensor' not found; .* Time"),
+            ("5", None, "unit of acceleration, .*'c'"),
+            ("3", "gal", r"units \(g\), .*gal"),
             ("2", None, "does not state the units"),
             (
                 "4",
@@ -166,12 +164,12 @@ class TestColumn:
     @pytest.mark.parametrize(
         ("names", "layout", "message"),
         [
-            (["t,a,a"], {"column": "a"}, "columns 2 and 3 have the name 'a'; specify the number"),
-            ([], {"column": "a"}, "the table has no column names; specify the number"),
+            (["t,a,a"], {"column": "a"}, "columns 2 and 3 .*'a'; .*number"),
+            ([], {"column": "a"}, "no column names; .*number"),
             (
                 ["s,P1,P2"],
                 {"step": 0.02},
-                "do not identify the acceleration; select a column by `column`: P1, P2",
+                "acceleration; .*`column`: P1, P2",
             ),
         ],
     )

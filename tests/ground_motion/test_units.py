@@ -139,7 +139,7 @@ class TestHeaders:
         [
             ("COUNTS", None, "counts of a recorder"),
             ("CM/S**2", "g", r"states its units \(CM/S\*\*2\), but g is specified"),
-            ("V", "m/s^2", "which are not units of a ground motion"),
+            ("V", "m/s^2", "not units of a ground motion"),
             ("CM/S", "cm/s^2", "is specified"),
         ],
     )

@@ -216,7 +216,7 @@ def test_false_tangent_and_energy_of_law_are_reported(tmp_path, hyperbolic):
     }
     tangent, energy = check_law(tdint.load_model({"stories": [story]}), 1)
     assert "dissipated energy differ" in energy
-    assert "the tangent is not the slope of the force" in tangent
+    assert "tangent is not the slope" in tangent
 
 
 def test_plugin_law_does_not_change_sources_of_other_models(hyperbolic):
@@ -552,7 +552,7 @@ def test_case_and_result_are_read_by_new_process(workshop, verlet, hyperbolic, t
         (
             "forgets",
             ("        commit(law_parameters, law_state, i, rows.SECOND_TRIAL", "        abs("),
-            "the state of each story must be committed",
+            "state of each story",
         ),
         ("sound", ("", ""), ""),
     ],
@@ -580,7 +580,8 @@ def test_plugin_is_executed_in_python_before_first_compiled_run(
     monkeypatch.setattr(
         step_check, "faults_of_step", lambda integrator: looked.append(1) or real(integrator)
     )
-    for _ in range(2):
+    times = 1 if name == "forgets" else 2  # this check takes two seconds
+    for _ in range(times):
         compiled_steps.VALIDATED_STEPS.discard(integrator.family.step)  # as another process
         if fault:
             with pytest.raises(AnalysisError, match=fault):
@@ -592,4 +593,4 @@ def test_plugin_is_executed_in_python_before_first_compiled_run(
                 )
         else:
             compiled_steps.validate_plugin_step(integrator)
-    assert len(looked) == (2 if fault else 1)
+    assert len(looked) == (times if fault else 1)

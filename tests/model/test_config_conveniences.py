@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from facts import each_states, states
 from json_schema import tree
 from tdint.errors import ModelError
 from tdint.model.building import assemble
@@ -136,24 +137,24 @@ def test_numpy_numbers_and_sequences_are_accepted() -> None:
 
 def test_errors_of_mapping_have_no_line() -> None:
     story: dict[str, object] = {"mass": "a", "stiffness": math.nan, "height": "3"}
-    assert faults({"stories": [story], "p_delta": "true", "dampng": None}) == [
-        "model: dampng: unknown key; did you mean 'damping'?",
-        "model: p_delta: must be true or false, got 'true' in quotes; remove the quotes",
-        "model: stories[1].mass: must be a positive number, got 'a'",
-        "model: stories[1].height: must be a positive number, got '3' in quotes; remove the quotes",
-        "model: stories[1].stiffness: must be a positive number, got 'nan'; it must be finite",
-        "model: dampng: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got "
-        "nothing",
-    ]
+    assert each_states(
+        faults({"stories": [story], "p_delta": "true", "dampng": None}),
+        [
+            "model: dampng: unknown key; did you mean 'damping'?",
+            "model: p_delta: ... true or false, got 'true' in quotes; remove the quotes",
+            "model: stories[1].mass: ... got 'a'",
+            "model: stories[1].height: ... got '3' in quotes; remove the quotes",
+            "model: stories[1].stiffness: ... got 'nan'; ... finite",
+            "model: dampng: ... 5%, {rayleigh: ...} or {modal: ...}, got nothing",
+        ],
+    )
 
 
 def test_cyclic_and_unsupported_values_are_refused() -> None:
     loop: dict[str, object] = {}
     loop["stories"] = loop
-    assert faults(loop) == ["model: more than 32 nested levels; this is not a model"]
-    assert faults({"stories": {1, 2}}) == [
-        "model: a model contains mappings, lists, numbers and text, not set"
-    ]
+    assert each_states(faults(loop), ["model: more than 32 nested levels"])
+    assert each_states(faults({"stories": {1, 2}}), ["model: ... mappings, lists ... not set"])
 
 
 @pytest.mark.parametrize(
@@ -204,7 +205,7 @@ def test_implausible_value_is_reported_with_usual_range(warning: str) -> None:
     assert plausibility_warnings(usual, assemble(usual), 9.0) == ()
     light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")  # 0.44 s, as 200 t have it
     (line,) = plausibility_warnings(light, assemble(light))
-    assert line.startswith("unusual mass of a floor: 200 kg in story 1; usual values are ")
+    assert states(line, "unusual mass of a floor: 200 kg ... story 1; ")
     bare = load("stories: [{mass: 200, stiffness: 4e4}]")
     assert plausibility_warnings(bare, assemble(bare)) == ()
     # c = 2 zeta sqrt(k m): 0.02 % warns, 0.51 % does not; without any damping there is no warning.
@@ -226,7 +227,7 @@ def test_equal_warnings_of_several_models_are_merged() -> None:
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ndamping: 5%")
     models = [replace(light, source="a.yaml"), replace(light, source="b.yaml"), usual]
     (line,) = study_plausibility_warnings((model, assemble(model)) for model in models)
-    assert line.startswith("a.yaml and 1 more: unusual mass of a floor: 200 kg in story 1; ")
+    assert states(line, "a.yaml and 1 more: ... 200 kg ... story 1; ")
     varied = [
         load(f"stories: [{{mass: {200 + n}, height: 3, stiffness: 4e4}}]\ndamping: 5%")
         for n in range(14)

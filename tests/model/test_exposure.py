@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from facts import states
 from tdint.errors import ModelError
 from tdint.model.capacity import read_classes
 from tdint.model.inventory import InventoryRow, derive_all, read_inventory
@@ -169,10 +170,10 @@ def test_mapping_by_structural_type_without_costs() -> None:
     [
         (
             in_xml().replace("CR/H:3", "CR/H:9"),
-            "1 taxonomy of e.xml not found; add rows for 'CR/H:9'",
+            "1 taxonomy of e.xml not found; ... 'CR/H:9'",
         ),
         (in_xml().replace('number="5"', 'number="-5"'), "e.xml:14:1: number: must be zero or a"),
-        (in_xml().replace('number="5"', ""), "e.xml:14:1: number: is missing; give zero or a"),
+        (in_xml().replace('number="5"', ""), "e.xml:14:1: number: is missing"),
         (in_xml().replace('value="900"', 'value="x"'), "e.xml:19:1: structural: must be zero or"),
         (in_xml().replace('lat="37.81"', ""), "e.xml:19:1: lat: is missing"),
         (in_xml().replace('lat="37.81"', 'lat="97"'), "e.xml:19:8: Latitude: must be a number"),
@@ -183,7 +184,7 @@ def test_mapping_by_structural_type_without_costs() -> None:
         (in_xml().replace("</nrml>", ""), "invalid XML"),
         ('<!DOCTYPE x [<!ENTITY y "z">]>' + in_xml().partition("\n")[2], "document type"),
         (in_csv("none.csv"), "none.csv: file not found"),
-        (TABLE, "e.xml:1: column structural can be the cost of one building or of all buildings"),
+        (TABLE, "e.xml:1: column structural ... cost ... all buildings"),
         (TABLE.replace(",number,structural", ",storeys,x"), "e.xml:1: no column number"),
     ],
 )
@@ -193,13 +194,13 @@ def test_invalid_exposure_models_are_refused(text: str, message: str) -> None:
     with pytest.raises(ModelError) as caught:
         _, faults = read_inventory("e.xml", 1.0, classes=classes, mapping="mapping.csv")
         raise ModelError(faults)
-    assert message in str(caught.value)
+    assert states(str(caught.value), message)
 
 
 def test_aggregated_cost_of_zero_buildings_is_refused() -> None:
     text = in_xml().replace('structural" type="per_asset', 'structural" type="aggregated')
     Path("e.xml").write_text(text.replace('number="5"', 'number="0"'))
-    with pytest.raises(ModelError, match="number: must be positive because the structural cost is"):
+    with pytest.raises(ModelError, match="number: must be positive"):
         read("e.xml")
 
 
@@ -213,7 +214,7 @@ def test_aggregated_cost_of_zero_buildings_is_refused() -> None:
         (MAPPING.replace("taxonomy", "type"), "mapping.csv:1: no column taxonomy"),
         (
             MAPPING.replace("Stories\n", "Stories,number\n"),
-            "mapping.csv:1: column number comes from the exposure model; remove it",
+            "mapping.csv:1: column number ... remove it",
         ),
     ],
 )
@@ -222,4 +223,4 @@ def test_invalid_mapping_tables_are_refused(mapping: str, message: str) -> None:
     Path("mapping.csv").write_text(mapping)
     with pytest.raises(ModelError) as caught:
         read("e.xml")
-    assert message in str(caught.value)
+    assert states(str(caught.value), message)

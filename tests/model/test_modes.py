@@ -81,11 +81,7 @@ def test_first_frequency_bound_is_maximum_row_sum(seed):
 
 def test_modal_damping_exceeding_memory_is_refused(monkeypatch):
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 2**12, "SC_PHYS_PAGES": 2**22}.__getitem__)
-    with pytest.raises(
-        ModelError,
-        match=r"modal damping of 100000 stories requires 298 GiB of memory, and this machine has "
-        r"16 GiB; use",
-    ):
+    with pytest.raises(ModelError, match=r"100000 stories .*298 GiB .*16 GiB; use"):
         assemble(model([story(2e5, 3e8)] * 100_000, damping=ModalDamping((0.05,))))
 
 

@@ -159,8 +159,8 @@ def test_exact_motion_satisfies_equation_of_motion(problem, load, law):
 @pytest.mark.parametrize(
     ("load", "law", "stride", "message"),
     [
-        ("sinus", "linear", 1, "one of free, harmonic, record and law one of linear, polynomial"),
-        ("free", "bilinear", 1, "one of free, harmonic, record and law one of linear, polynomial"),
+        ("sinus", "linear", 1, "harmonic, record .* linear, polynomial"),
+        ("free", "bilinear", 1, "harmonic, record .* linear, polynomial"),
         ("record", "linear", 3, "stride"),
         ("record", "linear", 0, "stride"),
         ("harmonic", "linear", 2, "stride"),

@@ -384,7 +384,7 @@ def test_long_runs_have_fewer_default_time_steps():
 
 
 def test_invalid_problems_are_refused():
-    with pytest.raises(UsageError, match=r"the time step of the model, 0\.02 s, multiplied"):
+    with pytest.raises(UsageError, match=r"time step .*0\.02 s"):
         measure(pose(forced()), integrators("impulse4"), [0.013], cached=False)
     with pytest.raises(UsageError, match="dt must be a positive number"):
         measure(pose(forced()), integrators("impulse4"), [math.nan], cached=False)

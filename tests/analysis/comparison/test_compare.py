@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from building_cases import LINEAR, Force, Law, model, story
+from facts import states
 from tdint.analysis.compare import (
     _REQUIREMENTS,
     Event,
@@ -348,13 +349,13 @@ def test_unsupported_fit_parameters_are_refused(made):
         ),
         (
             recording(first=sensor("floor_9_m_s2")),
-            "the file has no column 'floor_9_m_s2'; did you mean",
+            "'floor_9_m_s2'; did you mean",
         ),
         (recording(roof=sensor("roof", file="other.csv")), "does not end with its units"),
         (recording(roof=sensor("roof", ", units: g", "other.csv")), "does not overlap in time"),
         (
             recording(more="band: [0.5, 25]\n"),
-            "must be below the Nyquist frequency of 25 Hz, got 25 Hz",
+            "Nyquist .* 25 Hz, got 25 Hz",
         ),
     ],
 )
@@ -468,10 +469,7 @@ def test_fit_on_bound_is_reported(made):
     made.usual(floor_1_m_s2=history.acceleration[:, 0], floor_3_m_s2=history.acceleration[:, 2])
     found = fit(replace(made.model, damping=ModalDamping((0.02,))), made.event(), ["damping"])
     assert found.values[0].on_bound
-    assert any(
-        note.startswith("damping_ratio ended on a bound of the fit, 0.0001 to 0.5")
-        for note in found.notes
-    )
+    assert any(states(note, "damping_ratio ... 0.0001 to 0.5") for note in found.notes)
 
 
 def test_fit_starts_at_local_minima_of_scan():

@@ -154,7 +154,7 @@ def test_unreachable_tolerance_is_refused():
     record = noise(samples=101)
     with pytest.raises(
         FailedRun,
-        match=r"does not reach the tolerance of 1e-09 %: with dt = 3.90625e-05 s .* of story \d+ "
+        match=r"1e-09 %.* dt = 3.90625e-05 s .* of story \d+ "
         r"is still",
     ) as failure:
         run(ten_linear(), record, method="newmark-average", tolerance=1e-11)
@@ -174,7 +174,7 @@ def test_failed_runs_end_search_for_tolerance(monkeypatch, threshold):
 def test_tolerance_must_be_between_0_and_1(tolerance):
     with pytest.raises(
         UsageError,
-        match=r"the tolerance must be between 0 and 1|tolerance must be a number, got nan",
+        match=r"tolerance .* (0 and 1|nan)",
     ):
         run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=tolerance)
 

@@ -65,12 +65,13 @@ def test_default_method_is_noted():
     ("dt", "duration"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (0.1, np.inf), (0.1, 0.0)]
 )
 def test_steps_and_durations_must_be_positive(dt, duration):
-    with pytest.raises(UsageError, match=r"must be a (positive number of seconds|number, got nan)"):
+    with pytest.raises(UsageError, match=r"(positive number of seconds|got nan)"):
         run(oscillator(1.0), method="impulse4", dt=dt, duration=duration)
 
 
 def test_memory_of_run_does_not_grow_with_steps():
-    """Without a history, the memory peak is equal for a hundred times the number of steps."""
+    """Without a history, the memory peak is equal for 31 times the number of steps. One number per
+    step would need 24 kB."""
     building = model(
         [story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)]
     )
@@ -83,7 +84,7 @@ def test_memory_of_run_does_not_grow_with_steps():
         return size
 
     peak(10)
-    assert peak(100_000) < peak(1000) + 20_000
+    assert peak(3100) < peak(100) + 12_000
 
 
 @pytest.mark.parametrize("n", [1, 2, 10, 100])
@@ -110,7 +111,7 @@ def test_long_chain_with_underflowing_forces_is_integrated(method):
     chain = model(
         [story(50.0, 500.0, law) for _ in range(100)], forces=[Force(1, 1000.0, 0.0, 50.0)], dt=2e-4
     )
-    response = run(chain, method=method, duration=0.1)
+    response = run(chain, method=method, duration=0.03)
     assert response.status == "done"
     assert 0.0 < response.stories.peak_drift[0] < 0.1
     assert response.stories.peak_drift[-1] == 0.0
@@ -127,5 +128,5 @@ def test_long_chain_with_underflowing_forces_is_integrated(method):
     ],
 )
 def test_excessive_numbers_of_steps_are_refused(dt, duration, record_dt):
-    with pytest.raises(UsageError, match=r"at most 1e\+09 steps are allowed|dt must be comparable"):
+    with pytest.raises(UsageError, match=r"1e\+09 steps|dt must be comparable"):
         choose_steps(dt, duration, record_dt, 40.0)

@@ -89,12 +89,12 @@ def test_unstable_method_is_refused():
         ([], 0.05, {}, "periods must be numbers of seconds"),
         ([1.0], 1.0, {}, "damping must be a ratio"),
         ([1.0], -0.1, {}, "damping must be a ratio"),
-        ([1.0], 0.05, {"maxima": "best"}, "maxima must be one of exact, peer, samples, got 'best'"),
+        ([1.0], 0.05, {"maxima": "best"}, "maxima .*exact, peer, samples, got 'best'"),
         (
             [1.0],
             0.05,
             {"interpolation": "cubic"},
-            "interpolation must be one of linear, band-limited, got 'cubic'",
+            "interpolation .*linear, band-limited, got 'cubic'",
         ),
         (
             [1.0],

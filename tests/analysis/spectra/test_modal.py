@@ -69,9 +69,5 @@ def test_modes_outside_period_range_of_target(tmp_path):
         frame, table(tmp_path, [0.0, 0.1, 9.0], [0.4, 1.0, 1.0])
     )
     assert (rigid.rigid, rigid.left_out, rigid.spectral_acceleration[1]) == (1, 0, 0.4)
-    with pytest.raises(
-        UsageError,
-        match=r"maximum period of the spectrum is 0.2 s, but the first period of the building is "
-        r"0.44",
-    ):
+    with pytest.raises(UsageError, match=r"spectrum is 0\.2 s, .*building is 0\.44"):
         tdint.response_spectrum_analysis(frame, table(tmp_path, [0.1, 0.2], [1.0, 1.0]))

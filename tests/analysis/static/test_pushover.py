@@ -177,8 +177,8 @@ def test_drift_at_force_is_found_with_misleading_tangents(force):
 @pytest.mark.parametrize(
     ("drift", "pattern", "message"),
     [
-        ("4%", "uniform", "drift 4% is a drift ratio, and a story has no height"),
-        ("1m", "triangular", "the triangular pattern requires the height of every story"),
+        ("4%", "uniform", "drift 4% "),
+        ("1m", "triangular", "the triangular pattern requires the height"),
         ("1m", "modal", "unknown pattern 'modal'; known: first-mode, uniform, triangular"),
     ],
 )
