@@ -342,6 +342,10 @@ class _Unknown:
     message: str
 
     def __getattr__(self, name: str) -> Any:
+        """Raise the stored error for an attribute that this object does not have.
+
+        Attributes with names such as `__len__` are missing, as for any object.
+        """
         if name.startswith("__"):
             raise AttributeError(name)
         raise UsageError(self.message)

@@ -203,7 +203,11 @@ def step(
 
 @inline
 def _store_load(linear_terms, forces, h, load, scratch):
-    """Store the load at the end of the step, and its impulse I by the trapezoidal rule (eq. 13).
+    """Store the load at the end of the step, and its impulse by the trapezoidal rule (eq. 13 of the
+    paper).
+
+    The load is p = -m ag + forces on floors, with the ground acceleration ag. The impulse is
+    I = h (p0 + p1) / 2 with the loads p0 and p1 at the start and at the end of the step.
 
     Parameters
     ----------

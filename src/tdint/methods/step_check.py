@@ -65,10 +65,12 @@ class GuardedArray(np.ndarray):
         return view
 
     def __getitem__(self, key: Any) -> Any:
+        """Return elements after a check of the indices."""
         self._check(key)
         return super().__getitem__(key)
 
     def __setitem__(self, key: Any, value: Any) -> None:
+        """Set elements after a check of the indices."""
         self._check(key)
         super().__setitem__(key, value)
 

@@ -81,12 +81,15 @@ class Variant:
 
     @property
     def outside(self) -> dict[str, int]:
-        """Numbers of the laws of plug-ins, by name."""
+        """Numbers of the laws of plug-ins in this variant, by name: law `name@9` has the number 9."""
         split_names = (law.partition("@") for law in self.laws)
         return {name: int(code) for name, separator, code in split_names if separator}
 
     def only(self, parts: tuple[str, ...]) -> Variant:
         """Return the variant of a kernel that depends only on some features.
+
+        Kernels that do not depend on a feature are compiled with this feature, so that one compiled
+        kernel serves more buildings.
 
         Parameters
         ----------
@@ -152,6 +155,7 @@ class Compilable:
         parts: tuple[str, ...],
         vectorized: bool = False,
     ) -> None:
+        """Store the function and its properties; no variant is compiled or loaded yet."""
         self.function = function
         self.signature = signature
         self.parts = parts

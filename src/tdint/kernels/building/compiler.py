@@ -187,10 +187,11 @@ def indirect_caller(signature: Signature) -> Any:
         return returns(address, argument_types), generate
 
     @numba.njit(**_OPTIONS)
-    def outlined(address, *argument_types):
-        return call(address, argument_types)
+    def call_at(address, *arguments):
+        """Call the kernel at `address` with the arguments of the signature."""
+        return call(address, arguments)
 
-    return outlined
+    return call_at
 
 
 @intrinsic
@@ -217,9 +218,11 @@ def _on_stack(dimensions: int) -> Any:
 def _array(context: Any, builder: Any, sizes: Any) -> Any:
     """Generate the code for an uninitialized array in C order on the stack; return the array.
 
-    `sizes` are the values of the dimensions in the generated code. The elements are floating-point
-    numbers of 8 bytes.
+    numba calls this function while it compiles `local` and `local_table`. `context` and `builder`
+    are numba's objects for the generation of LLVM code. `sizes` are the values of the dimensions in
+    the generated code. The elements are floating-point numbers of 8 bytes.
     """
+    # Strides in bytes, from the last dimension to the first; `count` is the number of elements.
     strides: list[Any] = []
     count = context.get_constant(types.intp, 1)
     for size in reversed(sizes):
@@ -241,6 +244,10 @@ def objects_of(
     function: Callable[..., Any], signature: Signature, targets: Iterable[Target]
 ) -> tuple[list[bytes], str]:
     """Compile a kernel to an object file for each target.
+
+    numba compiles the function to LLVM code for this machine. References to Python objects are
+    removed, functions are renamed so that equal sources give equal bytes, and LLVM generates an
+    object file for each target.
 
     Parameters
     ----------
@@ -300,11 +307,13 @@ def objects_of(
 
 
 def _emitted(text: str, target: Target) -> bytes:
-    """Return the object file for a target of a module that numba has generated for this machine.
+    """Return the object file of a module (LLVM code as text) for a target.
 
-    For another target, the lines with the machine are replaced. The functions are marked as
-    `nounwind`, so that the object contains no unwind tables: no exception passes through a kernel,
-    and on Windows the tables would have to be near the code, which is not the case.
+    numba has generated the module for this machine. For this machine, the code generator of numba
+    is used. For another target, the lines that specify the machine are replaced, and the functions
+    are marked as `nounwind`, so that the object contains no unwind tables: no exception passes
+    through a kernel, and on Windows the tables would have to be near the code, which is not the
+    case.
     """
     if target == native():
         codegen = numba.core.registry.cpu_target.target_context.codegen()

@@ -83,7 +83,9 @@ def _load_missing(
 ) -> None:
     """Load the kernels that are not loaded, and compile kernels without an object file.
 
-    The arguments are described in `load_or_compile`. The caller holds the lock `_ONE_AT_A_TIME`.
+    The arguments are described in `load_or_compile`. The caller holds the lock `_ONE_AT_A_TIME`,
+    because LLVM must not be used by two threads at the same time. With TDINT_KERNELS=python, the
+    kernels are installed as Python functions instead.
     """
     requested = [
         (kernel, kernel.required_variant(variant))
@@ -254,6 +256,7 @@ def _python_function(function: Callable[..., Any]) -> Callable[..., Any]:
     """
 
     def call(*arguments: Any) -> Any:
+        """Call the function without warnings and exceptions for divisions by zero."""
         with np.errstate(all="ignore"):
             return function(*arguments)
 

@@ -300,6 +300,7 @@ class _ProcessPool:
     """
 
     def __init__(self, compilations: Sequence[Compilation]) -> None:
+        """Sort the compilations from the longest to the shortest; no process is started yet."""
         self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
         self._lock = Lock()
         self._waiting = sorted(

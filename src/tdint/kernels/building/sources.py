@@ -43,7 +43,10 @@ _COMMENT = re.compile(rb"#[^\n]*")
 
 @cache
 def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
-    """Return the hash of the sources of a kernel.
+    """Return the hash of the sources of a kernel: of its module and of all modules that it imports.
+
+    The hash is part of the name of an object file, so that a kernel is compiled again after a
+    change.
 
     Parameters
     ----------
@@ -60,7 +63,10 @@ def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
 
 
 def size(kernel: str) -> int:
-    """Return the size of the sources of a kernel in bytes, an estimate of the compile time."""
+    """Return the size of the sources of a kernel in bytes, an estimate of the compile time.
+
+    The sources are its module and all modules of kernels and methods that it imports.
+    """
     return sum(file.stat().st_size for file in closure(kernel.partition(":")[0]).values())
 
 

@@ -72,9 +72,11 @@ class Laws(MutableSequence["DriftLaw"]):
             yield item if isinstance(item, str) else item.name
 
     def __len__(self) -> int:
+        """Return the number of laws."""
         return len(self._items)
 
     def __getitem__(self, number: Any) -> Any:
+        """Return the law with a number; its module is imported at the first access."""
         item = self._items[number]
         if isinstance(item, str):
             item = import_module(f"tdint.kernels.laws.{item.replace('-', '_')}").LAW
@@ -82,9 +84,11 @@ class Laws(MutableSequence["DriftLaw"]):
         return item
 
     def __setitem__(self, number: Any, law: Any) -> None:
+        """Replace the law with a number."""
         self._items[number] = law
 
     def __delitem__(self, number: Any) -> None:
+        """Remove the law with a number; the numbers of the following laws decrease."""
         del self._items[number]
 
     def insert(self, index: int, value: DriftLaw) -> None:

@@ -14,7 +14,7 @@ steps that locate kinks end at this point, and near this point the equation is i
 a series in |w|^n.
 
 In the functions below, q = 2 beta - 1, u = |w| while it decreases (unloading), and all drift
-changes r, x and `way` are multiples of Fy / k.
+changes r, x and `path` are multiples of Fy / k.
 """
 
 from __future__ import annotations
@@ -66,25 +66,29 @@ def _functions() -> LawFunctions:
 
     @inline
     def unloading(u, q, n, r):
-        """Integrate u' = -(1 + q u^n) over the drift change `r` by one classical Runge-Kutta step.
+        """Integrate du/dx = -(1 + q u^n) over the drift change `r` by one classical Runge-Kutta
+        step.
 
-        p1 to p4 are the values of q u^n at the four stages.
+        w is the dimensionless hysteretic force of the law, and u = |w| while w approaches zero. p1
+        to p4 are the values of q u^n at the four stages. The dissipated energy of the path is the
+        integral of q u^(n + 1) dx.
 
         Parameters
         ----------
         u : float
             |w| at the start of the path.
         q : float
-            2 beta - 1.
+            2 beta - 1, with the parameter beta of the law.
         n : float
             Exponent.
         r : float
-            Drift change, in Fy / k.
+            Drift change, a multiple of Fy / k (yield force over initial stiffness).
 
         Returns
         -------
         float, float
-            u at the end, and the integral of q u^(n + 1) along the path, in Fy^2 / k.
+            u at the end, and the integral of q u^(n + 1) over the drift change. The unit of the
+            energy is (1 - a) Fy^2 / k, with the hardening ratio a.
         """
         p1 = q * power(u, n)
         u2 = u - 0.5 * r * (1.0 + p1)
@@ -98,15 +102,17 @@ def _functions() -> LawFunctions:
 
     @inline
     def loading(w, n, r):
-        """Integrate w' = 1 - w^n over the drift change `r` by one classical Runge-Kutta step.
+        """Integrate dw/dx = 1 - w^n over the drift change `r` by one classical Runge-Kutta step.
 
-        p1 to p4 are the values of w^n at the four stages. `w` is not negative, `n` is the exponent,
-        and `r` is a multiple of Fy / k.
+        w is the dimensionless hysteretic force of the law, not negative, and n the exponent. p1 to
+        p4 are the values of w^n at the four stages. The drift change is a multiple of Fy / k (yield
+        force over initial stiffness). The dissipated energy of the path is the integral of w^(n +
+        1) dx, a multiple of (1 - a) Fy^2 / k with the hardening ratio a.
 
         Returns
         -------
         float, float
-            w at the end, and the integral of w^(n + 1) along the path, in Fy^2 / k.
+            w at the end, and the integral of w^(n + 1) over the drift change.
         """
         p1 = power(w, n)
         w2 = w + 0.5 * r * (1.0 - p1)
@@ -120,11 +126,18 @@ def _functions() -> LawFunctions:
 
     @outlined
     def series(w, n, p):
-        """Return the drift change from 0 to w for w' = 1 - p w^n, and the integral of p w^(n + 1)
-        on this path.
+        """Return the drift change from 0 to w for dw/dx = 1 - p w^n, and the dissipated energy of
+        this path.
 
-        The drift change is in Fy / k and the integral in Fy^2 / k. Both are power series in p w^n.
-        `p` is 1 for loading and -q for unloading (which is loading in the opposite direction).
+        Both are power series in p w^n, with the exponent n of the law:
+
+            x = int dw / (1 - p w^n)             = w sum_(j >= 0) (p w^n)^j / (j n + 1)
+            int p w^(n + 1) / (1 - p w^n) dw     = w^2 sum_(j >= 1) (p w^n)^j / (j n + 2)
+
+        w is the absolute dimensionless hysteretic force. p is 1 for loading, and -q = 1 - 2 beta
+        for unloading, which is regarded as loading in the opposite direction. The drift change is a
+        multiple of Fy / k, the energy a multiple of (1 - a) Fy^2 / k (yield force Fy, initial
+        stiffness k, hardening ratio a).
         """
         ratio = p * w**n
         term = w
@@ -138,7 +151,13 @@ def _functions() -> LawFunctions:
 
     @outlined
     def solve_series(x, n, p):
-        """Return w for which the drift change of `series` is x, by Newton's method."""
+        """Return the absolute dimensionless hysteretic force w after the drift change `x` from w =
+        0.
+
+        It is the solution of x = int dw / (1 - p w^n) from 0 to w, by Newton's method with the
+        series of `series`. x is a multiple of Fy / k (yield force over initial stiffness), n is the
+        exponent of the law, and p is 1 for loading and 1 - 2 beta for unloading.
+        """
         w = x
         for _ in range(8):
             path, _ = series(w, n, p)
@@ -151,12 +170,24 @@ def _functions() -> LawFunctions:
 
     @outlined
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Compute the force a k d + (1 - a) Fy w at the drift d; return the tangent stiffness, N/m.
+        """Compute the force f = a k d + (1 - a) Fy w at the drift d; return the tangent stiffness,
+        N/m.
 
-        The differential equation of w is integrated along the path in three parts: unloading to
-        w = 0, loading near w = 0 by a power series, and loading by Runge-Kutta steps. In the
-        computation, w is positive in the direction of the path, and drift changes are multiples of
-        Fy / k. FORCE, INTERNAL (w) and DISSIPATED (J) are written to block `trial`.
+        With the initial stiffness k, the yield force Fy, the hardening ratio a and the exponent n
+        of the law, and x = k d / Fy, the dimensionless hysteretic force w satisfies
+
+            dw/dx = 1 - |w|^n (beta sgn(w dx) + 1 - beta)
+
+        In the computation, w is positive in the direction of the path, and drift changes are
+        multiples of Fy / k. With q = 2 beta - 1, the equation is integrated along the path in three
+        parts:
+
+            1. unloading, w = -u < 0: du/dx = -(1 + q u^n), dissipation int q u^(n + 1) dx
+            2. loading near w = 0:    dw/dx = 1 - w^n, dissipation int w^(n + 1) dx, by power series
+            3. loading:               the same equation, by Runge-Kutta steps
+
+        The dissipation is a multiple of (1 - a) Fy^2 / k. FORCE, INTERNAL (w) and DISSIPATED (J)
+        are written to block `trial`.
 
         Parameters
         ----------
@@ -261,8 +292,9 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the stored energy, J: a k d^2 / 2 + (1 - a) Fy^2 w^2 / (2 k).
 
-        The first term is the energy of the elastic spring with the hardening ratio a, the second
-        that of the hysteretic spring with the force Fy w.
+        The first term is the energy of the elastic spring with the hardening ratio a and the
+        initial stiffness k at the drift d, the second is the energy of the hysteretic spring with
+        the force Fy w (yield force Fy, dimensionless hysteretic force w in row INTERNAL).
         """
         d = law_state[rows.DRIFT, i]
         z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]

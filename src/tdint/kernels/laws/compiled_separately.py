@@ -103,9 +103,9 @@ else:
 
 @inline
 def _force(law_parameters, law_state, i, previous, trial, drift):
-    """Call the function `force` of the separately compiled law of story `i`.
+    """Compute the force of a separately compiled law at a drift; return the tangent stiffness, N/m.
 
-    It computes the force at a drift and returns the tangent stiffness, N/m.
+    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
 
     Parameters
     ----------
@@ -129,7 +129,8 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
 def _strain_energy(law_parameters, law_state, i):
     """Return the strain energy of the separately compiled law of story `i`, J.
 
-    The law is called at the address in row ADDRESS of the table of law states.
+    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
+    Arguments that this function of the law does not use are 0.
     """
     return _call(
         law_state[rows.ADDRESS, i], _STRAIN_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
@@ -140,7 +141,8 @@ def _strain_energy(law_parameters, law_state, i):
 def _hysteretic_energy(law_parameters, law_state, i):
     """Return the dissipated energy of the separately compiled law of story `i`, J.
 
-    The law is called at the address in row ADDRESS of the table of law states.
+    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
+    Arguments that this function of the law does not use are 0.
     """
     return _call(
         law_state[rows.ADDRESS, i], _HYSTERETIC_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
@@ -149,9 +151,10 @@ def _hysteretic_energy(law_parameters, law_state, i):
 
 @inline
 def _keep(law_parameters, law_state, i, previous, trial):
-    """Call the function `keep` of the separately compiled law of story `i`.
+    """Commit the rows of a trial state that are specific to a separately compiled law.
 
-    It commits the rows of a trial state that are specific to the law.
+    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
+    The last argument, 0, is not used.
 
     Parameters
     ----------
@@ -171,7 +174,8 @@ def _keep(law_parameters, law_state, i, previous, trial):
 def _enter(law_parameters, law_state, i):
     """Set the first branch of story `i` with a separately compiled law.
 
-    The law is called at the address in row ADDRESS of the table of law states.
+    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
+    Arguments that this function of the law does not use are 0.
     """
     _call(law_state[rows.ADDRESS, i], _ENTER, law_parameters, law_state, i, 0, 0, 0.0)
 
@@ -179,6 +183,9 @@ def _enter(law_parameters, law_state, i):
 @inline
 def _switch(law_parameters, law_state, i, block, event):
     """Set the branch that follows the current branch, for a separately compiled law.
+
+    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
+    The argument 0 between `block` and `event` is not used.
 
     Parameters
     ----------

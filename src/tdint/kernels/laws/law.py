@@ -106,8 +106,8 @@ class LawFunctions:
         RATE_SIGN of the block (see `tdint.kernels.laws.branch_following.set_branch`), and FORCE and
         INTERNAL if their values change.
     points : function, optional
-        (law_parameters, law_state, i, way) -> number of Gauss points on a path with a drift change
-        of `way` (m), for a curved law. Default: 16.
+        (law_parameters, law_state, i, drift_change) -> number of Gauss points on a path with this
+        change of drift (m, not negative), for a curved law. Default: 16.
     kink : function, optional
         (law_parameters, law_state, i, block, side) -> drift change in the direction `side` (1 or
         -1) after which the force of a curved law has a sharp bend, m; infinite if the force has no

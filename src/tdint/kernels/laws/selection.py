@@ -184,6 +184,7 @@ def _test(code: int) -> Any:
 
     @inline
     def has_law(law_parameters, law_state, i):
+        """Return True if the law of story `i` (row CODE) has the number `code`."""
         return law_parameters[rows.CODE, i] == code
 
     return has_law
@@ -207,6 +208,8 @@ def case_with_3_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
     @decorate
     def choose(law_parameters, law_state, i):
+        """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
+        which continues the chain with the next law."""
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i)
         return other(law_parameters, law_state, i)
@@ -234,6 +237,8 @@ def case_with_4_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
     @decorate
     def choose(law_parameters, law_state, i, argument):
+        """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
+        which continues the chain with the next law."""
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, argument)
         return other(law_parameters, law_state, i, argument)
@@ -261,6 +266,8 @@ def case_with_5_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
     @decorate
     def choose(law_parameters, law_state, i, block, argument):
+        """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
+        which continues the chain with the next law."""
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, block, argument)
         return other(law_parameters, law_state, i, block, argument)
@@ -288,6 +295,8 @@ def case_with_6_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
     @decorate
     def choose(law_parameters, law_state, i, block, argument, last):
+        """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
+        which continues the chain with the next law."""
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, block, argument, last)
         return other(law_parameters, law_state, i, block, argument, last)
