@@ -346,41 +346,11 @@ def chang_step(
     )
     # Factorizations of D and of M + h/2 C; both remain valid for the same h.
     if step_status[rows.FACTORED_STEP] != h:
-        factor_combination(
-            linear_terms,
-            modal,
-            law_parameters,
-            rows.STIFFNESS,
-            Combination(1.0, half_h, half_h * half_h),
-            displacement_factors,
-            n,
-        )
-        factor_combination(
-            linear_terms,
-            modal,
-            law_parameters,
-            rows.STIFFNESS,
-            Combination(1.0, half_h, 0.0),
-            acceleration_factors,
-            n,
-        )
+        factorizations = displacement_factors, acceleration_factors
+        _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n)
         step_status[rows.FACTORED_STEP] = h
-    # Right side M a0 - h/2 K0 v0 of the displacement: forces of the stories, then of the floors
-    v_below = 0.0
-    for i in range(n):
-        v = state[rows.VELOCITY, i]
-        scratch[_ROW.SUM, i] = (
-            half_h
-            * (law_parameters[rows.STIFFNESS, i] + linear_terms[rows.GEOMETRIC, i])
-            * (v - linear_terms[rows.LINK, i] * v_below)
-        )
-        v_below = v
-    for i in range(n):
-        floor_force = (
-            scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
-        )
-        scratch[_ROW.X, i] = linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i] - floor_force
     # Solve for the displacement at the end of the step, and move the laws to it.
+    _displacement_right_side(linear_terms, law_parameters, half_h, state, scratch, n)
     solve_damped(displacement_factors, modal, _ROW.X, n)
     u_below = 0.0
     for i in range(n):
@@ -408,6 +378,82 @@ def chang_step(
         state[rows.VELOCITY, i] = scratch[_ROW.V, i] + half_h * scratch[_ROW.X, i]
         state[rows.ACCELERATION, i] = scratch[_ROW.X, i]
     return 1 if finite(state, n) else rows.NOT_FINITE
+
+
+@inline
+def _displacement_right_side(linear_terms, law_parameters, half_h, state, scratch, n):
+    """Store the right side M a0 - h/2 K0 v0 of Chang's equation for the displacement in row X, N.
+
+    a0 and v0 are acceleration and velocity at the start of the step. K0 contains the initial
+    stiffnesses of the stories and P-delta. The forces h/2 k0 (drift rate) of the stories are stored
+    in row SUM.
+
+    Parameters
+    ----------
+    linear_terms, law_parameters : ndarray
+        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
+    half_h : float
+        Half of the time step, s.
+    state : ndarray
+        Rows VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors at the start of the step.
+    scratch : ndarray
+        Rows SUM and X are set, N.
+    n : int
+        Number of floors.
+    """
+    v_below = 0.0
+    for i in range(n):
+        v = state[rows.VELOCITY, i]
+        scratch[_ROW.SUM, i] = (
+            half_h
+            * (law_parameters[rows.STIFFNESS, i] + linear_terms[rows.GEOMETRIC, i])
+            * (v - linear_terms[rows.LINK, i] * v_below)
+        )
+        v_below = v
+    for i in range(n):
+        floor_force = (
+            scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
+        )
+        scratch[_ROW.X, i] = linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i] - floor_force
+
+
+@inline
+def _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n):
+    """Factorize the two matrices of Chang's method, D = M + h/2 C + h^2/4 K0 and M + h/2 C.
+
+    M, C and K0 are the mass, damping and initial stiffness matrices.
+
+    Parameters
+    ----------
+    linear_terms, modal, law_parameters : ndarray
+        Masses, dampers and geometric stiffnesses of the building; modal damping; parameters of the
+        laws.
+    half_h : float
+        Half of the time step, s.
+    factorizations : tuple of Factors
+        Rows of both factorizations, which are overwritten.
+    n : int
+        Number of floors.
+    """
+    displacement_factors, acceleration_factors = factorizations
+    factor_combination(
+        linear_terms,
+        modal,
+        law_parameters,
+        rows.STIFFNESS,
+        Combination(1.0, half_h, half_h * half_h),
+        displacement_factors,
+        n,
+    )
+    factor_combination(
+        linear_terms,
+        modal,
+        law_parameters,
+        rows.STIFFNESS,
+        Combination(1.0, half_h, 0.0),
+        acceleration_factors,
+        n,
+    )
 
 
 FAMILY = Family(

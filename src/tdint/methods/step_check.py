@@ -144,8 +144,8 @@ def integrate_in_python(
     Workspace
         Arrays after the last step, with the complete history.
     """
-    # Build two stories of the same hysteresis model without forces and with an initial velocity.
-    # The ground motion is an argument of the time loop.
+    # Two stories of the same hysteresis model without forces and with an initial velocity. The
+    # ground motion is an argument of the time loop.
     story = simple_story(1.0, Law(law, _YIELDING.get(law, ())), stiffness=1000.0, dashpot=1.0)
     building = assemble(simple_model(law, [story, story]))
     forces = np.zeros((0, rows.FORCE_COLUMNS))
@@ -153,14 +153,13 @@ def integrate_in_python(
     arrays = workspace(building, integrator, count + 1)
     arrays.state[rows.VELOCITY, :-1] = 0.2, 0.3
     ground = 9.0 * np.sin(14.0 * np.arange(round(_SECONDS / _H) + 1) * _H)
-    guarded = {
-        name: GuardedArray.of(getattr(arrays, name), name)
-        for name in ("state", "law_state", "scratch", "step_status")
-    }
+    # Accesses outside of the arrays of the step raise an error.
+    guarded_memory = [
+        GuardedArray.of(array, name) for name, array in arrays.memory._asdict().items()
+    ]
     scene = Scene(
         building.linear_terms, building.modal, building.law_parameters, forces, arrays.flags
     )
-    # Accesses outside of these arrays raise an error.
     scene = Scene(*(GuardedArray.of(array, name) for name, array in scene._asdict().items()))
     plugin_module = sys.modules.get(integrator.family.step.function.__module__)
     calls = 0
@@ -173,14 +172,10 @@ def integrate_in_python(
             return rows.NOT_CONVERGED
         return int(integrator.family.step.function(*arguments))
 
-    # A continued integration keeps the state and, of the step status, only the number of steps
-    # done and the ground state.
     step_ranges = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
     for first_step, last_step in step_ranges:
         if first_step:
-            kept_status = arrays.step_status[rows.STEPS_DONE], arrays.step_status[rows.STATE_GROUND]
-            arrays.step_status[:], arrays.scratch[:] = 0.0, 0.0
-            arrays.step_status[[rows.STEPS_DONE, rows.STATE_GROUND]] = kept_status
+            _clear_scratch(arrays)
         with np.errstate(all="ignore"), faults_in(plugin_module, integrator.label):
             code = integrate.function(
                 step,
@@ -200,7 +195,7 @@ def integrate_in_python(
                 integrator.coefficients(building, forces, h),
                 state_jumps(integrator, h),
                 *scene,
-                *guarded.values(),
+                *guarded_memory,
                 np.zeros(rows.LOAD_SIZE),
                 *arrays.seen,
             )
@@ -214,6 +209,18 @@ def integrate_in_python(
                 f"{integrator.label}: {failure} with dt {h:.4g} s, stories of law {law}"
             )
     return arrays
+
+
+def _clear_scratch(arrays: Workspace) -> None:
+    """Clear the scratch array and the step status, as if an integration were continued with new
+    arrays.
+
+    The state is kept and, of the step status, the number of steps and the ground acceleration for
+    which the state is valid.
+    """
+    kept_status = arrays.step_status[rows.STEPS_DONE], arrays.step_status[rows.STATE_GROUND]
+    arrays.step_status[:], arrays.scratch[:] = 0.0, 0.0
+    arrays.step_status[[rows.STEPS_DONE, rows.STATE_GROUND]] = kept_status
 
 
 @contextmanager

@@ -81,7 +81,10 @@ class Variant:
 
     @property
     def outside(self) -> dict[str, int]:
-        """Numbers of the laws of plug-ins in this variant, by name: law `name@9` has the number 9."""
+        """Numbers of the laws of plug-ins in this variant, by name.
+
+        The law `name@9` of the variant has the number 9.
+        """
         split_names = (law.partition("@") for law in self.laws)
         return {name: int(code) for name, separator, code in split_names if separator}
 

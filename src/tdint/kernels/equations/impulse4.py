@@ -588,29 +588,9 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         drift = u - link * u_below
         increment = du - link * du_below
         rate = v - link * v_below
-        # SLOPE is finite on a linear branch and infinite on a curved branch.
-        if keep_branches and law_state[rows.SLOPE, i] < math.inf:
-            tangent_c = tangent = law_state[rows.SLOPE, i]
-            scratch[ROW.KINK, i] = 0.0
-            force_c = law_state[rows.FORCE, i] + tangent * (drift_c - law_state[rows.DRIFT, i])
-            force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
-        else:
-            is_reversed = False
-            if HAS_CURVED_LAW and keep_branches:
-                tangent_c, tangent, is_reversed = _evaluate_over_reversal(
-                    coefficients, scene, h, i, (drift_c, drift), memory
-                )
-            if not is_reversed:
-                # The law moves from the start of the step to the inner point (FIRST_TRIAL) and from
-                # there to the end (SECOND_TRIAL).
-                tangent_c = restoring_force_outlined(
-                    law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
-                )
-                tangent = restoring_force_outlined(
-                    law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
-                )
-            force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
-            force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
+        tangent_c, force_c, tangent, force = _evaluate_law(
+            keep_branches, coefficients, scene, h, i, (drift_c, drift), memory
+        )
         # The existing factorization is kept if its tangents are nearly equal to the new tangents.
         tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         is_stale = (
@@ -646,6 +626,66 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         v_below = v
         du_below = du
     return is_stale
+
+
+@inline
+def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
+    """Evaluate the law of story `i` at the inner point (suffix `_c`) and at the end of the step.
+
+    On a linear branch with the stiffness k, the force is f0 + k (d - d0) with force and drift at
+    the start. Otherwise the law moves from the start of the step to the inner point (block
+    FIRST_TRIAL of the law states) and from this state to the end (SECOND_TRIAL). If the drift of a
+    curved law reverses within the step, `_evaluate_over_reversal` evaluates the law at the reversal
+    as well.
+
+    Parameters
+    ----------
+    keep_branches : bool
+        True if a story with a linear branch remains on it.
+    coefficients : ndarray
+        Coefficients of the method: the weights wc and w1 of the quadrature are used.
+    scene : Scene
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
+    h : float
+        Length of the step, s.
+    i : int
+        Index of the story.
+    drifts : tuple of float
+        Drifts at the inner point and at the end, m.
+    memory : Memory
+        State, law states and scratch array. Row KINK is 0 if the step has no reversal that can be
+        kept within the step.
+
+    Returns
+    -------
+    tangent_c, force_c, tangent, force : float
+        Tangent stiffness (N/m) and force (N) at the inner point and at the end.
+    """
+    law_parameters = scene.law_parameters
+    _, law_state, scratch, _ = memory
+    drift_c, drift = drifts
+    # SLOPE is finite on a linear branch and infinite on a curved branch.
+    if keep_branches and law_state[rows.SLOPE, i] < math.inf:
+        tangent_c = tangent = law_state[rows.SLOPE, i]
+        scratch[ROW.KINK, i] = 0.0
+        force_c = law_state[rows.FORCE, i] + tangent * (drift_c - law_state[rows.DRIFT, i])
+        force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
+    else:
+        is_reversed = False
+        if HAS_CURVED_LAW and keep_branches:
+            tangent_c, tangent, is_reversed = _evaluate_over_reversal(
+                coefficients, scene, h, i, drifts, memory
+            )
+        if not is_reversed:
+            tangent_c = restoring_force_outlined(
+                law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
+            )
+            tangent = restoring_force_outlined(
+                law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
+            )
+        force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
+        force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
+    return tangent_c, force_c, tangent, force
 
 
 @outlined

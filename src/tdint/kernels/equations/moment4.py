@@ -355,32 +355,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         rise_below = scratch[ROW.RISE, i]
         bend_below = scratch[ROW.BEND, i]
         # Integrals of the restoring force and of the force of a power-law dashpot
-        if remains_on_branch(law_state, i, rise, bend):
-            scratch[ROW.LEAVES_BRANCH, i] = 0.0
-            scratch[ROW.NO_REVERSAL, i] = 0.0
-            integrate_on_branch(law_state, i, rise, bend, scratch, ROW.PATH)
-        else:
-            scratch[ROW.LEAVES_BRANCH, i] = 1.0
-            scratch[ROW.LEAVES_BRANCH, n] = 1.0
-            if is_deciding:
-                # The parabola has an extremum within the step, but only because it approximates
-                # the drift (`_has_no_reversal`). Curved laws always follow the parabola.
-                may_be_steady = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
-                scratch[ROW.NO_REVERSAL, i] = (
-                    1.0
-                    if may_be_steady and _has_no_reversal(coefficients, scene, h, memory, i)
-                    else 0.0
-                )
-            follow(
-                law_parameters,
-                law_state,
-                i,
-                rise,
-                bend,
-                scratch[ROW.NO_REVERSAL, i] != 0.0,
-                scratch,
-                ROW.PATH,
-            )
+        _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding)
         if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
         # The factorization is kept if no derivative has changed by more than the tolerance.
@@ -412,6 +387,63 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         )
         displacement_scale_below = displacement_scale
     return is_stale
+
+
+@inline
+def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding):
+    """Compute mean and first moment of the restoring force of story `i`, and their derivatives.
+
+    The drift is d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. For the force
+    f, the mean is int f dt and the first moment 12 int (t - 1/2) f dt. A story that remains on its
+    linear branch has closed formulas. Otherwise the law follows the path.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+    scene : Scene
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states and scratch array. Rows PATH receive the integrals (N) and their
+        derivatives (N/m). Rows LEAVES_BRANCH (1 if the story leaves its linear branch, and in the
+        last column if any story does) and NO_REVERSAL are set.
+    i : int
+        Index of the story.
+    rise, bend : float
+        Coefficients of the drift, m.
+    is_deciding : bool
+        True if NO_REVERSAL is updated: 1 if the story has no reversal, even if the parabola has an
+        extremum.
+    """
+    _, law_state, scratch, _ = memory
+    if remains_on_branch(law_state, i, rise, bend):
+        scratch[ROW.LEAVES_BRANCH, i] = 0.0
+        scratch[ROW.NO_REVERSAL, i] = 0.0
+        integrate_on_branch(law_state, i, rise, bend, scratch, ROW.PATH)
+    else:
+        scratch[ROW.LEAVES_BRANCH, i] = 1.0
+        scratch[ROW.LEAVES_BRANCH, scene.linear_terms.shape[1] - 1] = 1.0
+        if is_deciding:
+            # The parabola can have an extremum within the step only because it approximates the
+            # drift (`_has_no_reversal`). Curved laws always follow the parabola.
+            may_be_steady = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
+            scratch[ROW.NO_REVERSAL, i] = (
+                1.0
+                if may_be_steady and _has_no_reversal(coefficients, scene, h, memory, i)
+                else 0.0
+            )
+        follow(
+            scene.law_parameters,
+            law_state,
+            i,
+            rise,
+            bend,
+            scratch[ROW.NO_REVERSAL, i] != 0.0,
+            scratch,
+            ROW.PATH,
+        )
 
 
 @outlined

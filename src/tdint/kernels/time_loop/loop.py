@@ -187,6 +187,39 @@ def _record_collapse(sum_law_energies, scene, memory, steps, seen):
     record_collapse(memory.law_state, steps, seen)
 
 
+@inline
+def _fit_ground(ground, position, step_ratio, load):
+    """Store the ground acceleration of a step or substep that is longer than a sampling interval.
+
+    The ground acceleration is replaced by the straight line with the same impulse and first moment.
+    Its values at both endpoints are stored in the rows GROUND_0 and GROUND_1 of `load`, m/s^2. A
+    complete step that starts and ends at samples has a faster function.
+
+    Parameters
+    ----------
+    ground : ndarray
+        Ground acceleration at the samples, m/s^2.
+    position : tuple
+        Index of the step; completed part of the step and length of the substep, as fractions of the
+        step.
+    step_ratio : tuple of int
+        (per_sample, stride): `per_sample` steps have the length of `stride` sampling intervals.
+    load : ndarray
+        Load of the step.
+    """
+    step_index, completed_fraction, substep_fraction = position
+    per_sample, stride = step_ratio
+    samples = stride / per_sample  # sampling intervals in a step
+    substep_start = (step_index + completed_fraction) * samples
+    substep_end = (step_index + completed_fraction + substep_fraction) * samples
+    if per_sample == 1 and substep_fraction == 1.0:
+        load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line_between_samples(
+            ground, step_index * stride, (step_index + 1) * stride
+        )
+    else:
+        load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line(ground, substep_start, substep_end)
+
+
 @kernel(INTEGRATE, parts=())
 def integrate(
     step,
@@ -299,20 +332,12 @@ def integrate(
             # both endpoints.
             load[rows.TIME] = (step_index + completed_fraction) * h
             if stride > 1:
-                # The step is longer than a sampling interval: fit a straight line to the ground
-                # acceleration. A complete step that starts and ends at samples has a faster
-                # function.
-                samples = stride / per_sample  # sampling intervals in a step
-                substep_start = (step_index + completed_fraction) * samples
-                substep_end = (step_index + completed_fraction + substep_fraction) * samples
-                if per_sample == 1 and substep_fraction == 1.0:
-                    load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line_between_samples(
-                        ground, step_index * stride, (step_index + 1) * stride
-                    )
-                else:
-                    load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line(
-                        ground, substep_start, substep_end
-                    )
+                _fit_ground(
+                    ground,
+                    (step_index, completed_fraction, substep_fraction),
+                    (per_sample, stride),
+                    load,
+                )
                 ground_rate = (load[rows.GROUND_1] - load[rows.GROUND_0]) / (substep_fraction * h)
                 shift_ground(scene, load, shifts, memory, seen)
             else:
@@ -535,6 +560,60 @@ def _initialize_memory(initial, memory, observer_state):
         memory.step_status[i] = initial.step_status[i]
 
 
+@inline
+def _start_window(memory, peaks, previous_peaks, n):
+    """Set the peak velocities of a run to zero, so that they are determined for a window of steps.
+
+    Parameters
+    ----------
+    memory : Memory
+        Scratch array and status: the step can maintain a copy of the peaks in the scratch array,
+        with the first row RUN_PEAKS of the status.
+    peaks : ndarray
+        Peaks of the run; row PEAK_VELOCITY (m/s) is set to zero.
+    previous_peaks : ndarray
+        Receives the peak velocities until now, m/s.
+    n : int
+        Number of floors.
+    """
+    _, _, scratch, step_status = memory
+    for i in range(n):
+        previous_peaks[i] = peaks[rows.PEAK_VELOCITY, i]
+        peaks[rows.PEAK_VELOCITY, i] = 0.0
+        if step_status[rows.RUN_PEAKS] != 0.0:
+            scratch[int(step_status[rows.RUN_PEAKS]) + rows.PEAK_VELOCITY, i] = 0.0
+
+
+@inline
+def _end_window(peaks, previous_peaks, n):
+    """Return the maximum velocity in a window of steps and the maximum displacement of the run.
+
+    The peak velocities of the run are restored: they are the maxima of those before the window and
+    in the window.
+
+    Parameters
+    ----------
+    peaks : ndarray
+        Peaks of the run; row PEAK_VELOCITY contains the peaks in the window.
+    previous_peaks : ndarray
+        Peak velocities before the window, m/s.
+    n : int
+        Number of floors.
+
+    Returns
+    -------
+    float, float
+        Maxima over all floors, m/s and m.
+    """
+    max_velocity = 0.0
+    max_displacement = 0.0
+    for i in range(n):
+        max_velocity = max(max_velocity, peaks[rows.PEAK_VELOCITY, i])
+        max_displacement = max(max_displacement, peaks[rows.PEAK_DISPLACEMENT, i])
+        peaks[rows.PEAK_VELOCITY, i] = max(previous_peaks[i], peaks[rows.PEAK_VELOCITY, i])
+    return max_velocity, max_displacement
+
+
 @kernel(INTEGRATE_MANY, parts=())
 def integrate_many(
     integrate,
@@ -653,23 +732,9 @@ def integrate_many(
         # Pass 0 integrates the specified steps, each further pass one window of free vibration.
         at_rest = 1.0 if max_windows == 0 else 0.0
         for window_index in range(max_windows + 1):
-            for i in range(n):  # the peak velocity is determined for each window separately
-                previous_peaks[i] = peaks[run_index, rows.PEAK_VELOCITY, i]
-                peaks[run_index, rows.PEAK_VELOCITY, i] = 0.0
-                if step_status[rows.RUN_PEAKS] != 0.0:
-                    scratch[int(step_status[rows.RUN_PEAKS]) + rows.PEAK_VELOCITY, i] = 0.0
+            _start_window(memory, seen.peaks, previous_peaks, n)
             code = _continue(kernels, common, step_ratio, last_step, completed, scene, memory, seen)
-            # Maxima of the window for the criterion of rest, and peak velocities of the run
-            max_velocity = 0.0
-            max_displacement = 0.0
-            for i in range(n):
-                max_velocity = max(max_velocity, peaks[run_index, rows.PEAK_VELOCITY, i])
-                max_displacement = max(
-                    max_displacement, peaks[run_index, rows.PEAK_DISPLACEMENT, i]
-                )
-                peaks[run_index, rows.PEAK_VELOCITY, i] = max(
-                    previous_peaks[i], peaks[run_index, rows.PEAK_VELOCITY, i]
-                )
+            max_velocity, max_displacement = _end_window(seen.peaks, previous_peaks, n)
             if code < 0:
                 break
             completed = last_step

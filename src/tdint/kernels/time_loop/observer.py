@@ -63,6 +63,31 @@ class _PowerValues(NamedTuple):
     viscous_rate: float
 
 
+class _FloorSums(NamedTuple):
+    """Sums over all floors and stories at the end of a step, without modal damping and without the
+    forces on floors.
+
+    Attributes
+    ----------
+    momentum : float
+        Sum of mass times velocity, N s.
+    inertia : float
+        Sum of mass times acceleration, N.
+    viscous_power : float
+        Power of the dampers, W.
+    half_viscous_rate : float
+        Half of the rate of this power, W/s.
+    viscous_per_acceleration : float
+        Increase of `half_viscous_rate` if the acceleration of all floors increases by 1 m/s^2.
+    """
+
+    momentum: float
+    inertia: float
+    viscous_power: float
+    half_viscous_rate: float
+    viscous_per_acceleration: float
+
+
 @inline
 def observe(scene, span, slope, memory, seen):
     """Update energies and peaks with the response at the end of a step.
@@ -103,7 +128,7 @@ def observe(scene, span, slope, memory, seen):
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state = memory.state, memory.law_state
-    observer_state, peaks, _, totals, _ = seen
+    observer_state, peaks, _, _, _ = seen
     ground = span.ground_1
     n = linear_terms.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
@@ -221,13 +246,56 @@ def observe(scene, span, slope, memory, seen):
     stiffness = law_parameters[rows.STIFFNESS, 0]
     may_exceed |= may_exceed_story_peaks(reach_above, excess * abs(a_above), stiffness, peaks, 0)
     # Energies: work of the load and of the dampers in the step
+    sums = _FloorSums(
+        momentum, total_inertia, viscous_power, viscous_rate, viscous_per_acceleration
+    )
+    _update_energies(scene, span, slope, sums, memory, seen)
+    if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
+        may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
+    if may_exceed:
+        _update_peaks(ground, state, law_state, seen)
+    return may_exceed
+
+
+@inline
+def _update_energies(scene, span, slope, sums, memory, seen):
+    """Add the work of the load and of the dampers in a step to the energies of the run.
+
+    The power of the load is -ag (sum of m v) plus the power of the forces on floors, with the
+    ground acceleration ag. Modal damping is added to the power of the dampers. The work follows
+    from the powers and their rates at both endpoints of the step (`_add_work`), unless the kernel
+    of the step has computed the work. The reference energy is the maximum of initial energy and
+    work of the load.
+
+    Parameters
+    ----------
+    scene : Scene
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
+    span : Span
+        Observed time step or substep.
+    slope : float
+        Rate of the ground acceleration in the step, m/s^3.
+    sums : _FloorSums
+        Momentum, inertia and power of the dampers at the end of the step.
+    memory : Memory
+        State and status of the step.
+    seen : Seen
+        Arrays of the observer; the totals of the run are updated.
+    """
+    _, modal, _, forces, flags = scene
+    totals = seen.totals
+    n = scene.linear_terms.shape[1] - 1
     if flags[rows.OWN_WORK] == 0.0:
-        power = -ground * momentum
-        rate = -ground * total_inertia
-        totals[rows.TOTAL_INERTIA] = total_inertia
-        totals[rows.VISCOUS_PER_ACCELERATION] = viscous_per_acceleration
+        power = -span.ground_1 * sums.momentum
+        rate = -span.ground_1 * sums.inertia
+        viscous_power = sums.viscous_power
+        viscous_rate = sums.half_viscous_rate
+        totals[rows.TOTAL_INERTIA] = sums.inertia
+        totals[rows.VISCOUS_PER_ACCELERATION] = sums.viscous_per_acceleration
         if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-            additional = _additional_powers(modal, forces, span.t, state, observer_state, n)
+            additional = _additional_powers(
+                modal, forces, span.t, memory.state, seen.observer_state, n
+            )
             power += additional[0]
             rate += additional[1]
             viscous_power += additional[2]
@@ -235,7 +303,7 @@ def observe(scene, span, slope, memory, seen):
         _add_work(
             span,
             slope,
-            _PowerValues(power, rate, momentum, viscous_power, 2.0 * viscous_rate),
+            _PowerValues(power, rate, sums.momentum, viscous_power, 2.0 * viscous_rate),
             totals,
         )
     elif span.h > 0.0:  # the kernel of the step has computed the work
@@ -244,11 +312,6 @@ def observe(scene, span, slope, memory, seen):
     totals[rows.ENERGY_REFERENCE] = max(
         totals[rows.ENERGY_REFERENCE], totals[rows.ENERGY_INITIAL] + totals[rows.ENERGY_INPUT]
     )
-    if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
-        may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
-    if may_exceed:
-        _update_peaks(ground, state, law_state, seen)
-    return may_exceed
 
 
 @outlined
