@@ -111,6 +111,9 @@ def is_ours(name: str) -> bool:
 def register_method(method: Method, where: str | Origin = "") -> None:
     """Register a method under its name for all commands and functions.
 
+    The name and the properties of the method are checked with its default parameters. A method that
+    fails is not registered.
+
     Parameters
     ----------
     method : Method

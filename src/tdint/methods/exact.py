@@ -128,6 +128,12 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     """Return the exact step of oscillators u'' + 2 xi omega u' + omega^2 u = p, with a load p that
     is linear within the step.
 
+    With the impulse response g(t) and its integrals i1 and i2 over the step of unit length, and the
+    response a11, a22 to unit initial displacement and velocity, the matrices follow from
+    `_assemble_step`:
+
+        a11 = 1 - w^2 i1,   a22 = a11 - 2 xi w g,   w = omega h
+
     Parameters
     ----------
     omega_h, damping : ndarray, shape (k,)
@@ -158,6 +164,7 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
         a11 = 1.0 - w * w * i1
         result[use_series] = _assemble_step(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
     if use_closed_form.any():
+        # Underdamped oscillators
         w, xi = omega_h[use_closed_form], damping[use_closed_form]
         damped, decay = w * np.sqrt((1.0 - xi) * (1.0 + xi)), np.exp(-xi * w)
         # c: decaying cosine; g: impulse response; i1, i2: its first and second integral
@@ -166,6 +173,7 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
         i1 = (1.0 - a11) / w**2
         i2 = (1.0 - g - 2.0 * xi * w * i1) / w**2
         result[use_closed_form] = _assemble_step(w, g, i1, i2, a11, c - xi * w * g)
+    # Overdamped oscillators with a large omega h
     for index in np.argwhere(~use_series & ~use_closed_form):
         w, xi = omega_h[tuple(index)], damping[tuple(index)]
         result[tuple(index)] = _van_loan(np.array([[w * w]]), np.array([[2.0 * xi * w]]), np.eye(1))

@@ -86,8 +86,8 @@ def step(
 
     with three weights of the method in each of V, W and B, the restoring forces f and the load p1
     at the end. The first START steps use average acceleration instead. In both cases, the response
-    at the end is a linear function of one unknown x per floor (`solve_equilibrium`): the correction
-    of the first guess, which is proportional to the correction of the mean velocity.
+    at the end is a linear function of the unknown x of each floor (`solve_equilibrium`): the change
+    of the acceleration (average acceleration), or the correction of w1 divided by h.
 
     Parameters
     ----------
@@ -123,12 +123,12 @@ def step(
     weights = coefficients
     # First guess. by_w, by_v, by_a: change of mean velocity, velocity, acceleration per unit of x
     if step_status[rows.STEPS_DONE] < START:
-        by_w = 0.25 * h
+        by_w = 0.25 * h  # u1 changes by h^2 x / 4
         by_v = 0.5 * h
         by_a = 1.0
         _guess_average_acceleration(h, state, scratch, n)
     else:
-        by_w = h
+        by_w = h  # v1, b1 and a1 change by V_1 h x, V_1 x and (W_1 + B_1 V_1) x
         by_v = weights[V_BY_W] * h
         by_a = weights[A_BY_W] + weights[A_BY_B] * weights[V_BY_W]
         _guess_multi_step(weights, h, state, scratch, n)

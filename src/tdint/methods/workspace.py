@@ -91,6 +91,10 @@ def workspace(
 ) -> Workspace:
     """Return new arrays for one run.
 
+    The number of their columns is the number of stories plus a column of zeros. State and scratch
+    rows depend on the method, and the rows of the law states on the hysteretic laws of the
+    building.
+
     Parameters
     ----------
     building : Building

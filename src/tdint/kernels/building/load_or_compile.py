@@ -158,7 +158,8 @@ def _compile(
     progress: Callable[[float], None],
     folder: Path | None,
 ) -> None:
-    """Compile kernels, save and load them.
+    """Compile kernels in parallel processes, save their object files, and load them into this
+    process.
 
     Parameters
     ----------

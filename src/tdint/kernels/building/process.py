@@ -86,7 +86,8 @@ class Compilation:
         """Return the reason of a failure with file and line.
 
         The reason is the message of numba after its last "Failed in nopython", or otherwise the
-        last line of the output.
+        last line of the output. The position is the first one in the output that is in a file from
+        which the kernel is compiled; a position in a file of a plug-in is preferred.
 
         Parameters
         ----------
@@ -248,6 +249,8 @@ def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[C
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
     """Run one process for each processor in parallel, and yield the objects of each kernel when it
     is completed.
+
+    Each process is controlled by a thread, which takes the next compilation from a common list.
 
     Raises
     ------

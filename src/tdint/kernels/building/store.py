@@ -266,7 +266,11 @@ def file_name(name: str, variant: str, target: Target) -> str:
 
 
 def _write(data: bytes, path: Path) -> Path:
-    """Write a file atomically, readable by all users."""
+    """Write a file atomically, readable by all users, and return its path.
+
+    A temporary file in the same directory is written and renamed, so that other processes never
+    read an incomplete file.
+    """
     import tempfile
 
     path.parent.mkdir(parents=True, exist_ok=True)

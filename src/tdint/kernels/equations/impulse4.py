@@ -416,6 +416,21 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
         scratch[momentum.A1, i] += linear_terms[rows.INVERSE_MASS, i] * scratch[momentum.FORCE_1, i]
 
 
+@inline
+def _residual_tolerance(scratch):
+    """Return the relative tolerance of the residuals of Newton's method in a step.
+
+    It is _TOLERANCE_PER_MISMATCH times the relative mismatch Q / A of the mean acceleration in the
+    run, but at least RESIDUAL_TOLERANCE and at most _MAX_TOLERANCE. Row RUN_MAXIMA contains the
+    maxima of Q and A over the run (`keep_negligible_kinks`), which are 0 in the first step.
+    """
+    tolerance = RESIDUAL_TOLERANCE
+    if scratch[ROW.RUN_MAXIMA, 1] > 0.0:
+        mismatch = scratch[ROW.RUN_MAXIMA, 0] / scratch[ROW.RUN_MAXIMA, 1]
+        tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISMATCH * mismatch))
+    return tolerance
+
+
 @outlined
 def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     """Compute the response over a step by Newton's method for all stories together.
@@ -460,11 +475,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     n = linear_terms.shape[1] - 1
     if not has_guess:
         store_first_guess(1.0, h, state, scratch, n)
-    # Tolerance, from the relative mismatch of the mean acceleration in the run
-    tolerance = RESIDUAL_TOLERANCE
-    if scratch[ROW.RUN_MAXIMA, 1] > 0.0:  # zero before the first step of a run is complete
-        mismatch = scratch[ROW.RUN_MAXIMA, 0] / scratch[ROW.RUN_MAXIMA, 1]
-        tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISMATCH * mismatch))
+    tolerance = _residual_tolerance(scratch)
     iterations = 0
     applied_fraction = 1.0
     previous_norm = math.inf

@@ -405,19 +405,24 @@ def link_blocks(linear_terms, factors, n):
 def factor_blocks(factors, damping, n):
     """Factorize a block tridiagonal matrix with 2 x 2 blocks plus modal damping.
 
-    The unknowns are pairs (x, y) per floor. The products A_i B_(i+1), with the inverse block pivot
-    A and the coupling block B, are stored as well. In the backward substitution only one
-    multiplication per floor then depends on the result of the floor above.
+    The unknowns are pairs (x, y) per floor. With the diagonal block D_i and the blocks -B_i to the
+    left of the diagonal in row i and to the right of the diagonal in row i - 1, the inverse block
+    pivots are
+
+        A_0 = D_0^-1,   A_i = (D_i - B_i A_(i-1) B_i)^-1
+
+    The products B_i A_(i-1) are stored for the forward substitution, and A_i B_(i+1) for the
+    backward substitution, so that only one multiplication per floor depends on the result of the
+    floor above.
 
     Parameters
     ----------
     factors : Factors
-        The four rows from `pivot` on contain the entries of the diagonal blocks, row by row; they
-        receive the inverses A of the block pivots. The rows from `coupling` on contain the four
-        entries of B, where -B is the block to the left of the diagonal in row i and to the right of
-        it in row i - 1. They receive the entries of B_i A_(i-1), and the next COUPLING_ROWS / 2
-        rows receive those of A_i B_(i+1). From `store` on: four rows for each mode (both columns of
-        T^-1 (I2 (x) W^T), x before y), the small inverse in 2 modes rows, and one row of scratch.
+        The four rows from `pivot` on contain the entries of D_i, row by row; they receive A_i. The
+        rows from `coupling` on contain the four entries of B_i. They receive the entries of B_i
+        A_(i-1), and the next COUPLING_ROWS / 2 rows the entries of A_i B_(i+1). From `store` on:
+        four rows for each mode (both columns of T^-1 (I2 (x) W^T), x before y), the small inverse
+        in 2 modes rows, and a temporary row.
     damping : ModalBlocks
         Modal damping.
     n : int
@@ -644,7 +649,11 @@ def solve_pairs(factors, x, y, n):
 
 
 def _woodbury_storing_function(solve_undamped):
-    """Return a compiled function that stores the terms of the Woodbury formula for two unknowns.
+    """Return a compiled function that stores the terms of the Woodbury formula for two unknowns per
+    floor.
+
+    The formula gives the solution of a system with modal damping from solutions without modal
+    damping.
 
     Parameters
     ----------

@@ -176,10 +176,13 @@ def branch_owner(law_state, i, block):
 
 @outlined
 def copy_branch(law_state, i, block):
-    """Replace the reference of a law state to the branch of another state by a copy of the branch.
+    """Copy the branch of another state into the state in `block`, if the state refers to that
+    branch.
 
-    The state must contain its branch before it can change the branch. The copied rows are INTERNAL,
-    the rows from COMMON_ROWS to WORK (excluded) and the extra rows.
+    A trial state on the branch of another state does not contain the branch: its row BRANCH_OFFSET
+    contains the number of rows from `block` to the other state. The state must contain its branch
+    before it can change the branch. The copied rows are INTERNAL, the rows from COMMON_ROWS to WORK
+    (excluded) and the extra rows; BRANCH_OFFSET is then 0.
     """
     if law_state[block + rows.BRANCH_OFFSET, i] != 0.0:
         branch_block = branch_owner(law_state, i, block)

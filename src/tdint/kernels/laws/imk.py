@@ -78,7 +78,11 @@ _SAME_REVERSAL_TOLERANCE = 1e-6
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the law.
+
+    Drifts and forces with a `side` (1 or -1) are positive in the direction of that side. numba is
+    imported by this function only.
+    """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
@@ -310,10 +314,12 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_backbone_branch(law_parameters, law_state, i, block, side):
-        """Continue on the backbone curve: set its force and its branch at the current drift.
+        """Continue on the backbone curve: set its force and its branch at the current drift d.
 
-        The branch is the hardening line up to the capping point, the capping line down to the
-        residual force, or the constant residual force.
+        The force is that of the hardening line h + s d up to the capping point, that of the capping
+        line c + t d (t negative) down to the residual force R, and R beyond. h and c are the forces
+        of both lines at zero drift, s and t their slopes. The capping drift is (c - h) / (s - t),
+        and the residual force is reached at (R - c) / t.
 
         Parameters
         ----------
@@ -336,6 +342,7 @@ def _functions() -> LawFunctions:
         residual_force = residual(law_parameters, i, side)
         capping_drift = (capping_force - hardening_force) / (hardening_slope - capping_slope)
         tolerance = _REACHED_TOLERANCE * drift
+        # Hardening line
         if (
             drift < capping_drift - tolerance
             and hardening_force + hardening_slope * drift >= residual_force
@@ -344,6 +351,7 @@ def _functions() -> LawFunctions:
             set_loading_branch(
                 law_parameters, law_state, i, block, side, _PLASTIC, hardening_slope, capping_drift
             )
+        # Capping line
         elif (
             drift >= capping_drift - tolerance
             and drift < (residual_force - capping_force) / capping_slope - tolerance
@@ -359,6 +367,7 @@ def _functions() -> LawFunctions:
                 capping_slope,
                 (residual_force - capping_force) / capping_slope,
             )
+        # Residual force
         else:
             law_state[block + rows.FORCE, i] = side * residual_force
             # A strength below the residual force can exceed it again before the capping point.
@@ -665,9 +674,16 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at its end.
 
-        A loading branch is followed by unloading after a reversal, otherwise by the next part of
-        the way to the backbone curve. Unloading is followed by a zero crossing or, if the story is
-        loaded again, by reloading. The story fails at the ultimate drift.
+        After a reversal on a loading branch, the story unloads (or crosses zero force, if the force
+        is not positive on the side of loading). The other ends of branches, with their types in row
+        INTERNAL, are
+
+            unloading, to zero force           deterioration, then reloading of the other side
+            unloading, back to the reversal    reloading
+            ultimate drift                     failure
+            pinched part of reloading          reloading towards the last peak
+            towards the last peak              reloading towards the point of maximum drift
+            towards the maximum drift          backbone curve, and then its next line
 
         Parameters
         ----------

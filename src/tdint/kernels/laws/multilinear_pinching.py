@@ -71,7 +71,11 @@ _MIN_SLOPE = 1e-8  # relative to the stiffness; minimum slope of a path
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the law.
+
+    Drifts and forces with a `side` (1 or -1) are positive in the direction of that side. numba is
+    imported by this function only.
+    """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
@@ -167,6 +171,9 @@ def _functions() -> LawFunctions:
     def backbone(law_parameters, i, side, drift):
         """Return the force of the backbone curve of a side without degradation, N, at a drift.
 
+        The curve leads from zero through four points and is linear in between. Beyond the last
+        point it continues with the slope `last_slope`.
+
         Parameters
         ----------
         law_parameters : ndarray
@@ -177,7 +184,7 @@ def _functions() -> LawFunctions:
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
         drift : float
-            Drift, m.
+            Drift, m, positive on this side.
         """
         start, start_force = 0.0, 0.0
         for point in range(1, 5):
@@ -280,8 +287,13 @@ def _functions() -> LawFunctions:
     def degradation(law_parameters, law_state, i, block):
         """Return the fractions of stiffness, maximum drift and strength that a reversal now loses.
 
-        The losses depend on the maximum drifts and on the dissipated work. They are zero before the
-        first yielding, and constant above the last drift of the backbone curve.
+        A fraction is at most the limit of its type of degradation (`loss`), with its parameters:
+
+            peak (maximum drift / last drift)^peak_exponent
+                + work (dissipated work / capacity)^work_exponent
+
+        The losses are zero before the first yielding, and constant above the last drift of the
+        backbone curve.
 
         Parameters
         ----------
@@ -434,9 +446,14 @@ def _functions() -> LawFunctions:
     def path(law_parameters, i, side, start_drift, start_force, previous_max_drift, losses):
         """Return the path after a reversal: drift and force of three points.
 
-        The points are the end of unloading, the end of the pinched part, and the point of maximum
-        drift of the side towards which the story moves. Parts that would go backwards, fall or be
-        too steep are replaced as in Pinching4 of OpenSees.
+        The path leads from the reversal in straight lines to
+
+            1. the end of unloading, at the fraction `unloading` of the force of a backbone point
+            2. the end of the pinched part, at the fractions `drift` and `force` of point 3
+            3. the point of maximum drift on the side of the movement, with the degraded force
+
+        Parts that would go backwards, fall or be too steep are replaced as in Pinching4 of OpenSees
+        (Lowes and Altoontash 2003).
 
         Parameters
         ----------
@@ -454,13 +471,14 @@ def _functions() -> LawFunctions:
         losses : tuple of float
             Losses of stiffness, maximum drift and strength.
         """
+        # Point 3, and the direct line to this point if the story does not cross zero drift
         strength_factor = 1.0 - losses[2]
         k = stiffness(law_parameters, i, side) * (1.0 - losses[0])
         end_drift = previous_max_drift * (1.0 + losses[1])
         end_force = strength_factor * backbone(law_parameters, i, side, end_drift)
-        # On the same side of the origin, the path is the direct line to the point of maximum drift.
         if start_drift * end_drift >= 0.0 or start_drift >= end_drift:
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
+        # Point 2
         unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses[0])
         # Secant stiffness of the point on the negative side of the story
         secant = start_force / start_drift if side > 0.0 else end_force / end_drift
@@ -470,6 +488,7 @@ def _functions() -> LawFunctions:
         )
         if pinched_drift < start_drift:
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
+        # Point 1, and corrections of points 1 and 2
         unloading_force = (
             pinching(law_parameters, i, side, 2)
             * strength_factor
@@ -553,7 +572,9 @@ def _functions() -> LawFunctions:
     def set_backbone_branch(law_parameters, law_state, i, block, side):
         """Continue on the backbone curve: set its force and its branch at the current drift.
 
-        Forces and slopes are reduced by the strength lost until the last reversal.
+        The backbone curve consists of four lines through its points and a last line without end.
+        Forces and slopes are multiplied by the fraction of the strength that remains after the last
+        reversal.
 
         Parameters
         ----------
@@ -753,10 +774,12 @@ def _functions() -> LawFunctions:
 
     @outlined
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, J: the energy released until the force is zero.
+        """Return the stored energy of the committed state, J: the energy released until the force
+        is zero.
 
-        During unloading, the current path is used, otherwise the path that would follow a reversal
-        at the current state.
+        It is the area between the path and the drift axis. During unloading, the current path is
+        used, otherwise the path that would follow a reversal at the current state. Before the first
+        branch change the energy is F^2 / (2 k) with the force F and the initial stiffness k.
         """
         drift, force = law_state[rows.DRIFT, i], law_state[rows.FORCE, i]
         if force == 0.0:

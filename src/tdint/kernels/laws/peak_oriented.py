@@ -110,8 +110,9 @@ def _functions() -> LawFunctions:
         """Set the branch that follows the current branch at a reversal or at its limit.
 
         After a reversal, the story unloads to zero force with the stiffness ku. At zero force, it
-        reloads towards the point of maximum drift on the other side. From this point on, it yields
-        along the backbone curve.
+        reloads towards the point of maximum drift on the other side, (dmax, Fmax). From this point
+        on, it yields along the backbone curve with the slope hardening times initial stiffness. The
+        type of the branch in row INTERNAL is positive on the positive side.
 
         Parameters
         ----------

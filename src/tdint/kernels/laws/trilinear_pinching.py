@@ -41,7 +41,11 @@ _REACHED_TOLERANCE = 1e-12
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the law.
+
+    Drifts and forces with a `side` (1 or -1) are positive in the direction of that side. numba is
+    imported by this function only.
+    """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import follow_branches
 
@@ -420,7 +424,11 @@ def _functions() -> LawFunctions:
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
-    """Return an error message if the ultimate point is invalid, otherwise None.
+    """Return an error message if the ultimate point of the backbone curve is invalid, otherwise
+    None.
+
+    The ultimate force must be at least the yield force, the ultimate drift must exceed the yield
+    drift, and the ultimate point must be below the line of the initial stiffness.
 
     Parameters
     ----------

@@ -437,6 +437,13 @@ def largest_drifts(
     """Compute the maximum drift ratio of a building from rest, its story, and the maximum roof
     drift ratio.
 
+    The drift ratio of a story (or of the roof) is the sum of modal coordinate times `shapes` over
+    the modes, minus `static` times the ground acceleration. A modal coordinate q satisfies q'' + 2
+    xi omega q' + omega^2 q = -ag; its step is exact for a ground acceleration ag that is linear
+    within the step. The steps are processed in chunks. The first pass computes the maxima at the
+    steps. The second pass integrates those chunks again that can contain the maximum between the
+    steps.
+
     Parameters
     ----------
     ground : ndarray, shape (samples,)

@@ -315,6 +315,12 @@ def _search(oscillator, maxima, margin):
     """Compute the maximum displacements of one oscillator in all directions from its maxima along
     the axes.
 
+    The displacement in a direction between two adjacent axes is bounded by a sum of the maxima
+    along both axes (`_interpolate`). Intervals of steps in which no bound exceeds the smallest
+    maximum of a sector are skipped; the others are integrated again with `_integrate_interval`.
+    First, the intervals with the maxima along the axes are integrated, because few other intervals
+    can exceed their maxima.
+
     Parameters
     ----------
     oscillator : _TableOscillator
@@ -327,8 +333,7 @@ def _search(oscillator, maxima, margin):
     scratch, best = oscillator.scratch, oscillator.best
     intervals = maxima.shape[0]
     lowest = scratch[_LOWEST]
-    # The intervals with the maximum displacements along the axes are processed first, because few
-    # other intervals can exceed their maxima.
+    # The remaining steps after the last interval, then the interval with the maximum of each axis
     _integrate_interval(oscillator, intervals, margin, True)
     last_interval = intervals
     for k in range(AXES):

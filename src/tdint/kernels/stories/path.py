@@ -911,7 +911,10 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
 def dividing_at_bend(integrate):
     """Return a compiled function that integrates a curved law along a path without reversal.
 
-    The path is divided at a sharp bend of the force, where Gauss integration would be inaccurate.
+    The integrals of the force f are int f dt and 12 int (t - 1/2) f dt, and their derivatives,
+    along the parabola of drift d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over
+    the step. The path is divided at a sharp bend of the force, where Gauss integration would be
+    inaccurate.
 
     Parameters
     ----------
