@@ -476,8 +476,8 @@ CHANG = replace(
 def kr_alpha(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients alpha_m, alpha_f, beta and gamma of KR-alpha (Kolay and Ricles 2014).
 
-    They are those of the generalized-alpha method with the spectral radius `rho_inf` at infinite
-    frequency.
+    They are the coefficients of the generalized-alpha method with the spectral radius `rho_inf` at
+    infinite frequency.
     """
     alpha_m = (2.0 * rho_inf - 1.0) / (1.0 + rho_inf)
     alpha_f = rho_inf / (1.0 + rho_inf)

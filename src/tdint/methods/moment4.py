@@ -139,7 +139,10 @@ def step(
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients of the step: r, 12 / (1 + 6 r) and the tolerance of the residuals.
 
-    r = (1 - rho_inf) / (6 (1 + rho_inf)) for a spectral radius `rho_inf` at infinite frequency.
+    r = (1 - rho_inf) / (6 (1 + rho_inf)) for a spectral radius `rho_inf` at infinite frequency; r =
+    0 is the method without numerical dissipation. 12 / (1 + 6 r) is the factor in the change of the
+    acceleration over the step, a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r), with the displacement u0 +
+    D0 t + D1 (t^2 - t) / 2.
     """
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     return r, 12.0 / (1.0 + 6.0 * r), MAX_RESIDUAL

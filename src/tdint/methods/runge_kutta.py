@@ -188,7 +188,7 @@ def explicit_step(
 
 
 def explicit_coefficients(table: Table) -> tuple[float, ...]:
-    """Return the coefficients of `explicit_step`.
+    """Return the coefficients of `explicit_step`: the Butcher table in one sequence.
 
     Parameters
     ----------
@@ -682,7 +682,7 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
 
 
 def implicit_coefficients(table: Table, weights: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the coefficients of `implicit_step`.
+    """Return the coefficients of `implicit_step`: nodes c, A, A^2, weights b and b A.
 
     Parameters
     ----------

@@ -276,7 +276,11 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
 
 
 def _rho_inf(row: tuple[float, ...]) -> float:
-    """Return the spectral radius at infinite frequency of a method with the coefficients `row`."""
+    """Return the spectral radius at infinite frequency of a method with the coefficients `row`.
+
+    It is the maximum absolute eigenvalue of the amplification matrix for omega h to infinity. `row`
+    contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of `step`.
+    """
     eigenvalues = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
     # Rounding errors separate a double eigenvalue into two that differ by up to 1e-8. Their mean
     # is exact up to rounding.

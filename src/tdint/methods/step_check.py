@@ -320,7 +320,8 @@ def _order_fault(
     text.
 
     They must converge with the order of the method, or with the order that the kinks of the
-    hysteresis model permit.
+    hysteresis model permit. The order is observed from the errors e with 1, 2 and 4 time steps in
+    `_H`: log2(e_1 / e_4) / 2 or log2(e_2 / e_4), whichever is larger.
 
     Parameters
     ----------

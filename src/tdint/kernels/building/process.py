@@ -45,8 +45,10 @@ class Compilation:
 
     @property
     def settings(self) -> dict[str, str]:
-        """Environment variables of the process that compiles the kernel, and other kernels with
-        equal settings."""
+        """Environment variables of the process that compiles the kernel.
+
+        Kernels with equal settings can be compiled by the same process.
+        """
         cpu, features = next(iter(self.targets.values())).optimized_for
         return {
             "TDINT_KERNELS_VARIANT": self.variant.text,
@@ -59,7 +61,9 @@ class Compilation:
 
     @property
     def plugins(self) -> dict[str, tuple[str, str]]:
-        """Module and file of each law of the variant that belongs to a plug-in."""
+        """Module and file of each law of the variant that belongs to a plug-in, by the name of the
+        law.
+        """
         modules = {law: OUTSIDE[law] for law in self.variant.outside}
         return {law: (name, str(sys.modules[name].__file__)) for law, name in modules.items()}
 

@@ -123,7 +123,9 @@ def has(name: str, variant: str, target: Target, directory: Path | None = None) 
 
 
 def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
-    """Yield the directories of object files, and True if files of other users are ignored there."""
+    """Yield the directories that are searched for object files, with True if files of other users
+    are ignored in the directory.
+    """
     if shared := os.environ.get("TDINT_KERNELS_DIR"):
         if not Path(shared).is_dir():
             raise UsageError(

@@ -596,11 +596,13 @@ def _may_exceed_peaks(scene, h, load, memory):
 
 @inline
 def update_peaks_at_corners(scene, h, load, memory):
-    """Update the peaks at and between the branch changes and reversals within a step, before the
-    state at its end is committed.
+    """Update the peaks of a step in which stories change their branches or reverse, if there are
+    any.
 
-    In most steps no story leaves its branch. The last column of row LEAVES_BRANCH is then 0, and
-    the function returns.
+    The peaks of story forces, accelerations and total shears are updated at and between these times
+    (corners), before the state at the end of the step is committed. In most steps all stories
+    remain on their branches. The last column of row LEAVES_BRANCH is then 0, and the function
+    returns.
 
     Parameters
     ----------

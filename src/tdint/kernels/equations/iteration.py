@@ -48,7 +48,7 @@ _REQUIRED_DECREASE = 1e-4
 
 @outlined
 def squared_norm(linear_terms, scratch, row, n):
-    """Return the sum of the squared residuals of `n` floors, divided by the floor masses.
+    """Return the sum of r_i^2 / m_i over `n` floors, with the residuals r_i and the masses m_i.
 
     Parameters
     ----------
@@ -76,13 +76,17 @@ def squared_norm(linear_terms, scratch, row, n):
 def must_halve(norm, previous_norm, fraction):
     """Return True if the line search must halve the applied fraction of a correction.
 
+    A correction with the applied fraction q is accepted if it reduces the squared norm S of the
+    residual: S(q) <= (1 - _REQUIRED_DECREASE q) S(0). It is accepted in any case if q is at most
+    MIN_STEP_FRACTION.
+
     Parameters
     ----------
     norm, previous_norm : float
-        Squared norm of the residual with and before the correction. An infinite `previous_norm`
-        accepts every correction.
+        Squared norm of the residual with the correction, S(q), and before it, S(0). An infinite
+        `previous_norm` accepts every correction.
     fraction : float
-        Fraction of the correction that is currently applied.
+        Fraction q of the correction that is currently applied.
     """
     limit = previous_norm * (1.0 - _REQUIRED_DECREASE * fraction)
     return norm > limit and fraction > MIN_STEP_FRACTION
@@ -135,6 +139,8 @@ def add_rows(factor, scratch, source, target, row_count, n):
 @inline
 def is_balanced(is_last, tolerance, step_status, i, residual, scale):
     """Return True if the residual of an equation is within the tolerance.
+
+    The condition is |residual| <= tolerance * scale + RESIDUAL_FLOOR.
 
     Parameters
     ----------

@@ -117,8 +117,11 @@ method must be closed.
 
 
 def scratch_rows(modes: int) -> int:
-    """Return the number of scratch rows of the step for a building with `modes` modally damped
-    modes."""
+    """Return the number of scratch rows of a step of moment4 for `modes` modally damped modes.
+
+    The rows of `_Rows` are followed by 6 rows for each mode and a temporary row (terms of the
+    Woodbury formula of `factor_blocks`).
+    """
     return STORE + 6 * modes + 1
 
 
@@ -801,7 +804,11 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
 
 @inline
 def solve(modal, h, scratch, x, n):
-    """Solve the linear system of Newton's method for two unknowns per floor, rise and bend.
+    """Solve the linear system of Newton's method for the rises D0 and bends D1 of all floors.
+
+    The matrix has been factorized by `_factor`. It contains the derivatives of the equations of a
+    step with respect to D0 and D1, the coefficients of the displacement u0 + D0 t + D1 (t^2 - t) /
+    2 of a floor, with t from 0 to 1 over the step. Modal damping is included.
 
     Parameters
     ----------
@@ -810,9 +817,9 @@ def solve(modal, h, scratch, x, n):
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array with the factorization.
+        Scratch array with the factorization in the rows BLOCKS, COUPLING and from STORE on.
     x : int
-        First of two rows with the right side, which receive the solution.
+        First of two rows with the right side (negative residuals, kg m); they receive D0 and D1, m.
     n : int
         Number of floors.
     """

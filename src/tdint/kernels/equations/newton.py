@@ -66,8 +66,10 @@ _FACTOR, _STORE = rows.chained(_Factors)
 
 
 def factor_rows(modes: int) -> int:
-    """Return the number of scratch rows of a factorization for a building with `modes` modally
-    damped modes.
+    """Return the number of scratch rows of a factorization for `modes` modally damped modes.
+
+    The rows of `_Factors` are followed by 2 rows for each mode and a temporary row (terms of the
+    Woodbury formula of `factor_damped`).
 
     Parameters
     ----------

@@ -21,7 +21,11 @@ _HARDENING = rows.FIRST_PARAMETER + 1
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the bilinear law with kinematic hardening.
+
+    f = a k d + z with |z| <= (1 - a) Fy: force f, drift d, initial stiffness k, hardening ratio a,
+    yield force Fy, force z of the plastic spring (row INTERNAL).
+    """
     from tdint.kernels.compiling import inline
 
     @inline

@@ -51,7 +51,12 @@ half."""
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the Bouc-Wen law.
+
+    f = a k d + (1 - a) Fy w, dw/dx = 1 - |w|^n (beta sgn(w dx) + 1 - beta), x = k d / Fy: force f,
+    drift d, initial stiffness k, hardening ratio a, yield force Fy, dimensionless hysteretic force
+    w (row INTERNAL).
+    """
     import numpy as np
 
     from tdint.kernels.compiling import inline, outlined
@@ -61,7 +66,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def power(x, n):
-        """Return x^n; the common exponents 1 and 2 do not require a power."""
+        """Return x^n for a number x that is not negative.
+
+        The exponents 1 and 2 are common and do not require the function of the C library.
+        """
         return x if n == 1.0 else (x * x if n == 2.0 else x**n)
 
     @inline

@@ -271,10 +271,13 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
 
 @cache
 def _kernel(code: int) -> Kernel:
-    """Return the kernel with all functions of the law with number `code`."""
+    """Return the kernel with all functions of the law with number `code`.
+
+    It is a copy of `_all_hooks`. The copy has a namespace in which `force`, `strain_energy` and the
+    other placeholders are the functions of the law.
+    """
     functions = LAWS[code].functions()
     namespace = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}
-    # A copy of `_all_hooks` in a namespace in which the placeholders are the functions of the law
     function = python_types.FunctionType(_all_hooks.__code__, namespace, LAWS[code].name)
     function.__qualname__ = function.__name__
     function.__module__ = __name__

@@ -17,7 +17,11 @@ _STOP_STIFFNESS = rows.FIRST_PARAMETER + 1
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the gap law.
+
+    f = k d for |d| <= gap, and f = k d + stop_stiffness (|d| - gap) sgn(d) in contact with a stop:
+    force f, drift d, initial stiffness k.
+    """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import set_branch
 
@@ -53,7 +57,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the elastic energy of the committed state, J.
+        """Return the elastic energy of the committed state with the drift d, J.
 
         It is k d^2 / 2 plus, in contact with a stop, stop_stiffness (|d| - gap)^2 / 2.
         """

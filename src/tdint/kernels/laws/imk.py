@@ -219,8 +219,9 @@ def _functions() -> LawFunctions:
     def deterioration(law_parameters, i, capacity, work, total_work):
         """Return beta, the fraction of a quantity that is lost at a zero crossing or reversal.
 
-        beta = (work / (Lambda Fy - total work))^exponent, with the capacity Lambda (m) and the
-        yield force Fy. The result is between 0 and 1, or 2 if beta exceeds 1: the story then fails.
+        beta = (work / (Lambda Fy - total work))^exponent, with the capacity Lambda (m), the yield
+        force Fy of the positive side, and the work done on the story (J). The result is between 0
+        and 1, or 2 if beta exceeds 1: the story then fails.
 
         Parameters
         ----------
@@ -763,6 +764,9 @@ def _functions() -> LawFunctions:
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     """Return an error message if the parameters of a side are inconsistent, otherwise None.
+
+    The ultimate drift must exceed the yield drift, and the residual ratio must not exceed the
+    capping ratio. The parameters of the positive side are followed by those of the negative side.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the law f = k d, with the stiffness k and the drift d."""
     from tdint.kernels.compiling import inline
     from tdint.kernels.laws.branch_following import no_operation
 

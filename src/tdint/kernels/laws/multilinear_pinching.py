@@ -211,12 +211,15 @@ def _functions() -> LawFunctions:
 
     @inline
     def last_drift(law_parameters, i):
-        """Return the larger drift of the last points of both backbone curves, m."""
+        """Return the drift of the last backbone point, m: the larger value of both sides."""
         return max(point_drift(law_parameters, i, 1.0, 4), point_drift(law_parameters, i, -1.0, 4))
 
     @inline
     def degrades(law_parameters, i):
-        """Return True if the story degrades: a limit of a type of degradation is positive."""
+        """Return True if the story degrades: the limit of a type of degradation is positive.
+
+        The types are stiffness, maximum drift and strength.
+        """
         limits = 0.0
         for row in (_STIFFNESS_DEGRADATION, _DRIFT_DEGRADATION, _STRENGTH_DEGRADATION):
             limits += law_parameters[row + 4, i]
@@ -904,7 +907,12 @@ _PINCHING_PARAMETERS = (
 
 
 def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
-    """Return the parameters of one type of degradation: `stiffness`, `drift` or `strength`."""
+    """Return the parameters of one type of degradation: `stiffness`, `drift` or `strength`.
+
+    They are peak, work, peak_exponent, work_exponent and limit. The lost fraction is peak (maximum
+    drift / last drift)^peak_exponent + work (used energy capacity)^work_exponent, at most the
+    limit.
+    """
     group = f"degradation.{name}"
     fraction = LawParameter("peak", low=0.0, default=0.0, group=group, without=0.0)
     exponent = replace(fraction, default=1.0, without=1.0)

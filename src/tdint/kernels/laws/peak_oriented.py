@@ -37,7 +37,11 @@ _UNLOADING = 3.0
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the peak-oriented law.
+
+    The backbone curve is bilinear. Unloading has the stiffness ku (`unloading_stiffness`), and
+    reloading is directed towards the point of maximum drift on the other side.
+    """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import follow_branches
 

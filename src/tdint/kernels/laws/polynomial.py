@@ -7,7 +7,7 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the law f = c1 d + c2 d^2 + ..., with the drift d."""
     from tdint.kernels.compiling import inline
 
     @inline
@@ -42,7 +42,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the elastic energy, the sum of c_j d^(j + 1) / (j + 1), J."""
+        """Return the elastic energy of the committed state, the sum of c_j d^(j + 1) / (j + 1), J.
+
+        c_j are the coefficients of the force c1 d + c2 d^2 + ... at the drift d.
+        """
         d = law_state[rows.DRIFT, i]
         energy = 0.0
         for row in range(law_parameters.shape[0] - 1, rows.FIRST_PARAMETER - 1, -1):

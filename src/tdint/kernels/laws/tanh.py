@@ -9,7 +9,10 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law."""
+    """Return the compiled functions of the law f = F tanh(k d / F).
+
+    f is the force, d the drift, k the initial stiffness and F the strength.
+    """
     from tdint.kernels.compiling import inline
 
     @inline

@@ -233,6 +233,8 @@ def observe(scene, span, slope, memory, seen):
         # damper has the rate 2 (c v) a. The power F v of a dashpot has the rate (F + F' v) a.
         story_damping += 0.5 * (dashpot_force + dashpot_tangent * rate)
         viscous_rate += (floor_damping + story_damping - story_damping_above) * a
+        # An equal change of all floor accelerations only changes the drift acceleration of stories
+        # on the ground.
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
         # Values for the floor below
         story_force_above = link * story_force
@@ -374,6 +376,8 @@ def _observe_dashpots(span, linear_terms, state, seen):
         # dampers
         force += 0.5 * (dashpot_force + dashpot_tangent * rate)
         power_rate += 2.0 * force * drift_acceleration
+        # An equal change of all floor accelerations only changes the drift acceleration of stories
+        # on the ground.
         per_acceleration += (1.0 - link) * force
         u_below, v_below, a_below = u, v, a
         u_0_below, v_0_below, a_0_below = u_0, v_0, a_0
