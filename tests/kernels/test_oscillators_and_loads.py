@@ -21,7 +21,7 @@ from tdint.kernels.oscillators.between_steps import (
     TERMS,
     Vibration,
     largest_between,
-    terms,
+    term_count,
 )
 from tdint.kernels.peaks_between_steps import _add_floor_forces
 from tdint.kernels.stepping import Span
@@ -215,7 +215,7 @@ def test_maximum_of_oscillator_within_step(angle, ratio, from_rest):
             (start, float(derivative(0.0, 2)), float(derivative(0.0, 3))),
             float(rates[-1]),
             vibration,
-            terms(vibration),
+            term_count(vibration),
             np.zeros((3, TERMS)),
         )
         assert float(found) == pytest.approx(expected, rel=2e-9, abs=2e-9)

@@ -885,13 +885,13 @@ def _quintic_coefficients(h, ends):
     coefficients follow from u1, v1 and a1 at s = 1.
     """
     u0, v0, a0, u1, v1, a1, _, _ = ends
-    # Values, slopes and curvatures at s = 1 without the terms up to s^2 (curvature halved)
-    rise = u1 - u0 - h * (v0 + 0.5 * h * a0)
-    change = h * (v1 - v0 - h * a0)
-    bend = 0.5 * h * h * (a1 - a0)
-    c3 = 10.0 * rise - 4.0 * change + bend
-    c4 = -15.0 * rise + 7.0 * change - 2.0 * bend
-    c5 = 6.0 * rise - 3.0 * change + bend
+    # Value, slope and half of the curvature at s = 1, each without the terms up to s^2
+    value = u1 - u0 - h * (v0 + 0.5 * h * a0)
+    slope = h * (v1 - v0 - h * a0)
+    half_curvature = 0.5 * h * h * (a1 - a0)
+    c3 = 10.0 * value - 4.0 * slope + half_curvature
+    c4 = -15.0 * value + 7.0 * slope - 2.0 * half_curvature
+    c5 = 6.0 * value - 3.0 * slope + half_curvature
     return c3, c4, c5
 
 

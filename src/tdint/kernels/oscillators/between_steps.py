@@ -80,7 +80,7 @@ def interpolate_samples(samples, parts, ground):
 
 
 @inline
-def rise(vibration):
+def excess_factor(vibration):
     """Return a bound of the excess of a quantity q within a step over its endpoint values, s^2.
 
     The bound is divided by the larger of the two values |q''| at the endpoints. It follows from two
@@ -93,22 +93,23 @@ def rise(vibration):
 
 
 @inline
-def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
+def may_exceed(best, factor, q0, d0, e0, q1, d1, e1):
     """Return True if a quantity q can have an extremum above `best` between the endpoints of a
     step.
 
     q'' is a free vibration and changes its sign at most once in a step. Therefore q' has one zero
     if its signs at the endpoints differ, and otherwise two or no zeros. If q' starts at zero (from
-    rest), the sign of q'' is used. q exceeds its endpoint values by at most `rise` times the larger
+    rest), the sign of q'' is used. q exceeds its endpoint values by at most `factor` times the
+    larger
     |q''| at the endpoints.
 
     Parameters
     ----------
     best : float
         Maximum of |q| until now.
-    rise : float
+    factor : float
         Maximum excess of q over its endpoint values, divided by the larger |q''| at the endpoints,
-        s^2 (result of the function `rise`).
+        s^2 (`excess_factor`).
     q0, d0, e0 : float
         q, q' and q'' at the start of the step.
     q1, d1, e1 : float
@@ -118,7 +119,7 @@ def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
     # Either q' has different signs at the endpoints, or it approaches zero at the start and moves
     # away from zero at the end, and may have two zeros in between.
     has_extremum = initial_direction * d1 < 0.0 or (d0 * e0 < 0.0 and d1 * e1 > 0.0)
-    return has_extremum and max(abs(q0), abs(q1)) + rise * max(abs(e0), abs(e1)) > best
+    return has_extremum and max(abs(q0), abs(q1)) + factor * max(abs(e0), abs(e1)) > best
 
 
 @outlined
@@ -145,7 +146,7 @@ def largest_between(q, rates, d1, vibration, n, series):
     vibration : Vibration
         Properties of the oscillator.
     n : int
-        Number of terms, from `terms`.
+        Number of terms (`term_count`).
     series : ndarray, shape (3, TERMS)
         Scratch array for the series of q, q' and q''.
     """
@@ -195,7 +196,7 @@ def largest_between(q, rates, d1, vibration, n, series):
 
 
 @outlined
-def terms(vibration):
+def term_count(vibration):
     """Return the number of terms of the power series of a quantity q that are needed for an
     oscillator.
 

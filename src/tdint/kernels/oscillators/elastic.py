@@ -46,11 +46,11 @@ from tdint.kernels.oscillators.between_steps import (
     RECURSION_ROWS,
     TERMS,
     Vibration,
+    excess_factor,
     interpolate_samples,
     largest_between,
     may_exceed,
-    rise,
-    terms,
+    term_count,
 )
 from tdint.kernels.stepping import Array
 
@@ -290,8 +290,8 @@ def _search(oscillator, maxima, ground_maxima):
     """Compute the maxima of one oscillator from its maxima at the steps of each interval.
 
     Between two steps of length h, a quantity q exceeds the larger of its values at the steps by at
-    most about h^2/8 times the maximum of |q''| (`rise`). Intervals in which this bound does not
-    exceed the maximum of the run are skipped; the others are integrated again with
+    most about h^2/8 times the maximum of |q''| (`excess_factor`). Intervals in which this bound
+    does not exceed the maximum of the run are skipped; the others are integrated again with
     `_integrate_interval`. The quantities are displacement u, velocity v and absolute acceleration,
     with the bounds
 
@@ -335,7 +335,7 @@ def _search(oscillator, maxima, ground_maxima):
         _integrate_interval(oscillator, interval_a)
     vibration = _vibration(oscillator)
     by_u, by_v, _ = vibration
-    excess_factor = rise(vibration)
+    factor = excess_factor(vibration)
     for c in range(intervals):
         if c in (interval_u, interval_v, interval_a):
             continue
@@ -344,9 +344,9 @@ def _search(oscillator, maxima, ground_maxima):
         bound_v = by_v * bound_u + by_u * maxima[c, 1] + ground_maxima[c, 1]
         bound_a = by_v * bound_v + by_u * bound_u
         if (
-            maxima[c, 0] + excess_factor * bound_u > best[0]
-            or maxima[c, 1] + excess_factor * bound_v > best[1]
-            or maxima[c, 2] + excess_factor * bound_a > best[2]
+            maxima[c, 0] + factor * bound_u > best[0]
+            or maxima[c, 1] + factor * bound_v > best[1]
+            or maxima[c, 2] + factor * bound_a > best[2]
         ):
             _integrate_interval(oscillator, c)
 
@@ -369,7 +369,7 @@ def _integrate_interval(oscillator, interval):
     b20, b21 = oscillators[B20, column], oscillators[B21, column]
     vibration = _vibration(oscillator)
     by_u, by_v, _ = vibration
-    excess_factor, n = rise(vibration), terms(vibration)
+    factor, n = excess_factor(vibration), term_count(vibration)
     u, v = starts[interval, 0], starts[interval, 1]
     g0 = ground[interval * INTERVAL_STEPS]
     p = by_u * u + by_v * v  # minus the absolute acceleration
@@ -393,11 +393,11 @@ def _integrate_interval(oscillator, interval):
             dp, dp1 = by_u * v + by_v * a, by_u * v1 + by_v * a1
             j, j1 = -dp - slope, -dp1 - slope
             ddp, ddp1 = by_u * a + by_v * j, by_u * a1 + by_v * j1
-            if may_exceed(best[0], excess_factor, u, v, a, u1, v1, a1):
+            if may_exceed(best[0], factor, u, v, a, u1, v1, a1):
                 best[0] = max(best[0], largest_between(u, (v, a, j), v1, vibration, n, series))
-            if may_exceed(best[1], excess_factor, v, a, j, v1, a1, j1):
+            if may_exceed(best[1], factor, v, a, j, v1, a1, j1):
                 best[1] = max(best[1], largest_between(v, (a, j, -ddp), a1, vibration, n, series))
-            if may_exceed(best[2], excess_factor, p, dp, ddp, p1, dp1, ddp1):
+            if may_exceed(best[2], factor, p, dp, ddp, p1, dp1, ddp1):
                 dddp = by_u * j - by_v * ddp
                 best[2] = max(
                     best[2], largest_between(p, (dp, ddp, dddp), dp1, vibration, n, series)

@@ -65,9 +65,10 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
         threshold = 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.size - 1):
-            g0, rise = samples[sample], (samples[sample + 1] - samples[sample]) / steps
+            # Ground acceleration at the start of a step, and its change in a step
+            g0, increment = samples[sample], (samples[sample + 1] - samples[sample]) / steps
             for step in range(steps):
-                g1 = g0 + rise
+                g1 = g0 + increment
                 u1 = (a11 * u + a12 * v) - (b10 * g0 + b11 * g1)
                 v1 = (a21 * u + a22 * v) - (b20 * g0 + b21 * g1)
                 # Within the step, the distance of the displacement from the nearer endpoint is at

@@ -41,11 +41,11 @@ from tdint.kernels.oscillators.between_steps import (
     B21,
     TERMS,
     Vibration,
+    excess_factor,
     interpolate_samples,
     largest_between,
     may_exceed,
-    rise,
-    terms,
+    term_count,
 )
 from tdint.kernels.oscillators.elastic import (
     BY_DISPLACEMENT,
@@ -203,7 +203,7 @@ def rotated_peaks(
             oscillator = _TableOscillator(
                 ground, oscillators, column, vibration, directions, starts[i], scratch, series, best
             )
-            _search(oscillator, maxima[i], between_steps * rise(vibration))
+            _search(oscillator, maxima[i], between_steps * excess_factor(vibration))
             for k in range(ANGLES):
                 result[group + i, k] = best[k]
     return 0
@@ -328,7 +328,9 @@ def _search(oscillator, maxima, margin):
     maxima : ndarray
         Maxima along the axes in each interval.
     margin : float
-        Result of `rise` for the oscillator; 0 if maxima between the steps are not required.
+        Maximum excess of a displacement between two steps over its values at the steps, divided by
+        the larger relative acceleration, s^2 (`excess_factor`); 0 if maxima between the steps are
+        not required.
     """
     scratch, best = oscillator.scratch, oscillator.best
     intervals = maxima.shape[0]
@@ -410,7 +412,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
         Index of the interval.
     margin : float
         Maximum excess of a displacement between two steps over its values at the steps, divided by
-        the larger relative acceleration, s^2 (result of `rise`); 0 if maxima between the steps are
+        the larger relative acceleration, s^2 (`excess_factor`); 0 if maxima between the steps are
         not required.
     coarse : bool
         True to use only the values at the steps, in all directions. False to include maxima between
@@ -422,7 +424,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
     a21, a22 = oscillators[A21, column], oscillators[A22, column]
     b20, b21 = oscillators[B20, column], oscillators[B21, column]
     by_u, by_v, h = vibration
-    n = terms(vibration)
+    n = term_count(vibration)
     lowest, start_values, end_values = scratch[_LOWEST], scratch[_AT_START], scratch[_AT_END]
     x, v, y, w = starts[interval, 0], starts[interval, 1], starts[interval, 2], starts[interval, 3]
     f0, g0 = ground[0, interval * INTERVAL_STEPS], ground[1, interval * INTERVAL_STEPS]
