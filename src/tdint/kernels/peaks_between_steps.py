@@ -382,9 +382,9 @@ def find_interstep_peaks(
 
     The motion of each floor and story between the endpoints of the step is the quintic polynomial
     with the displacement, velocity and acceleration at both endpoints. Displacements and drifts
-    have an extremum where the velocity is zero, velocities where the acceleration is zero.
-    Accelerations and total shears (sum of mass times absolute acceleration of the floors above) are
-    searched always.
+    have an extremum where the velocity is zero, velocities where the acceleration is zero. Total
+    shears are sums of mass times absolute acceleration over the floors above, minus the forces on
+    these floors. Each quantity is searched only if it may exceed its recorded peak.
 
     The restoring force at an interior drift depends on the hysteretic law, so this function does
     not compute it. It stores reversal drifts; the caller evaluates the laws at these drifts.

@@ -94,9 +94,9 @@ class Family:
         True if the step computes the work of the load and of the dampers; otherwise the work is
         computed from the power at both ends of the step.
     shifts : tuple of float
-        Change of each row of the state per unit jump of the ground acceleration between two steps,
-        divided by h^(2 - derivative). Such jumps occur if the time step is longer than the sampling
-        interval of the record.
+        Change of each row of the state per unit increase of the floor accelerations at a jump of
+        the ground acceleration between two steps, divided by h^(2 - derivative). Such jumps occur
+        if the time step is longer than the sampling interval of the record.
     parabolic : bool
         True if the displacements are parabolic within the step, with rates that change linearly
         between its ends.

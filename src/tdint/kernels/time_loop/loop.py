@@ -62,7 +62,9 @@ INTEGRATE = I8(
     F8,  # length of a step, s
     VECTOR,  # ground acceleration, m/s^2
     VECTOR,  # coefficients of the method
-    VECTOR,  # fraction of a jump of the ground acceleration that is added to each row of the state
+    # change of each row of the state per unit increase of the floor accelerations at a jump of the
+    # ground acceleration
+    VECTOR,
     *SCENE,
     *MEMORY,
     VECTOR,  # load, LOAD_SIZE elements of scratch
