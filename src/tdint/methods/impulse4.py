@@ -95,8 +95,29 @@ def step(
     with the restoring forces f, the displacement uc at an inner point, the impulse I of the load
     and its value p1 at the end. If some laws have branches, the step is divided into substeps at
     their branch changes. If no law has branches, or if the division fails because of too many
-    branch changes, the complete step is solved by Newton's method. The arguments are those of every
-    compiled step (`tdint.kernels.stepping`).
+    branch changes, the complete step is solved by Newton's method.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients th, al, be, w0, wc, w1 and those of the inner point (function `coefficients`).
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
+        the ground; updated in place.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Scratch rows and factorizations of `tdint.kernels.equations.impulse4`.
+    step_status : ndarray
+        STEP_PEAKS, RUN_PEAKS and BRANCH_CHANGES are updated; RESIDUAL and WORST_STORY are set if
+        there is no convergence.
 
     Returns
     -------
@@ -596,6 +617,9 @@ def _update_substep_peaks(scene, span, memory):
 def _save_start(state, law_state, scratch, n):
     """Store the state and the law states at the start of a time step for `_restore_start`.
 
+    The three rows of the state are displacements, velocities and accelerations. The committed block
+    of the law states starts at row 0.
+
     Parameters
     ----------
     state, law_state : ndarray
@@ -618,6 +642,9 @@ def _save_start(state, law_state, scratch, n):
 @outlined
 def _restore_start(state, law_state, scratch, n):
     """Return to the start of a time step that could not be divided into substeps.
+
+    Displacements, velocities, accelerations and the committed law states are copied from the rows
+    that `_save_start` has written.
 
     Parameters
     ----------

@@ -404,7 +404,8 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force F releases.
 
-        ku is the unloading stiffness of the side of the force.
+        ku is the unloading stiffness (N/m) of the side of the force (row FORCE of the committed
+        state).
         """
         force = law_state[rows.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
