@@ -252,14 +252,14 @@ def test_excess_between_steps_and_number_of_terms():
             omega = omega_h / DT
             vibration = Vibration(omega**2, 2.0 * xi * omega, DT)
             expected = DT**2 / 8.0 * math.exp(xi * omega_h) / math.cos(0.5 * omega_h)
-            assert between_steps.rise(vibration) == pytest.approx(expected, rel=1e-12)
+            assert between_steps.excess_factor(vibration) == pytest.approx(expected, rel=1e-12)
             # Terms beyond the cubic, until (omega h)^k 3! / (k + 3)! is below 2e-10
             neglected = [omega_h ** (n - 3) * 6.0 / math.factorial(n) for n in range(4, 16)]
             count = next((n for n, term in enumerate(neglected, 4) if term <= 2e-10), 15)
-            assert between_steps.terms(vibration) == max(count, 5)
+            assert between_steps.term_count(vibration) == max(count, 5)
     damped = Vibration((0.1 / DT) ** 2, 0.9 / DT, DT)
     alone = Vibration((0.9 / DT) ** 2, 0.0, DT)
-    assert between_steps.terms(damped) == between_steps.terms(alone) == 14
+    assert between_steps.term_count(damped) == between_steps.term_count(alone) == 14
 
 
 def test_a_step_may_exceed_a_maximum_if_its_rate_turns():
@@ -294,7 +294,7 @@ def test_all_terms_of_the_series_of_a_free_vibration(rate):
     omega, xi = 0.9 / DT, 0.1
     vibration = Vibration(omega**2, 2.0 * xi * omega, DT)
     system = np.array([[0.0, 1.0], [-(omega**2), -2.0 * xi * omega]])
-    n = between_steps.terms(vibration)
+    n = between_steps.term_count(vibration)
     series = np.zeros((3, between_steps.TERMS))
     second, third = -70.0, 900.0
     between_steps.largest_between(1.0, (rate, second, third), -1.0, vibration, n, series)
