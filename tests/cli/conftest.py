@@ -49,17 +49,17 @@ analysis: {method: newmark-average}
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Change to an empty working directory."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
-def folder(here: Path) -> Path:
+def folder(working_directory: Path) -> Path:
     """Change to a working directory with the models forced.yaml and shaken.yaml and the records
     motion.mseed and other.mseed."""
-    return write_folder(here)
+    return write_folder(working_directory)
 
 
 def write_folder(folder: Path) -> Path:
@@ -112,30 +112,31 @@ def check_parquet(file: str, table: list[dict[str, str]]) -> Any:
     CSV; return the Parquet table."""
     found = pytest.importorskip("pyarrow.parquet").read_table(file)
     assert found.column_names == list(table[0])
-    for given, told in zip(found.to_pylist(), table, strict=True):
-        for name, cell in given.items():
+    for parquet_row, csv_row in zip(found.to_pylist(), table, strict=True):
+        for name, cell in parquet_row.items():
             if isinstance(cell, float) and not np.isnan(cell):
-                assert float(told[name]) == pytest.approx(cell, rel=1e-11, abs=0.0)
+                assert float(csv_row[name]) == pytest.approx(cell, rel=1e-11, abs=0.0)
             else:
-                assert ("" if cell is None or cell != cell else str(cell)).lower() == told[
+                assert ("" if cell is None or cell != cell else str(cell)).lower() == csv_row[
                     name
                 ].lower()
     return found
 
 
 def copy_of(made: str) -> Any:
-    """Create a fixture that changes to a copy of the directory that the fixture `made`
-    fills once."""
+    """Create a fixture that changes to a copy of the directory of the module fixture `made`."""
 
     @pytest.fixture
-    def copy(request: pytest.FixtureRequest, here: Path) -> Path:
-        return Path(shutil.copytree(request.getfixturevalue(made), here, dirs_exist_ok=True))
+    def copy(request: pytest.FixtureRequest, working_directory: Path) -> Path:
+        return Path(
+            shutil.copytree(request.getfixturevalue(made), working_directory, dirs_exist_ok=True)
+        )
 
     return copy
 
 
 def change(file: str | Path, *changes: tuple[str, str]) -> None:
-    """Replace texts in a file; each text must occur in it."""
+    """Replace texts in a file; the file must contain each text."""
     text = Path(file).read_text()
     for before, after in changes:
         assert before in text
@@ -152,8 +153,8 @@ class Command:
         self, *arguments: object, stdin: bytes | None = None, code: int | None = None
     ) -> Result:
         """Run the command and return its result; `code` is the required exit code."""
-        words = [str(argument) for argument in arguments]
-        result = runner().invoke(cli, words, input=stdin, prog_name="tdint")
+        texts = [str(argument) for argument in arguments]
+        result = runner().invoke(cli, texts, input=stdin, prog_name="tdint")
         result.stderr_bytes = re.sub(rb"(?m)^note: compiling .*\n", b"", result.stderr_bytes or b"")
         assert code is None or result.exit_code == code, result.stderr
         return result
@@ -182,22 +183,22 @@ def at_a_terminal(line: str, to_terminal: bool = True) -> tuple[bytes, int]:
     standard output); return its output and exit code."""
     import pty
 
-    ours, theirs = pty.openpty()
+    terminal_end, process_end = pty.openpty()
     command = [sys.executable, "-c", "from tdint_cli.main import main; main()", *line.split()]
     process = subprocess.Popen(
-        command, stdout=theirs if to_terminal else subprocess.DEVNULL, stderr=theirs
+        command, stdout=process_end if to_terminal else subprocess.DEVNULL, stderr=process_end
     )
-    os.close(theirs)
+    os.close(process_end)
     shown = b""
     with suppress(OSError):  # The end of a terminal is an error on Linux.
-        while piece := os.read(ours, 65536):
+        while piece := os.read(terminal_end, 65536):
             shown += piece
-    os.close(ours)
+    os.close(terminal_end)
     return shown, process.wait(timeout=60.0)
 
 
 BEGINNINGS = {"png": b"\x89PNG\r", "pdf": b"%PDF", "svg": b"<?xml"}
-"""Of pictures by their format."""
+"""First bytes of figure files by format."""
 
 
 @pytest.fixture
@@ -220,7 +221,7 @@ def _pictures(
 
     def write(self: Figure, stream: BinaryIO, *, format: str, **_: object) -> None:
         legible.check(self)
-        panels = [panel for whole in self.axes for panel in (whole, *whole.child_axes)]
+        panels = [panel for axes in self.axes for panel in (axes, *axes.child_axes)]
         texts = [
             *self.texts,
             *(axis.label for panel in panels for axis in (panel.xaxis, panel.yaxis)),
@@ -230,9 +231,9 @@ def _pictures(
         ]
         legends = [*self.legends, *filter(None, (panel.get_legend() for panel in panels))]
         texts += [text for legend in legends for text in legend.get_texts()]
-        words = [escape(text.get_text(), quote=False) for text in texts if text.get_visible()]
+        escaped = [escape(text.get_text(), quote=False) for text in texts if text.get_visible()]
         stream.write(
-            BEGINNINGS[format] + "".join(f"<text>{word}</text>\n" for word in words).encode()
+            BEGINNINGS[format] + "".join(f"<text>{word}</text>\n" for word in escaped).encode()
         )
 
     if not {"drawn", "laid_out"} & set(request.fixturenames):

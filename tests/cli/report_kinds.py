@@ -1,4 +1,4 @@
-"""Reports of each kind that the tests print, read and compare with the tables of the command."""
+"""Types of reports that the tests print, read and compare with the tables of the command."""
 
 import shutil
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ floors:
 
 @dataclass(frozen=True)
 class Kind:
-    """Report of one kind.
+    """Report of a command.
 
     Attributes
     ----------
@@ -133,11 +133,11 @@ def write_pool(folder: Path, pairs: int = 8) -> None:
     dt, samples = 0.01, 1200
     time = np.arange(samples) * dt
     for number in range(pairs):
-        for place, direction in enumerate(("000", "090")):
-            generator = np.random.default_rng(10 * number + place)
+        for index, direction in enumerate(("000", "090")):
+            generator = np.random.default_rng(10 * number + index)
             noise = np.convolve(generator.standard_normal(samples), np.ones(12), "same")
             values = noise * (time / 3.0) ** 2 * np.exp(2.0 - 2.0 * time / 3.0)
-            values *= (0.45, 0.3)[place] * (0.7 + 0.1 * number) / np.abs(values).max()
+            values *= (0.45, 0.3)[index] * (0.7 + 0.1 * number) / np.abs(values).max()
             description = (
                 f"Event {number}, {1 + number}/17/1995, Station {number}, {int(direction)}"
             )

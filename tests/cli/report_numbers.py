@@ -1,4 +1,4 @@
-"""Numbers that a report prints, and the numbers of the tables and summaries of the same command."""
+"""Printed values of a report, and the values in the tables and summaries of the same command."""
 
 import csv
 import json
@@ -46,11 +46,11 @@ NUMBER = re.compile(
     r"(?<![\w.#/-])(-?\d+(?:\.\d+)?)(?![\w.]*\d)\s?"
     r"(%|mm|m/s²|m|in|s|Hz|g|kN·m|kN/m|kN|kip/in|kip|kg|t|N)?(?![\w])"
 )
-_SMALL = 1e-4  # fraction of the maximum of a column below which a cell is printed as 0
+_SMALL = 1e-4  # cells below this fraction of the maximum of their column are printed as 0
 
 
 def printed(text: str) -> Iterator[tuple[str, str]]:
-    """Yield the numbers of a text with their units."""
+    """Yield each number in a text with its unit."""
     for match in NUMBER.finditer(text):
         yield match[1], match[2] or ""
 
@@ -61,15 +61,16 @@ def spread(text: str) -> float:
 
 
 def rounding(text: str) -> float:
-    """Return the largest rounding error: of an integer of five digits or more, of four digits."""
+    """Return the maximum rounding error; integers of at least five digits have four significant
+    digits."""
     digits = len(text.lstrip("-").rstrip("0"))
     zeros = len(text) - len(text.rstrip("0"))
-    whole = "." not in text and digits <= 4 and len(text.lstrip("-")) > 4
-    return 0.5001 * 10.0**zeros if whole else spread(text)
+    is_integer = "." not in text and digits <= 4 and len(text.lstrip("-")) > 4
+    return 0.5001 * 10.0**zeros if is_integer else spread(text)
 
 
 class Known:
-    """Numbers of tables, summaries and models of one command, SI units."""
+    """Values in the tables, summaries and models of a command, SI units."""
 
     def __init__(self, files: Iterable[Path], models: Iterable[Path]) -> None:
         self.values: list[float] = []
@@ -102,7 +103,7 @@ class Known:
         with file.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.DictReader(stream))
         if rows and "time_s" in rows[0]:
-            # Of a history, the times of the maxima; its peaks are in other tables.
+            # A report states the times of the maxima of a history; the peaks are in other tables.
             times = [float(row["time_s"]) for row in rows]
             for name in rows[0]:
                 values = [abs(float(row[name] or 0.0)) for row in rows]
@@ -160,7 +161,7 @@ class Known:
                 self._add_bounds(theta, theta_error, beta, beta_error)
 
     def add_capacities(self, file: Path) -> None:
-        """Add the fractiles of the capacities of a study, and the functions fitted to them.
+        """Add the fractiles of the capacities of a study, and the fitted fragility functions.
 
         Fractiles are interpolated between the logarithms of the sorted capacities. theta is the
         median and beta the standard deviation of a lognormal distribution; their standard errors
@@ -209,7 +210,7 @@ class Known:
         ]
 
     def holds(self, text: str, unit: str, largest: float = 0.0) -> bool:
-        """Return True if a printed number is one of the numbers within its printed digits.
+        """Return True if a printed number equals a known value within its printed digits.
 
         Parameters
         ----------

@@ -26,7 +26,7 @@ def publish(text):
 
 
 def test_a_spectrum_has_no_difference_to_itself(spectra, tdint):
-    """To the twelve digits of a table; its column `damping` tells the ratios apart."""
+    """The difference is zero to twelve digits; the column `damping` identifies the ratios."""
     found = rows(
         tdint(
             *OPTIONS, "--against", "own.csv", "--against-column", "psa_m_s2", "--damping", "5%,2%"
@@ -55,10 +55,10 @@ def test_a_spectrum_has_no_difference_to_itself(spectra, tdint):
     ],
 )
 def test_units_are_read_from_the_column_name(spectra, tdint, header, name, factor):
-    """The file says a tenth more than the truth, and the longest period first."""
-    of_time = 1000.0 if "ms" in header.partition(",")[0] else 1.0
+    """The published values are 10 % above the computed values, with the longest period first."""
+    time_factor = 1000.0 if "ms" in header.partition(",")[0] else 1.0
     lines = [
-        f"{of_time * float(row['period_s'])},{1.1 * factor * float(row[name])}"
+        f"{time_factor * float(row['period_s'])},{1.1 * factor * float(row[name])}"
         for row in spectra[7:3:-1]
     ]
     found = rows(tdint(*OPTIONS, *publish("\n".join([header, *lines]))).stdout)
@@ -69,13 +69,13 @@ def test_units_are_read_from_the_column_name(spectra, tdint, header, name, facto
 
 
 def test_interpolation_requires_the_option(spectra, tdint):
-    """A power of the period is straight in logarithms."""
+    """The published spectrum is a power of the period, which is linear in logarithms."""
     published = publish("period_s,sd_m\n0.1,0.01\n0.4,0.16\n")
     tdint.refused("no period 0.2 s", *OPTIONS, *published, "--period", "0.2")
-    said = (*OPTIONS, *published, "--against-interpolation", "log-log", "--period")
-    (row,) = rows(tdint(*said, "0.2").stdout)
+    interpolated = (*OPTIONS, *published, "--against-interpolation", "log-log", "--period")
+    (row,) = rows(tdint(*interpolated, "0.2").stdout)
     assert float(row["published_sd_m"]) == pytest.approx(0.04, rel=1e-11)
-    tdint.refused("must be within 0.1 to 0.4 s, got 0.5 s", *said, "0.2,0.5")
+    tdint.refused("must be within 0.1 to 0.4 s, got 0.5 s", *interpolated, "0.2,0.5")
 
 
 def test_plot_message_and_summary_of_the_difference(spectra, tdint, drawn):

@@ -1,4 +1,4 @@
-"""Many records at once: folders, names of the outputs, processes, the JSON file beside a table."""
+"""Commands with several records: directories, names of outputs, processes, the JSON summary."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ def contents(folder):
 
 @pytest.fixture
 def many(folder, make_record):
-    """A folder `many` with six records, two of them bad, and three things besides."""
+    """Directory `many` with four valid and two invalid records, and files that are no records."""
     (folder / "many").mkdir()
     for i in range(4):
         make_record(folder / "many" / f"r{i}.mseed", "HNE", "HNN", peak=1.0 + i)
@@ -40,16 +40,16 @@ def many(folder, make_record):
 
 
 def test_a_directory_is_replaced_by_its_records(many, tdint):
-    """Also in the summary beside the table."""
+    """A directory as argument gives the same table, summary and errors as its record files."""
     result = tdint("spectrum", "many/", *PERIODS)
     names = [f"many/{name}.mseed" for name in ("counts", "r0", "r1", "r1a", "r2", "r3")]
     one_by_one = tdint("spectrum", *names, *PERIODS)
     assert (result.exit_code, result.stdout) == (4, one_by_one.stdout)
     note = "note: many/: skipped (not records): README.md, deeper/, pipe"
-    rest = result.stderr.splitlines()
-    rest.remove(note)
-    assert rest == one_by_one.stderr.splitlines()
-    assert [line.split(": ")[1] for line in rest if line.startswith("Error")] == [
+    messages = result.stderr.splitlines()
+    messages.remove(note)
+    assert messages == one_by_one.stderr.splitlines()
+    assert [line.split(": ")[1] for line in messages if line.startswith("Error")] == [
         names[0],
         names[3],
     ]
@@ -82,10 +82,11 @@ def test_directories_without_records_or_with_an_unreadable_record_are_reported(f
     "command", [("info",), ("spectrum", *PERIODS), ("drift-spectrum", *PERIODS)], ids=lambda c: c[0]
 )
 def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, command, into):
-    """And bad ones alone give no output."""
+    """Bad records are reported and skipped. If all records are bad, there is no output."""
     make_record(folder / "counts.mseed", "HNE", integer=True)
     (folder / "broken.mseed").write_bytes(b"\x00" * 100)
-    into = "all.csv" if into and command[0] == "info" else into  # which has no folders
+    # `info` does not write to a directory.
+    into = "all.csv" if into and command[0] == "info" else into
     options = ["-o", into] if into else []
     bad = ["counts.mseed", "missing.mseed", "broken.mseed"]
     tdint.refused("Error: missing.mseed: ", *command, *bad, *options, code=4)
@@ -105,7 +106,7 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, co
 
 
 def test_records_with_equal_stems_keep_their_suffix(folder, tdint):
-    """K-NET gives a station's components one stem: x.EW and x.NS."""
+    """In K-NET files, the components of a station have equal stems: x.EW and x.NS."""
     for suffix in ("EW", "NS"):
         (folder / f"x.{suffix}").write_bytes((folder / "other.mseed").read_bytes())
     tdint("spectrum", "x.EW", "other.mseed", "x.NS", *PERIODS, "-o", "out/", "--plot", code=0)
@@ -144,28 +145,28 @@ def test_output_names_that_still_clash_are_refused(tmp_path):
 def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, command, into):
     results, written = [], []
     for jobs in (1, 3):
-        place = many.parent / str(jobs)
-        place.mkdir()
+        directory = many.parent / str(jobs)
+        directory.mkdir()
         options = ["-o", *f"{jobs}/{into}".split()] if into else []
         result = tdint(*command.split(), "many", "other.mseed", *PERIODS, "--jobs", jobs, *options)
         results.append((result.exit_code, result.stdout, result.stderr))
         written.append(
-            {file.name: file.read_bytes() for file in place.rglob("*") if file.is_file()}
+            {file.name: file.read_bytes() for file in directory.rglob("*") if file.is_file()}
         )
     assert results[0] == results[1]
     assert results[0][0] == 4
-    typed, others = b'"-o", "1/', b'"-o", "3/'
-    assert {name: data.replace(typed, others) for name, data in written[0].items()} == written[1]
+    typed, expected = b'"-o", "1/', b'"-o", "3/'
+    assert {name: data.replace(typed, expected) for name, data in written[0].items()} == written[1]
 
 
 def test_standard_input_can_be_at_any_position_among_the_records(folder, tdint):
     order = ("motion.mseed", "other.mseed", "-", "other.mseed", "motion.mseed")
     stdin = (folder / "other.mseed").read_bytes()
-    one, three = (
+    serial, parallel = (
         tdint("spectrum", *order, *PERIODS, "--jobs", jobs, stdin=stdin) for jobs in (1, 3)
     )
-    assert (one.exit_code, one.stdout) == (0, three.stdout)
-    assert [line.split(",")[0] for line in one.stdout.splitlines()[1::2]] == [
+    assert (serial.exit_code, serial.stdout) == (0, parallel.stdout)
+    assert [line.split(",")[0] for line in serial.stdout.splitlines()[1::2]] == [
         "motion.mseed",
         "motion.mseed",
         "other.mseed",
@@ -177,8 +178,8 @@ def test_standard_input_can_be_at_any_position_among_the_records(folder, tdint):
 
 
 def test_the_summary_lists_settings_and_records(folder, tdint):
-    words = ("--units", "gal", "--damping", "0.02", "--periods", "0.1:1:5", "--component", "HNN")
-    tdint("spectrum", "motion.mseed", "-o", "one.csv", *words, code=0)
+    options = ("--units", "gal", "--damping", "0.02", "--periods", "0.1:1:5", "--component", "HNN")
+    tdint("spectrum", "motion.mseed", "-o", "one.csv", *options, code=0)
     summary = json.loads((folder / "one.json").read_text())
     settings = {
         "units": "gal",
@@ -207,11 +208,11 @@ def test_the_summary_lists_settings_and_records(folder, tdint):
     assert (record["warnings"], record["compared_with_file"]) == ([], ["number of samples"])
 
 
-# The batch itself
+# Execution of a batch in processes
 
 
 def double(factor, task):
-    """A stand-in for the work on a record."""
+    """Replace the processing of a record."""
     if task.source == "bad":
         raise RecordError("bad: no")
     if task.source == "unstable":
@@ -249,9 +250,9 @@ def test_a_killed_process_loses_only_its_own_record():
         "cc",
         "dd",
     ]
-    for lost in (found[1], found[3]):
-        assert isinstance(lost, AnalysisError)
-        assert states(str(lost), "dies: ... process ... ended unexpectedly")
+    for failure in (found[1], found[3]):
+        assert isinstance(failure, AnalysisError)
+        assert states(str(failure), "dies: ... process ... ended unexpectedly")
 
 
 def test_an_unexpected_exception_in_a_process_is_raised():
@@ -261,10 +262,10 @@ def test_an_unexpected_exception_in_a_process_is_raised():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
 def test_a_progress_bar_is_drawn_on_a_terminal(folder):
-    said, code = at_a_terminal(
+    output, code = at_a_terminal(
         "spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False
     )
-    assert (code, b"2/2" in said, b"##" in said) == (0, True, True)
+    assert (code, b"2/2" in output, b"##" in output) == (0, True, True)
 
 
 def test_no_progress_bar_for_one_record_or_if_data_are_written_to_the_terminal(
@@ -272,12 +273,12 @@ def test_no_progress_bar_for_one_record_or_if_data_are_written_to_the_terminal(
 ):
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream in (sys.stdout, sys.stderr))
     two = ["motion.mseed", "other.mseed"]
-    for words, bar in (
+    for arguments, bar in (
         (["motion.mseed", "-o", "one.csv"], False),
         ([*two, "-o", "two.csv"], True),
         (two, False),
     ):
-        assert ("2/2" in tdint("info", *words, code=0).stderr) == bar
+        assert ("2/2" in tdint("info", *arguments, code=0).stderr) == bar
 
 
 def test_sources_keep_the_users_spelling(many):

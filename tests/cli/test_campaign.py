@@ -34,13 +34,13 @@ stories:
   - {mass: 10, height: 3, stiffness: 80000}
 damping: {rayleigh: {mass: 0.5, stiffness: 0.001}}
 """
-RUNS = 2 * 3 * 3  # buildings, components (two of motion, one of other), scales
+RUNS = 2 * 3 * 3  # buildings, components (two in motion.mseed, one in other.mseed), scales
 
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Directory `out` of the completed campaign study.yaml (two buildings, three components, three
-    scales) with more than one chunk."""
+    scales) with several chunks."""
 
     def make(folder: Path) -> None:
         write_folder(folder)
@@ -66,13 +66,13 @@ def test_check_adds_an_error_column_for_each_demand(study: Path, tdint: Command)
     assert list(plain[0]) == COLUMNS
     assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named)]
     own = list(rows("out/stories.csv")[0])
-    told = [
+    quantities = [
         name
         for name in own
         if name not in ("building", "record", "component", "scale", "story", "height_m")
     ]
-    assert list(rows("checked/stories.csv")[0]) == [*own, *(f"{name}_error" for name in told)]
-    alone = (
+    assert list(rows("checked/stories.csv")[0]) == [*own, *(f"{name}_error" for name in quantities)]
+    single_run = (
         "run",
         "shaken.yaml",
         "motion.mseed",
@@ -83,7 +83,7 @@ def test_check_adds_an_error_column_for_each_demand(study: Path, tdint: Command)
         "--method",
         "moment4",
     )
-    tdint(*alone, "--scale", "0.25", "-o", "alone", code=0)
+    tdint(*single_run, "--scale", "0.25", "-o", "alone", code=0)
     errors = json.loads(Path("alone/summary.json").read_text())["check"]["errors"]
     run = found[3]
     assert (run["component"], run["scale"]) == ("HNN", "0.25")
@@ -96,29 +96,29 @@ def test_check_adds_an_error_column_for_each_demand(study: Path, tdint: Command)
         for row in rows("checked/stories.csv")
         if list(row.values())[:4] == list(run.values())[:4]
     ]
-    of_alone = rows("alone/stories.csv")
+    single_stories = rows("alone/stories.csv")
     for name in ("peak_shear_N_error", "peak_drift_ratio_error"):
-        assert [row[name] for row in stories] == [row[name] for row in of_alone] and of_alone[0][
-            name
-        ]
+        assert [row[name] for row in stories] == [
+            row[name] for row in single_stories
+        ] and single_stories[0][name]
     summary = json.loads(Path("checked/summary.json").read_text())
     unknown = [row for row in found if row["peak_drift_m"] and not row["peak_drift_m_error"]]
     assert summary["without_an_error"] == len(unknown) and summary["settings"]["check"] is True
     assert "peak_drift_m_error" in summary["columns"]
-    several = rows(tdint(*alone, "--scale", "0.25,1", "--check").stdout)
+    several = rows(tdint(*single_run, "--scale", "0.25,1", "--check").stdout)
     assert several[0]["peak_drift_m_error"] == run["peak_drift_m_error"]
 
 
 def test_the_summary_lists_the_model_files_of_the_last_call(study: Path, tdint: Command) -> None:
-    """The summary lists each model file and each other input once, in the state of the last call. A
-    changed comment changes the file but not the campaign."""
+    """The summary lists each input file with its digest of the last call. A changed comment changes
+    the file but not the campaign."""
     files = ("shaken.yaml", "stiff.yaml", "study.yaml", "motion.mseed", "other.mseed")
 
-    def told() -> dict[str, str]:
+    def recorded_digests() -> dict[str, str]:
         inputs = json.loads(Path("varied/summary.json").read_text())["inputs"]
-        return {one["file"]: one["sha256"] for one in inputs}
+        return {entry["file"]: entry["sha256"] for entry in inputs}
 
-    def there() -> dict[str, str]:
+    def file_digests() -> dict[str, str]:
         return {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in files}
 
     change(
@@ -127,18 +127,18 @@ def test_the_summary_lists_the_model_files_of_the_last_call(study: Path, tdint: 
         ("0.25, 1, 2.5", "1"),
     )
     tdint("campaign", "study.yaml", "-o", "varied", code=0)
-    before = told()
-    assert before == there()
+    before = recorded_digests()
+    assert before == file_digests()
     Path("stiff.yaml").write_text(STIFF + "# checked\n")
     again = tdint("campaign", "study.yaml", "-o", "varied")
-    assert "nothing to do" in again.stderr and told() == there() != before
+    assert "nothing to do" in again.stderr and recorded_digests() == file_digests() != before
     tdint("campaign", "export", "varied", code=0)
-    assert told() == there()
+    assert recorded_digests() == file_digests()
 
 
 def test_each_run_has_a_row(study: Path, tdint: Command) -> None:
-    """The numbers equal the results of `tdint run`. Buildings, records and scales keep
-    their order."""
+    """The values equal the results of `tdint run`. Buildings, records and scales keep their
+    order."""
     assert sorted(path.name for path in Path("out").iterdir()) == [
     ".campaign.lock", FILE, "profiles.csv", "runs.csv", "stories.csv", "summary.json",
     ]  # fmt: skip
@@ -169,46 +169,44 @@ def test_each_run_has_a_row(study: Path, tdint: Command) -> None:
         "-o",
         "one",
     )
-    one, stories = json.loads(Path("one/summary.json").read_text()), rows("one/stories.csv")
+    summary, stories = json.loads(Path("one/summary.json").read_text()), rows("one/stories.csv")
     row = table[5]
-    assert np.isclose(float(row["sa_t1_m_s2"]), one["building"]["sa_t1_m_s2"], rtol=1e-11)
+    assert np.isclose(float(row["sa_t1_m_s2"]), summary["building"]["sa_t1_m_s2"], rtol=1e-11)
     assert float(row["peak_drift_ratio"]) == max(
         float(story["peak_drift_ratio"]) for story in stories
     )
-    kept = [
+    campaign_stories = [
         story
         for story in rows("out/stories.csv")
         if list(story.values())[:4] == list(row.values())[:4]
     ]
-    assert [{name: story[name] for name in stories[0]} for story in kept] == stories
+    assert [{name: story[name] for name in stories[0]} for story in campaign_stories] == stories
 
 
 def test_results_do_not_depend_on_threads_and_shards(study: Path, tdint: Command) -> None:
     """One thread, three threads, and three shards merged in any order give equal files."""
     names = ("runs.csv", "stories.csv")
-    wanted = [(Path("out") / name).read_bytes() for name in names]
-    for place, jobs in (("one", "1"), ("three", "3")):
-        tdint("campaign", "study.yaml", "-o", place, "--jobs", jobs)
+    expected = [(Path("out") / name).read_bytes() for name in names]
+    for directory, jobs in (("one", "1"), ("three", "3")):
+        tdint("campaign", "study.yaml", "-o", directory, "--jobs", jobs)
     for shard in ("1/3", "2/3", "3/3"):
         tdint("campaign", "study.yaml", "-o", f"part-{shard[0]}", "--shard", shard, code=0)
     parts = ["part-3", "part-1", "part-2"]
     assert sum(len(rows(f"{part}/runs.csv")) for part in parts) == RUNS
-    lacking = tdint("-q", "campaign", "merge", *parts[:2], "-o", "half", code=5)
+    incomplete = tdint("-q", "campaign", "merge", *parts[:2], "-o", "half", code=5)
     assert not Path("half", FILE).exists()
-    left = len(rows("part-2/runs.csv"))
-    assert re.search(rf"\b{left} of {RUNS} runs .*shard 2/3", lacking.stderr)
+    missing = len(rows("part-2/runs.csv"))
+    assert re.search(rf"\b{missing} of {RUNS} runs .*shard 2/3", incomplete.stderr)
     result = tdint("campaign", "merge", *parts[:2], "-o", "half", "--partial", code=0)
-    assert re.search(rf"\b{left}\b.* runs .*missing", result.stderr)
+    assert re.search(rf"\b{missing}\b.* runs .*missing", result.stderr)
     shutil.copytree("half", "added")
-    assert (
-        tdint("campaign", "merge", "part-2", "-o", "added").exit_code == 0
-    )  # with what is there already
+    # The merge adds runs to an existing store.
+    assert tdint("campaign", "merge", "part-2", "-o", "added").exit_code == 0
     assert tdint("campaign", "merge", *parts, "part-3", "-o", "all").exit_code == 0
-    assert (
-        tdint("campaign", "study.yaml", "-o", "half").exit_code == 0
-    )  # does what the two parts left
-    for place in ("one", "three", "all", "added", "half"):
-        assert [(Path(place) / name).read_bytes() for name in names] == wanted, place
+    # The campaign performs the runs that are missing in the merged shards.
+    assert tdint("campaign", "study.yaml", "-o", "half").exit_code == 0
+    for directory in ("one", "three", "all", "added", "half"):
+        assert [(Path(directory) / name).read_bytes() for name in names] == expected, directory
 
 
 def test_an_interrupted_campaign_continues(study: Path, tdint: Command) -> None:
@@ -216,17 +214,19 @@ def test_an_interrupted_campaign_continues(study: Path, tdint: Command) -> None:
     first = tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "4", code=0)
     done = len(rows("part/runs.csv"))
     assert 4 <= done < RUNS
-    told, asked = (
+    message, commands = (
         f"{done} of {RUNS} runs are done",
         (["campaign", "export"], ["fragility"], ["sensitivity"]),
     )
-    assert told in first.stderr and all(told in tdint(*command, "part").stderr for command in asked)
+    assert message in first.stderr and all(
+        message in tdint(*command, "part").stderr for command in commands
+    )
     status = tdint("campaign", "status", "part")
     assert status.stdout == f"status,runs\ndone,{done}\nleft,{RUNS - done}\n"
     assert f"{done} of {RUNS} runs completed" in status.stderr
-    rest = tdint("campaign", "study.yaml", "-o", "part")
-    assert f"{RUNS - done} runs in " in rest.stderr and f"{done} before" in rest.stderr
-    assert not any("runs are done" in tdint(*command, "part").stderr for command in asked)
+    continued = tdint("campaign", "study.yaml", "-o", "part")
+    assert f"{RUNS - done} runs in " in continued.stderr and f"{done} before" in continued.stderr
+    assert not any("runs are done" in tdint(*command, "part").stderr for command in commands)
     assert Path("part/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
     again = tdint("campaign", "study.yaml", "-o", "part", code=0)
     assert re.search(rf"\bruns \({RUNS}\) .*nothing", again.stderr)
@@ -235,12 +235,12 @@ def test_an_interrupted_campaign_continues(study: Path, tdint: Command) -> None:
 def test_a_directory_contains_only_one_campaign(study: Path, tdint: Command) -> None:
     """The error names the difference: settings, buildings or records. A new file name or another
     directory is not a difference."""
-    kept = Path("out/runs.csv").read_bytes()
+    before = Path("out/runs.csv").read_bytes()
     change("study.yaml", ("0.25, 1,", "0.5, 1,"), ("newmark-average", "impulse4"))
     change("shaken.yaml", ("8000", "9000"))
     write_record(study / "other.mseed", "HNE", peak=1.5, samples=2400)
     result = tdint("campaign", "study.yaml", "-o", "out")
-    assert (result.exit_code, Path("out/runs.csv").read_bytes()) == (2, kept)
+    assert (result.exit_code, Path("out/runs.csv").read_bytes()) == (2, before)
     for line in (
         "contains another campaign; specify another directory with -o",
         "setting scales: [0.25, 1.0, 2.5] in the store, [0.5, 1.0, 2.5] in this campaign",
@@ -272,8 +272,8 @@ def test_all_errors_of_a_campaign_file_are_reported_at_once(study: Path, tdint: 
         line.removeprefix("Error: bad.yaml:").split(": ", 2)[:2]
         for line in result.stderr.splitlines()
     ]
-    assert [place for place, _ in found] == sorted(
-        (place for place, _ in found), key=lambda text: text.split(":")
+    assert [position for position, _ in found] == sorted(
+        (position for position, _ in found), key=lambda text: text.split(":")
     )
     assert [key for _, key in found] == [
         "buildings.units",
@@ -289,7 +289,7 @@ def test_all_errors_of_a_campaign_file_are_reported_at_once(study: Path, tdint: 
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ("", "empty; ... `buildings` and `records`"),
         (
@@ -313,11 +313,11 @@ def test_all_errors_of_a_campaign_file_are_reported_at_once(study: Path, tdint: 
     ],
 )
 def test_invalid_campaign_files_are_refused(
-    study: Path, tdint: Command, content: str, said: str
+    study: Path, tdint: Command, content: str, message: str
 ) -> None:
     Path("bad.yaml").write_text(content)
     Path("bad.csv").write_text("record,component,factor\nmotion.mseed,,zwei\n")
-    tdint.refused(said, "campaign", "bad.yaml", "-o", "new", code=3)
+    tdint.refused(message, "campaign", "bad.yaml", "-o", "new", code=3)
 
 
 def test_unreadable_records_are_reported_and_the_others_run(study: Path, tdint: Command) -> None:
@@ -331,8 +331,8 @@ def test_unreadable_records_are_reported_and_the_others_run(study: Path, tdint: 
     assert (unused["records"]["count"], unused["buildings"]) == (2, {"count": 0, "reasons": []})
     for broken, nowhere in (errors, unused["records"]["reasons"]):
         assert "broken.mseed" in broken and "nowhere.mseed: file not found" in nowhere
-    told = tdint("campaign", "status", "lost", code=0).stderr
-    assert "2 records could not be used" in told and "nowhere.mseed" in told
+    messages = tdint("campaign", "status", "lost", code=0).stderr
+    assert "2 records could not be used" in messages and "nowhere.mseed" in messages
     change("study.yaml", ("broken.mseed, ", ""))
     tdint("campaign", "study.yaml", "-o", "lost", code=4)
     assert "1 record could not be used" in tdint("campaign", "status", "lost").stderr
@@ -407,7 +407,7 @@ def test_an_unresponsive_scheduler_is_reported(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["study.yaml"], "-o DIR is required"),
         (["study.yaml", "shaken.yaml", "-o", "new"], "one campaign file is required, got 2"),
@@ -433,8 +433,8 @@ def test_an_unresponsive_scheduler_is_reported(
         ),
     ],
 )
-def test_usage_errors(study: Path, tdint: Command, arguments: list[str], said: str) -> None:
-    tdint.refused(said, "campaign", *arguments)
+def test_usage_errors(study: Path, tdint: Command, arguments: list[str], message: str) -> None:
+    tdint.refused(message, "campaign", *arguments)
 
 
 def test_a_tolerance_selects_the_time_step_of_each_building(study: Path, tdint: Command) -> None:
@@ -501,10 +501,10 @@ def test_export_writes_the_tables_again(study: Path, tdint: Command) -> None:
         "study.yaml", ("files: [motion.mseed, other.mseed]", "files: [motion.mseed], pairs: true")
     )
     tdint("campaign", "study.yaml", "-o", "pairs")
-    kept = Path("pairs/runs.csv").read_bytes()
+    before = Path("pairs/runs.csv").read_bytes()
     Path("pairs/runs.csv").unlink()
     tdint("campaign", "export", "pairs", "--simcenter", code=0)
-    assert Path("pairs/runs.csv").read_bytes() == kept
+    assert Path("pairs/runs.csv").read_bytes() == before
     table = rows("pairs/simcenter.csv")
     assert [(row["building"], row["scale"]) for row in table] == [
         (building, scale) for building in ("shaken", "stiff") for scale in ("0.25", "1", "2.5")
@@ -527,7 +527,8 @@ def test_export_writes_the_tables_again(study: Path, tdint: Command) -> None:
         ]
         roof = float(peaks[1]["peak_displacement_m"]) / 6.0
         assert np.isclose(float(first[f"1-PRD-1-{direction}"]), roof, rtol=1e-11)
-    assert table[3]["1-PID-2-1"] == table[3]["1-PFD-2-2"] == ""  # a building of one story
+    # A single story has no second drift.
+    assert table[3]["1-PID-2-1"] == table[3]["1-PFD-2-2"] == ""
     change("study.yaml", ("outputs: {stories: true}", "outputs: {profiles: false}"))
     tdint("campaign", "study.yaml", "-o", "bare")
     tdint.refused("outputs: {stories: true}", "campaign", "export", "bare", "--simcenter")
@@ -543,7 +544,7 @@ def test_the_store_can_be_queried_with_sql() -> None:
         stiff = [(row[1], row[2], f"{row[10]:.12g}") for row in found]
     assert names[:own] == COLUMNS
     bare = [name.removesuffix("_error") for name in names[own:]]
-    assert bare and set(bare) <= set(names[:own])  # empty here
+    assert bare and set(bare) <= set(names[:own])  # The error columns are empty.
     table = [row for row in rows("out/runs.csv") if row["building"] == "stiff"]
     assert stiff == [(row["record"], row["component"], row["peak_drift_ratio"]) for row in table]
 
@@ -556,17 +557,17 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
     assert list(rows(shown.stdout)[0]) == COLUMNS
     kept = tdint(*several, "--scale", "2.5,0.25", "-o", "kept")
     assert kept.stdout == shown.stdout == Path("kept/runs.csv").read_text()
-    of_campaign = [
+    campaign_rows = [
         row for row in rows("out/runs.csv") if row["building"] == "shaken" and row["scale"] != "1"
     ]
-    assert rows("kept/runs.csv") == of_campaign
-    of_model = ("run", "shaken.yaml", "--units", "m/s^2", "--scale", "1,3")
-    assert [row["component"] for row in rows(tdint(*of_model).stdout)] == ["HNE", "HNE"]
-    tdint(*of_model, "-o", "kept", code=2)
-    tdint(*of_model, "-o", "kept", "--overwrite", code=0)
+    assert rows("kept/runs.csv") == campaign_rows
+    model_record = ("run", "shaken.yaml", "--units", "m/s^2", "--scale", "1,3")
+    assert [row["component"] for row in rows(tdint(*model_record).stdout)] == ["HNE", "HNE"]
+    tdint(*model_record, "-o", "kept", code=2)
+    tdint(*model_record, "-o", "kept", "--overwrite", code=0)
     assert len(rows("kept/runs.csv")) == 2
     for option in (["--history"], ["--tolerance", "1%"], ["--export-floors", "mseed"]):
-        tdint.refused("one record and one scale", *of_model, *option, "-o", "new")
+        tdint.refused("one record and one scale", *model_record, *option, "-o", "new")
 
 
 def test_invalid_rows_of_an_inventory_are_counted_by_building(study: Path, tdint: Command) -> None:
@@ -579,17 +580,15 @@ def test_invalid_rows_of_an_inventory_are_counted_by_building(study: Path, tdint
     )
     tdint("campaign", "study.yaml", "-o", "new", code=3)
     summary = json.loads(Path("new/summary.json").read_text())
-    assert [one["file"] for one in summary["inputs"]] == [
+    assert [entry["file"] for entry in summary["inputs"]] == [
         "motion.mseed",
         "other.mseed",
         "rows.csv",
         "study.yaml",
     ]
     unused = summary["not_used"]
-    assert (unused["records"]["count"], unused["buildings"]["count"]) == (
-        0,
-        2,
-    )  # b has two faults, and is one building
+    # Building b has two errors, but is counted once.
+    assert (unused["records"]["count"], unused["buildings"]["count"]) == (0, 2)
     assert (
         "rows.csv:3" in unused["buildings"]["reasons"][0]
         and "X9" in unused["buildings"]["reasons"][0]
@@ -605,7 +604,7 @@ def test_exports_of_an_earlier_state_are_updated(study: Path, tdint: Command) ->
     assert len(rows("part/simcenter.csv")) == RUNS > before
     tdint("campaign", "export", "part", "--simcenter")
     assert Path("part/simcenter.csv").read_bytes() == exported
-    # Components that are no pairs stand in rows of their own.
+    # Components without a partner have separate rows.
     names = ("building", "record", "component", "scale", "sample")
     rows_of, runs = (
         [tuple(row[name] for name in names) for row in rows(f"part/{file}.csv")]
@@ -654,7 +653,8 @@ ROW
 
 @pytest.fixture
 def shards(folder: Path, tdint: Command) -> Callable[..., None]:
-    """Run the shards of a region with an invalid third row in each, and check their exit code."""
+    """Run the shards of a region with a specified third row of the inventory for each shard, and
+    check their exit code."""
     (folder / "region.yaml").write_text(REGION_STUDY)
 
     def run(*rows_of_shards: str, code: int) -> None:
@@ -681,7 +681,7 @@ def test_shards_of_an_inventory_with_a_duplicate_id_merge_with_exit_code_3(
 def test_shards_of_a_changed_inventory_are_not_merged(
     shards: Callable[..., None], tdint: Command
 ) -> None:
-    """The changed row belongs to only one shard, so that the shards have no common building to
+    """The changed row belongs to a single shard, so that the shards have no common building to
     compare."""
     shards("3,C1,5,1990,500", "3,C1,5,1990,600", code=0)
     refused = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=2).stderr

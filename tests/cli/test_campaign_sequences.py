@@ -1,4 +1,4 @@
-"""Campaigns of shocks one after the other: the rows are those of single runs of the sequences."""
+"""Campaigns of sequences of events; the rows are compared with single runs of the sequences."""
 
 import sqlite3
 from contextlib import closing
@@ -54,8 +54,8 @@ AFTERSHOCKS = (*RECORDS, "--after", "other.mseed")
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
-    """study.yaml with sequences of two and three shocks, done in the folder out; a frame without a
-    motion."""
+    """Directory `out` of the completed campaign study.yaml, with sequences of two and three events,
+    and a frame without a ground motion."""
 
     def make(folder):
         write_folder(folder)
@@ -212,7 +212,7 @@ def test_aftershocks_start_from_the_building_damaged_by_the_main_shock(tdint):
     ]
     assert sooner == [True] * 3
 
-    # A level is the run of the sequence put together by hand.
+    # The results of a level equal a run of the sequence with separately computed scale factors.
     level = next(
         row for row in rows("ida/ida.csv") if row["damage"] == "0.02" and row["status"] == "done"
     )
@@ -235,9 +235,8 @@ def test_aftershocks_start_from_the_building_damaged_by_the_main_shock(tdint):
     found = run_sequence(case, [main.scaled(high), record.scaled(float(level["scale"]))])
     assert demands(found.events[0].stories).drift_ratio.value == pytest.approx(0.02, rel=2e-4)
     drift = demands(found.events[1].stories).drift_ratio.value
-    assert float(level["peak_drift_ratio"]) == pytest.approx(
-        drift, rel=1e-2
-    )  # the scale is found to 1e-4
+    # The scale factor has a tolerance of 1e-4.
+    assert float(level["peak_drift_ratio"]) == pytest.approx(drift, rel=1e-2)
 
     again = tdint(
         *AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0
@@ -247,13 +246,15 @@ def test_aftershocks_start_from_the_building_damaged_by_the_main_shock(tdint):
 
 
 def test_each_damage_level_has_its_own_fragility(folder, tdint):
-    of_state = {"0": [1.0, 1.2, 1.5], "0.02": [0.5, 0.7, 0.8]}
-    table = [f"{state},0.1,{capacity}" for state, values in of_state.items() for capacity in values]
+    capacities = {"0": [1.0, 1.2, 1.5], "0.02": [0.5, 0.7, 0.8]}
+    table = [
+        f"{state},0.1,{capacity}" for state, values in capacities.items() for capacity in values
+    ]
     Path("c.csv").write_text("\n".join(["damage,threshold,capacity", *table, "0.02,0.1,"]))
     result = tdint("fragility", "c.csv", "-o", "f.csv", "--plot", code=0)
     fitted = rows("f.csv")
     assert [row["damage"] for row in fitted] == ["0", "0.02"]
-    for row, values in zip(fitted, of_state.values(), strict=True):
+    for row, values in zip(fitted, capacities.values(), strict=True):
         assert float(row["theta"]) == pytest.approx(np.exp(np.mean(np.log(values))))
         assert float(row["beta"]) == pytest.approx(np.std(np.log(values), ddof=1))
     assert "damaged to 2 %, ida, median" in result.stderr
@@ -284,7 +285,7 @@ def test_refusals_of_aftershocks(study, tdint, law, options, code, text):
 
 
 def test_units_of_each_event(study, tdint):
-    """A column of the table, for some rows alone, does what the key does for all."""
+    """The column `units` of the table replaces the key `units` for its rows."""
     change(
         "pairs.csv",
         ("factor\n", "factor,units\n"),

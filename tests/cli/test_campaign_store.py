@@ -1,5 +1,5 @@
-"""Stores of campaigns that are damaged, changed by hand, locked by others, or beside tables of
-other commands."""
+"""Campaign stores that are corrupt, edited, locked by other programs, or in a directory with tables
+of other commands."""
 
 import os
 import shutil
@@ -22,7 +22,7 @@ TABLES = ("runs.csv", "stories.csv")
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The campaign study.yaml, done in the folder out."""
+    """Directory with the completed campaign study.yaml in `out`."""
 
     def make(folder: Path) -> None:
         write_folder(folder)
@@ -33,9 +33,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def done(study: Path, here: Path) -> dict[str, bytes]:
-    """The working directory with what is in `study`; the tables of its campaign."""
-    shutil.copytree(study, here, dirs_exist_ok=True)
+def done(study: Path, working_directory: Path) -> dict[str, bytes]:
+    """Change to a copy of `study`; return the tables of its campaign."""
+    shutil.copytree(study, working_directory, dirs_exist_ok=True)
     return tables("out")
 
 
@@ -128,11 +128,11 @@ def test_an_invalid_store_is_refused_with_a_remedy(
 
 
 def test_every_corrupt_page_is_detected(done: dict[str, bytes], tdint: Command) -> None:
-    """Zeroed, or changed for another: refused, or what it held is done again, or nothing was in
-    it."""
-    whole = Path("out", FILE).read_bytes()
-    size = int.from_bytes(whole[16:18], "big")
-    pages = [whole[at : at + size] for at in range(0, len(whole), size)]
+    """A page is zeroed or replaced by another page. The store is refused, or the missing runs are
+    run again."""
+    content = Path("out", FILE).read_bytes()
+    size = int.from_bytes(content[16:18], "big")
+    pages = [content[at : at + size] for at in range(0, len(content), size)]
     ends = set()
     for number in range(0, len(pages), 3):
         for page in (bytes(size), pages[(number + 3) % len(pages)]):
@@ -164,7 +164,7 @@ def test_foreign_files_in_place_of_the_store_or_lock_are_refused(
 
 @contextmanager
 def locked_by_another() -> Iterator[sqlite3.Connection]:
-    """Another program writes, until its transaction is rolled back."""
+    """Lock the store as another program does, until the transaction is rolled back."""
     connection = sqlite3.connect(f"out/{FILE}", isolation_level=None)
     connection.execute("BEGIN IMMEDIATE")
     try:
@@ -175,7 +175,7 @@ def locked_by_another() -> Iterator[sqlite3.Connection]:
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A lock is waited for for a tenth of a second, first without a word, then with one."""
+    """Reduce the waiting times for a lock, without and with a message, to 0.1 and 0.15 s."""
     monkeypatch.setattr(store_schema, "SHORT_WAIT", 100)
     monkeypatch.setattr(store_schema, "_LONG_WAIT", 150)
 
@@ -184,15 +184,16 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_reading_requires_no_lock(done: dict[str, bytes], tdint: Command) -> None:
     tdint("campaign", "export", "out")
     with locked_by_another():
-        for words in (["status", "out"], ["export", "out"], ["study.yaml", "-o", "out"]):
-            assert "waiting" not in tdint("campaign", *words, code=0).stderr
+        for arguments in (["status", "out"], ["export", "out"], ["study.yaml", "-o", "out"]):
+            assert "waiting" not in tdint("campaign", *arguments, code=0).stderr
     assert tables("out") == done
 
 
 def test_a_store_is_closed_without_waiting_for_other_programs(
     done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All is written by then: that it comes into the one file is not waited for without a word."""
+    """All data are written before the store is closed. Closing moves them from the log of SQLite to
+    the file, and does not wait for a lock."""
     tdint("campaign", "export", "out")
     monkeypatch.setattr(store_schema, "_LONG_WAIT", 60_000)
     start = monotonic()
@@ -205,16 +206,16 @@ def test_a_store_is_closed_without_waiting_for_other_programs(
 def test_waiting_for_a_lock_is_reported_and_limited(
     done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The other program ends when it hears of it, or never."""
+    """The wait ends with an error, or with the transaction of the other program."""
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     with locked_by_another():
         tdint.refused(
             "the file is locked by another program", "campaign", "study.yaml", "-o", "out", code=6
         )
-    say = store_schema._log.info
+    log_info = store_schema._log.info
     with locked_by_another() as other:
         monkeypatch.setattr(
-            store_schema._log, "info", lambda *words: (other.rollback(), say(*words))
+            store_schema._log, "info", lambda *arguments: (other.rollback(), log_info(*arguments))
         )
         result = tdint("campaign", "study.yaml", "-o", "out", code=0)
     assert states(result.stderr, "locked by another program; ... ten seconds")
@@ -222,20 +223,24 @@ def test_waiting_for_a_lock_is_reported_and_limited(
 
 
 def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdint: Command) -> None:
-    """Neither those that were there before the campaign began, nor those that were changed
-    since."""
+    """Tables that existed before the campaign, and tables that were edited later, are kept without
+    --overwrite."""
     one_run = ("run", "shaken.yaml", "--units", "m/s^2", "-o", "one")
     tdint(*one_run, code=0)
-    kept = {path.name: path.read_bytes() for path in Path("one").iterdir()}
+    before = {path.name: path.read_bytes() for path in Path("one").iterdir()}
     into_one = [("campaign", "study.yaml", "-o", "one"), ("campaign", "merge", "out", "-o", "one")]
-    for words in (*into_one, (*one_run, "--scale", "0.5,1")):
-        tdint.refused("the file exists", *words, code=6)
+    for arguments in (*into_one, (*one_run, "--scale", "0.5,1")):
+        tdint.refused("the file exists", *arguments, code=6)
         assert {
             path.name: path.read_bytes() for path in Path("one").iterdir() if path.name != LOCK
-        } == kept
+        } == before
     Path("out/runs.csv").write_text("mine\n")
-    for words in (["study.yaml", "-o", "out"], ["export", "out"], ["merge", "out", "-o", "out"]):
-        tdint.refused("out/runs.csv: the file exists", "campaign", *words, code=6)
+    for arguments in (
+        ["study.yaml", "-o", "out"],
+        ["export", "out"],
+        ["merge", "out", "-o", "out"],
+    ):
+        tdint.refused("out/runs.csv: the file exists", "campaign", *arguments, code=6)
         assert Path("out/runs.csv").read_text() == "mine\n"
     tdint("campaign", "export", "out", "--overwrite", code=0)
     tdint("campaign", "study.yaml", "-o", "one", "--overwrite", code=0)

@@ -1,5 +1,5 @@
-"""From a folder of records to a report in four commands: select, match, run, report; for pairs in
-five formats, with numbers that a script without tdint computes again (tests/pair_demands.py)."""
+"""Selection, matching, run and report of pairs of records in five formats, compared with results of
+a script that does not use tdint (tests/pair_demands.py)."""
 
 import json
 from pathlib import Path
@@ -25,7 +25,7 @@ analysis: {method: newmark-average}
 
 
 def motion(seed, size):
-    """Noise in an envelope, g; differing frequencies of both components."""
+    """Return noise in an envelope, g; the components have different frequencies."""
     generator, time = np.random.default_rng(seed), np.arange(SAMPLES) * DT
     values = generator.standard_normal(SAMPLES) * np.exp(-((time - 2.0) ** 2))
     return 0.25 * size * values / np.abs(values).max()
@@ -39,22 +39,22 @@ def write_peer(folder, number, direction, values):
 
 def write_csv(folder, number, direction, values):
     lines = ["time_s,acceleration_g"]
-    lines += [f"{place * DT:.2f},{value:.8e}" for place, value in enumerate(values)]
+    lines += [f"{sample * DT:.2f},{value:.8e}" for sample, value in enumerate(values)]
     (folder / f"S{number}-{direction}.csv").write_text("\n".join(lines) + "\n")
 
 
-def write_waveform(folder, number, direction, values, kind):
+def write_waveform(folder, number, direction, values, suffix):
     import obspy
 
     channel = {"067": "HN1", "337": "HN2"}[direction]
     header = {"network": "XX", "station": f"S{number}", "channel": channel, "delta": DT}
     start = obspy.UTCDateTime(2000 + number, 1, 1)
     trace = obspy.Trace(np.asarray(values, np.float32), {**header, "starttime": start})
-    trace.write(str(folder / f"XX.S{number}.{channel}.{kind}"), format=kind.upper())
+    trace.write(str(folder / f"XX.S{number}.{channel}.{suffix}"), format=suffix.upper())
 
 
 def write_knet(folder, number, direction, values):
-    kind = {"067": "E-W", "337": "N-S"}[direction]
+    direction_name = {"067": "E-W", "337": "N-S"}[direction]
     counts = np.round(values * 980.665 * 1e6 / 200.0).astype(int)
     day = f"200{number}/01/02"
     lines = [
@@ -70,7 +70,7 @@ def write_knet(folder, number, direction, values):
         ("Record Time", f"{day} 03:04:20"),
         ("Sampling Freq(Hz)", "100Hz"),
         ("Duration Time(s)", f"{SAMPLES * DT:g}"),
-        ("Dir.", kind),
+        ("Dir.", direction_name),
         ("Scale Factor", "200(gal)/1000000"),
         ("Max. Acc. (gal)", f"{np.abs(counts - counts.mean()).max() * 200.0 / 1e6:.3f}"),
         ("Last Correction", f"{day} 03:04:00"),
@@ -78,7 +78,7 @@ def write_knet(folder, number, direction, values):
     text = "".join(f"{name:<18}{value}\n" for name, value in lines) + "Memo.\n"
     for start in range(0, SAMPLES, 8):
         text += " ".join(f"{value:8d}" for value in counts[start : start + 8]) + "\n"
-    (folder / f"AOM00{number}0{number}01020304.{kind.replace('-', '')}").write_text(text)
+    (folder / f"AOM00{number}0{number}01020304.{direction_name.replace('-', '')}").write_text(text)
 
 
 WRITERS = {
@@ -91,14 +91,14 @@ WRITERS = {
 
 
 @pytest.fixture
-def pool(here, request):
-    """A folder of six pairs in a format, and a building; the options that the format needs."""
+def pool(working_directory, request):
+    """Write six pairs in a format into `pool`, and a model; return the options for the format."""
     writer, options = WRITERS[request.param]
     Path("pool").mkdir()
     Path("frame.yaml").write_text(FRAME)
     for number in range(6):
-        for place, (direction, size) in enumerate((("067", 1.0), ("337", 0.6))):
-            writer(Path("pool"), number, direction, motion(10 * number + place, size))
+        for index, (direction, size) in enumerate((("067", 1.0), ("337", 0.6))):
+            writer(Path("pool"), number, direction, motion(10 * number + index, size))
     return options
 
 
@@ -122,9 +122,9 @@ def test_pairs_of_each_format_are_selected_and_matched(pool, tdint, short_matchi
 
 @pytest.mark.parametrize("pool", ["at2"], indirect=True)
 def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
-    """No file is edited between the commands; a pair stays a pair in all of them. RotD100 of the
-    outputs is the target within the misfit that is reported, and the mean over pairs is that of the
-    script, under each rule."""
+    """All commands recognize the pairs, without edits of the files. RotD100 of the matched records
+    equals the target within 3 %, and the mean over pairs equals the result of the script for each
+    rule."""
     choice = ("--pairs", "rotd100", *TARGET)
     selection = ("--select", "3", "--factor-range", ".25:40", "--max-factor", "40")
     tdint("scale", "pool", *pool, *selection, *choice, "-o", "factors.csv", code=0)
@@ -137,7 +137,7 @@ def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
     means = {}
     for rule in pairs.RULES:
         page = ("--report", f"{rule}.html", "-o", rule, "--pair-demand", rule)
-        said = tdint("run", "frame.yaml", "m", "--limit", "2%", *page, code=0).stderr
+        messages = tdint("run", "frame.yaml", "m", "--limit", "2%", *page, code=0).stderr
         runs = rows(f"{rule}/runs.csv")
         means[rule] = pairs.mean_drift(runs, rule)
         (profile,) = (
@@ -146,11 +146,11 @@ def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
             if row["quantity"] == "peak_drift_ratio" and row["story"] == "1"
         )
         assert float(profile["mean"]) == pytest.approx(means[rule], rel=1e-10)
-        assert f"Mean drift {100.0 * means[rule]:.3g} %" in said
-        assert f"Demand of pairs: {rule}" in said
+        assert f"Mean drift {100.0 * means[rule]:.3g} %" in messages
+        assert f"Demand of pairs: {rule}" in messages
         assert f"{100.0 * means[rule]:.3g} %" in Page(Path(f"{rule}.html").read_text("utf-8")).text
     assert means["larger"] > 1.02 * means["mean"]
-    # The pairs are those of the runs, which follow each other.
+    # The components of a pair have consecutive rows.
     named = [Path(row["record"]) for row in rows("larger/runs.csv")]
     for first, second in zip(named[::2], named[1::2], strict=True):
         for period in pairs.PERIODS:
@@ -160,11 +160,11 @@ def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
 
 @pytest.mark.parametrize("pool", ["at2"], indirect=True)
 def test_annual_losses_of_matched_pairs(pool, tdint):
-    """A campaign of the matched pairs as events with rates: the average annual loss of the tables
-    and of the map is that of the script, under each rule."""
+    """In a campaign with the matched pairs as events with annual rates, the average annual losses
+    of tables and map equal the results of the script for each rule."""
     tdint("match", "pool", "--pairs", "rotd100", *TARGET, "--format", "at2", "-o", "m", code=0)
     files = sorted(Path("m").glob("*067.at2"))
-    rates = {f"event-{place}": 0.01 * (1 + place) for place in range(len(files))}
+    rates = {f"event-{index}": 0.01 * (1 + index) for index in range(len(files))}
     Path("classes.csv").write_text("class,sd_m,sa_g\nA,0.005,0.2\nA,0.1,0.25\n")
     Path("buildings.csv").write_text(
         "id,class,NumberOfStories,Longitude,Latitude,cost,number\na,A,1,10,45,1e6,3\n"
@@ -188,11 +188,11 @@ def test_annual_losses_of_matched_pairs(pool, tdint):
         tdint("campaign", "export", "out", "--geojson", code=0)
         worth = {"a": 3e6, "b": 5e5}
         found = pairs.annual_losses(rows("out/damage.csv"), rule, rates, states, worth)
-        told = sum(float(row["annual_loss"]) for row in rows("out/exceedance.csv"))
-        assert told == pytest.approx(sum(found.values()), rel=1e-8)
+        table_loss = sum(float(row["annual_loss"]) for row in rows("out/exceedance.csv"))
+        assert table_loss == pytest.approx(sum(found.values()), rel=1e-8)
         for feature in json.loads(Path("out/buildings.geojson").read_text())["features"]:
-            of = feature["properties"]
-            expected = found[of["building"]]
-            assert of["average_annual_loss"] == pytest.approx(expected, rel=1e-8)
-        annual.append(told)
+            properties = feature["properties"]
+            expected = found[properties["building"]]
+            assert properties["average_annual_loss"] == pytest.approx(expected, rel=1e-8)
+        annual.append(table_loss)
     assert annual[0] > annual[1] and len(set(annual)) == 3

@@ -36,8 +36,8 @@ def references(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def kept_here(monkeypatch, references):
-    """Cache reference solutions for the tests of this file, many of which use the same building and
-    motion."""
+    """Cache reference solutions for the tests of this file, because many tests use the same
+    building and ground motion."""
     monkeypatch.setattr(problem, "cache_folder", lambda: references)
 
 
@@ -56,11 +56,13 @@ def test_table_messages_and_files(folder, tdint, drawn):
     assumed, *lines = result.stderr.splitlines()
     assert assumed.startswith("Warning: motion.mseed: ")
     assert lines[0].startswith("2 stories: the reference is impulse4 with dt ")
-    told = re.search(
+    time_steps = re.search(
         r"impulse4 with dt (\S+) s.* newmark-average extrapolated from dt (\S+) and (\S+) s",
         lines[0],
     )
-    assert [float(told[1]) / float(told[i]) for i in (2, 3)] == pytest.approx([4.0, 8.0], rel=1e-3)
+    assert [float(time_steps[1]) / float(time_steps[i]) for i in (2, 3)] == pytest.approx(
+        [4.0, 8.0], rel=1e-3
+    )
     for line, limit in zip(lines[1:3], ("1", "0.1"), strict=True):
         best = (
             rf"For {limit} % \(peak-drift\): (\S+) with dt (\S+) s, .* ms, error \S+ %, "
@@ -72,30 +74,33 @@ def test_table_messages_and_files(folder, tdint, drawn):
             r"error \S+ %)?"
         )
         stated = re.fullmatch(f"{best}{others}{usual}\\.", line)
-        # Alternatives meet the tolerance and are never cheaper; the usual choice errs by more here.
+        # Alternatives meet the tolerance and are never cheaper.
         listed = line.partition("estimated error ")[2]
         assert all(float(error) <= float(limit) for error in re.findall(r"error (\S+) %", listed))
         assert all(float(ratio) >= 1.0 for ratio in re.findall(r"(\S+) times as long", listed))
-        # What `tdint run` with this method and step says of its peaks
-        words = ("--method", stated[1], "--dt", stated[2])
-        peaks = rows(tdint("run", "shaken.yaml", *words, code=0).stdout)
-        off = max(float(row["peak_drift_m_error"]) / float(row["peak_drift_m"]) for row in peaks)
-        assert float(stated[3]) == pytest.approx(100.0 * off, rel=0.06)  # two digits
+        # The estimated error equals the estimate of `tdint run` with this method and time step.
+        method_and_step = ("--method", stated[1], "--dt", stated[2])
+        peaks = rows(tdint("run", "shaken.yaml", *method_and_step, code=0).stdout)
+        relative_error = max(
+            float(row["peak_drift_m_error"]) / float(row["peak_drift_m"]) for row in peaks
+        )
+        # The message has two digits.
+        assert float(stated[3]) == pytest.approx(100.0 * relative_error, rel=0.06)
     assert lines[3].startswith("Common choice, newmark-average with dt 0.01 s of the record: ")
     assert lines[4].startswith("Rule: ") and "only if they meet the tolerance" in lines[4]
     assert not any(line.startswith("note: ") for line in lines)
 
     summary = json.loads((folder / "x.json").read_text())
     assert summary["interval_s"] == 0.01
-    assert [one["limit"] for one in summary["recommended"]] == [0.01, 0.001]
+    assert [entry["limit"] for entry in summary["recommended"]] == [0.01, 0.001]
     assert all(
-        0.0 < one["error"] <= one["limit"] and one["told_error"] > 0.0
-        for one in summary["recommended"]
+        0.0 < entry["error"] <= entry["limit"] and entry["told_error"] > 0.0
+        for entry in summary["recommended"]
     )
     assert all(
-        one["next_best"]["method"] != one["method"]
-        for one in summary["recommended"]
-        if one["next_best"]
+        entry["next_best"]["method"] != entry["method"]
+        for entry in summary["recommended"]
+        if entry["next_best"]
     )
     assert (summary["model"]["file"], summary["record"]["component"]) == ("shaken.yaml", "HNE")
     (reference,) = summary["references"]
@@ -114,7 +119,7 @@ def test_table_messages_and_files(folder, tdint, drawn):
 
 def test_the_usual_choice_is_listed_only_if_it_meets_the_tolerance(folder, tdint):
     """Otherwise, a separate line states it with its error."""
-    words = (
+    options = (
         "--method",
         "impulse4,moment4",
         "--dt",
@@ -124,7 +129,7 @@ def test_the_usual_choice_is_listed_only_if_it_meets_the_tolerance(folder, tdint
         "--target-error",
         "acceleration",
     )
-    lines = tdint("chart", "shaken.yaml", *words, code=0).stderr.splitlines()
+    lines = tdint("chart", "shaken.yaml", *options, code=0).stderr.splitlines()
     (usual,) = (line for line in lines if line.startswith("Common choice, newmark-average"))
     error = float(re.search(r"error (\S+) %", usual)[1])
     advice = [line for line in lines if re.match(r"For \S+ %", line)]
@@ -165,12 +170,12 @@ def test_lines_by_tolerance(folder, tdint):
         assert 0.0 < float(row["peak_drift_error"]) <= float(row["method"].rpartition(" ")[2])
     assert "by tolerance" not in result.stderr and "nan" not in result.stderr
     picture = (folder / "x.svg").read_text(encoding="utf-8")
-    words = " ".join(re.sub("<[^>]*>", " ", picture).split())
-    assert "moment4 by tolerance" in words and "by tolerance: of the whole run" in words
+    texts = " ".join(re.sub("<[^>]*>", " ", picture).split())
+    assert "moment4 by tolerance" in texts and "by tolerance: of the whole run" in texts
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "texts"),
     [
         (
             (),
@@ -193,15 +198,15 @@ def test_lines_by_tolerance(folder, tdint):
     ],
     ids=["time", "dt", "solves", "steps"],
 )
-def test_figure_texts_name_the_plotted_quantities(folder, tdint, options, words):
+def test_figure_texts_name_the_plotted_quantities(folder, tdint, options, texts):
     tdint("chart", "shaken.yaml", *QUICK, "--duration", "1", *options, "--plot", "x.svg", code=0)
     picture = (folder / "x.svg").read_text(encoding="utf-8").replace("> impulse4<", ">impulse4<")
-    for word in [*words, "shaken", ">impulse4<", "newmark-average", "reference: impulse4"]:
-        assert word in picture, word
+    for text in [*texts, "shaken", ">impulse4<", "newmark-average", "reference: impulse4"]:
+        assert text in picture, text
 
 
 @pytest.mark.parametrize(
-    ("words", "steps", "usual"),
+    ("options", "steps", "usual"),
     [
         (
             ("--method", "exact", "--target-error", "displacement"),
@@ -216,8 +221,8 @@ def test_figure_texts_name_the_plotted_quantities(folder, tdint, options, words)
     ],
     ids=["only forces", "a record on the command line"],
 )
-def test_a_linear_building_under_forces(folder, tdint, words, steps, usual):
-    result = tdint("chart", "forced.yaml", *QUICK, *words, code=0)
+def test_a_linear_building_under_forces(folder, tdint, options, steps, usual):
+    result = tdint("chart", "forced.yaml", *QUICK, *options, code=0)
     assert [row["steps"] for row in rows(result.stdout)] == steps
     assert "the reference is impulse4" in result.stderr and usual in result.stderr
     assert "skip samples" not in result.stderr
@@ -228,13 +233,13 @@ def test_positional_records_equal_record_options(folder, tdint, make_record):
     make_record("other.mseed", "HNE", samples=250)
     units = ("--component", "HNE", "--units", "m/s^2", "--duration", "1", "--repeat", "1")
     steps = ("--method", "impulse4,newmark-average", "--dt", "0.02,0.01")
-    of_files, of_options = (
+    positional, by_option = (
         rows(tdint("chart", "shaken.yaml", *record, *units, *steps).stdout)
         for record in (("other.mseed",), ("--record", "other.mseed"))
     )
-    for row in (*of_files, *of_options):
+    for row in (*positional, *by_option):
         del row["time_s"], row["time_min_s"]
-    assert of_files == of_options and float(of_files[0]["drift_error"]) > 0.0
+    assert positional == by_option and float(positional[0]["drift_error"]) > 0.0
     many = rows(tdint("chart", "shaken.yaml", "motion.mseed", "other.mseed", *units, *LINES).stdout)
     assert {row["problems"] for row in many} == {"2"}
     tdint.refused(
@@ -244,15 +249,15 @@ def test_positional_records_equal_record_options(folder, tdint, make_record):
 
 
 def test_the_default_methods(folder, tdint):
-    words = ("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--duration", "1")
+    call = ("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--duration", "1")
     labels = [parse(name).label for name in DEFAULT_METHODS if name != "exact"]
-    assert [(row["method"], row["dt_s"]) for row in rows(tdint(*words, code=0).stdout)] == [
+    assert [(row["method"], row["dt_s"]) for row in rows(tdint(*call, code=0).stdout)] == [
         (label, dt) for label in labels for dt in ("0.08", "0.04")
     ]
 
 
 def test_unstable_steps_are_rows_of_the_table(folder, tdint):
-    words = (
+    options = (
         "--method",
         "central-difference",
         "--dt",
@@ -262,7 +267,7 @@ def test_unstable_steps_are_rows_of_the_table(folder, tdint):
         "--plot",
         "x.svg",
     )
-    result = tdint("chart", "shaken.yaml", *words, code=0)
+    result = tdint("chart", "shaken.yaml", *options, code=0)
     first, second = rows(result.stdout)
     assert (first["outcome"], second["outcome"]) == ("unstable-step", "done")
     assert [name for name, cell in first.items() if cell] == ["method", "dt_s", "steps", "outcome"]
@@ -286,8 +291,8 @@ def test_no_recommendation_if_the_peaks_occur_at_the_start(folder, tdint):
 
 
 def test_costs_over_the_number_of_stories(folder, tdint, drawn):
-    words = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--duration", "1")
-    result = tdint("chart", "shaken.yaml", *words, "-o", "x.csv", "--plot", "x.svg", code=0)
+    options = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--duration", "1")
+    result = tdint("chart", "shaken.yaml", *options, "-o", "x.csv", "--plot", "x.svg", code=0)
     assert [(row["stories"], row["dt_s"]) for row in rows(folder / "x.csv")] == [
         ("1", "0.01"),
         ("2", "0.01"),
@@ -300,7 +305,7 @@ def test_costs_over_the_number_of_stories(folder, tdint, drawn):
     ]
     assert "time per step (us)" in (folder / "x.svg").read_text(encoding="utf-8")
     assert [
-        one["stories"] for one in json.loads((folder / "x.json").read_text())["references"]
+        entry["stories"] for entry in json.loads((folder / "x.json").read_text())["references"]
     ] == [1, 2, 4]
 
 
@@ -313,18 +318,18 @@ def test_peers_are_rows_and_lines_of_the_chart(folder, tdint, monkeypatch):
     assert [row["method"] for row in table[:4:2]] == [
         parse(name).label for name in ("impulse4", "newmark-average")
     ]
-    others = {row["method"]: row for row in table[4:]}
-    assert {f"scipy/{name}:rtol=0.001" for name in peers.METHODS} <= set(others)
+    peer_rows = {row["method"]: row for row in table[4:]}
+    assert {f"scipy/{name}:rtol=0.001" for name in peers.METHODS} <= set(peer_rows)
     assert (
-        others["scipy/RK45:rtol=0.001"]["dt_s"],
-        others["scipy/RK45:rtol=0.001"]["outcome"],
+        peer_rows["scipy/RK45:rtol=0.001"]["dt_s"],
+        peer_rows["scipy/RK45:rtol=0.001"]["outcome"],
     ) == ("", "done")
-    assert any("openseespy" in name for name in others) == (
+    assert any("openseespy" in name for name in peer_rows) == (
         "openseespy is omitted" not in result.stderr
     )
     picture = (folder / "x.svg").read_text(encoding="utf-8")
     assert "scipy/RK45" in picture and f"scipy {version('scipy')}" in picture
-    assert "scipy: in solve_ivp" in picture  # on the axis, which says what is timed
+    assert "scipy: in solve_ivp" in picture  # The label of the axis states the measured time.
     assert f"note: scipy {version('scipy')}: solve_ivp, atol = rtol times" in result.stderr
     assert not any(
         "scipy" in line or "openseespy" in line for line in result.stderr.splitlines()[:4]
@@ -338,7 +343,7 @@ def test_the_reference_is_cached_between_calls(folder, tdint, monkeypatch):
     monkeypatch.setattr(problem, "_solve", None)
     second = tdint("chart", "shaken.yaml", *QUICK, code=0)
     assert first.stderr.splitlines()[0] == second.stderr.splitlines()[0]
-    tdint("chart", "shaken.yaml", *QUICK, "--no-cache", code=1)  # solves again
+    tdint("chart", "shaken.yaml", *QUICK, "--no-cache", code=1)  # calls `_solve`, which is None
 
 
 def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
@@ -407,7 +412,7 @@ def test_a_model_without_excitation_is_refused(folder, tdint):
         tdint.refused("the building has no excitation", "chart", *arguments, code=5)
 
 
-def test_the_targets_are_those_of_the_library():
+def test_the_targets_equal_the_quantities_of_the_library():
     assert set(chart.TARGETS) == {*QUANTITIES, *PEAKS}
     assert set(PEAKS) == {name.replace("_", "-") for name in profiles.PEAKS}
 
@@ -456,7 +461,7 @@ def test_profiles_of_several_ground_motions(folder, tdint, make_record, drawn):
         result.stderr,
     )
     summary = json.loads((folder / "x.json").read_text())
-    assert [one["motion"] for one in summary["problems"]] == ["motion HNE", "other HNE"]
+    assert [entry["motion"] for entry in summary["problems"]] == ["motion HNE", "other HNE"]
     assert len(summary["points"]) == len(summary["problems"][0]["points"][0])
     assert set(summary["recommended"]) == {"overall", "coarse", "safest"}
     assert (folder / "x.png").read_bytes().startswith(b"\x89PNG")
@@ -464,7 +469,7 @@ def test_profiles_of_several_ground_motions(folder, tdint, make_record, drawn):
 
 def test_a_file_of_problems_and_its_figure(folder, tdint):
     (folder / "mine.yaml").write_text(PROBLEMS.replace(", far: 1", ""))
-    words = (
+    call = (
         "chart",
         "--problems",
         "mine.yaml",
@@ -475,7 +480,7 @@ def test_a_file_of_problems_and_its_figure(folder, tdint):
         "x.svg",
         "--target-error",
     )
-    result = tdint(*words, "peak-absolute-acceleration", "--peers", "--tolerance", "1%", code=0)
+    result = tdint(*call, "peak-absolute-acceleration", "--peers", "--tolerance", "1%", code=0)
     assert re.search(
         r"two stories, near: openseespy: (omitted: .* not installed|\S+ from the reference, "
         r"extrapolated)",
@@ -487,17 +492,17 @@ def test_a_file_of_problems_and_its_figure(folder, tdint):
         "impulse4 by tolerance",
     }
     picture = (folder / "x.svg").read_text(encoding="utf-8")
-    for word in (
+    for text in (
         "Performance profiles over 1 problem",
         "peak absolute acceleration",
         "error within 0.1 %",
         "impulse4",
     ):
-        assert word in picture
+        assert text in picture
 
 
 @pytest.mark.parametrize(
-    ("options", "code", "words"),
+    ("options", "code", "message"),
     [
         ((), 2, "model is required; ... MODEL.yaml"),
         (
@@ -524,7 +529,7 @@ def test_a_file_of_problems_and_its_figure(folder, tdint):
         (("--problems", "none.yaml"), 3, "none.yaml: file not found"),
     ],
 )
-def test_invalid_arguments_for_many_problems_are_refused(folder, tdint, options, code, words):
+def test_invalid_arguments_for_many_problems_are_refused(folder, tdint, options, code, message):
     (folder / "bad.yaml").write_text(PROBLEMS)
-    result = tdint.refused(words, "chart", *options, code=code)
+    result = tdint.refused(message, "chart", *options, code=code)
     assert len(result.stderr.strip().splitlines()) == 1

@@ -1,4 +1,4 @@
-"""`tdint compare` on a recording that is made of noise on a result."""
+"""`tdint compare` with a recording that consists of computed responses with added noise."""
 
 import json
 import re
@@ -29,17 +29,17 @@ band: [0.4, 15]
 """
 SAMPLES = 500
 FIT = ("--recorded", "fitted.yaml", "--fit", "stiffness", "--blind", "blind.yaml")
-"""To the roof alone; the first floor is blind."""
+"""Options of a fit to the roof; the first floor is not used in the fit (blind)."""
 
 
 FITS = []
-"""That of `recorded`, as the library gives it."""
+"""Result of the fit in the fixture `recorded`."""
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A folder with a model, a base motion, and a history of the model with noise on the roof's
-    acceleration."""
+    """Directory with a model, a base motion, and a response history of the model with noise in the
+    roof acceleration."""
     return made_once(tmp_path_factory, write_recorded)
 
 
@@ -61,7 +61,7 @@ def write_recorded(folder):
     Path("off.yaml").write_text(MODEL.replace("900", "1100").replace("700", "600"))
     fit = fitting.fit
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fitting, "fit", lambda *given: FITS.append(fit(*given)) or FITS[-1])
+        patch.setattr(fitting, "fit", lambda *arguments: FITS.append(fit(*arguments)) or FITS[-1])
         Command()("compare", "off.yaml", *FIT, "-o", "si/table.csv", code=0)
 
 
@@ -100,7 +100,7 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
         float(roof["correlation"])
     )
     inputs = [str(recorded / name) for name in ("model.yaml", "recorded.yaml", "recorded.csv")]
-    assert [one["file"] for one in summary["inputs"]] == inputs
+    assert [entry["file"] for entry in summary["inputs"]] == inputs
     again = tdint("compare", *files, "--require", "correlation=0.999", code=5)
     shown = f"{float(roof['correlation']):.4g}"
     assert f"floor 2: correlation is {shown}, required is at least 0.999" in again.stderr
@@ -108,7 +108,7 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
 
 
 def test_fitted_and_blind_floors(recorded):
-    """The table's name makes those of the other files."""
+    """The stem of the table is the prefix of all other files."""
     si = recorded / "si"
     roof, first = rows(si / "table.csv")
     assert (roof["floor"], roof["recorded"]) == ("2", "fitted.yaml")
@@ -132,8 +132,8 @@ def test_fitted_and_blind_floors(recorded):
 
 
 def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, monkeypatch):
-    """It runs from where it lies, has the numbers of fit.csv and compares as the fit does; nothing
-    else is changed."""
+    """The written model can be run from its directory and has the parameters of fit.csv; all other
+    lines are unchanged."""
     entries = (
         "  # from the ground up\n  - {repeat: 2, mass: 1.0, stiffness: 800}  # equal at first\n"
     )
@@ -141,15 +141,14 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     model = re.sub("damping: .*", "damping: {modal: 4%}  # d", model)
     (recorded / "equal.yaml").write_text(model)
     monkeypatch.chdir(recorded)
-    floor = [
-        line for line in RECORDED.splitlines() if not line.startswith(("  roof:", "band:"))
-    ]  # has no noise
+    # The first floor has no noise.
+    floor = [line for line in RECORDED.splitlines() if not line.startswith(("  roof:", "band:"))]
     Path("first.yaml").write_text("\n".join(floor))
-    asked = ("--recorded", "first.yaml")
+    recording = ("--recorded", "first.yaml")
     tdint(
         "compare",
         "equal.yaml",
-        *asked,
+        *recording,
         "--fit",
         "stiffness,damping",
         "-o",
@@ -158,7 +157,7 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     )
     file = tmp_path / "out" / "fitted.yaml"
     written = load_model(file)
-    fitted = [float(one["fitted"]) for one in rows(tmp_path / "out" / "fit.csv")]
+    fitted = [float(row["fitted"]) for row in rows(tmp_path / "out" / "fit.csv")]
     assert [story.stiffness for story in written.stories] == pytest.approx(fitted[:2], rel=1e-11)
     assert written.damping.ratios == pytest.approx(fitted[2:], rel=1e-11)
     assert Path(written.excitation.record.file).samefile("base.txt")
@@ -167,12 +166,12 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     assert all(
         comment in text for comment in ("# from the ground up\n", "# equal at first\n", "# d\n")
     )
-    tdint("compare", file, *asked, "-o", tmp_path / "again", code=0)
+    tdint("compare", file, *recording, "-o", tmp_path / "again", code=0)
     pairs = zip(
         *(rows(tmp_path / name / "comparison.csv") for name in ("again", "out")), strict=True
     )
-    for one, other in pairs:
-        assert float(one["rms_difference"]) == pytest.approx(
+    for row, other in pairs:
+        assert float(row["rms_difference"]) == pytest.approx(
             float(other["rms_difference"]), rel=1e-8
         )
     plain = [
@@ -184,8 +183,8 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
 
 
 def test_output_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path, monkeypatch):
-    """Floors' spectra, fitted stiffnesses under names that say their units, the summary and the
-    words; the fit itself is the one of the test above."""
+    """Floor spectra, fitted stiffnesses with their column names, summary and messages are
+    converted. The fit is taken from the fixture `recorded`."""
     monkeypatch.chdir(recorded)
     monkeypatch.setattr(fitting, "fit", lambda *_: FITS[0])
     Path("named.yaml").write_text(Path("off.yaml").read_text() + "output_units: kip, in, g\n")
@@ -201,16 +200,23 @@ def test_output_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_
                 changed = float(other[column.replace("_m_s2", "_g")])
                 assert changed * factor == pytest.approx(float(row[column]), rel=1e-10)
     assert [row["parameter"] for row in us] == ["stiffness_kip_in"] * 2
-    told, plain = (
+    us_summary, si_summary = (
         json.loads((folder / "table-summary.json").read_text())
         for folder in (tmp_path, recorded / "si")
     )
-    assert told["events"][0]["base"]["pga_g"] * 9.80665 == pytest.approx(
-        plain["events"][0]["base"]["pga_m_s2"]
+    assert us_summary["events"][0]["base"]["pga_g"] * 9.80665 == pytest.approx(
+        si_summary["events"][0]["base"]["pga_m_s2"]
     )
-    assert [one["parameter"] for one in told["fit"]["values"]] == ["stiffness_kip_in"] * 2
-    given = ("--recorded", "recorded.yaml", "--output-units", "kip,in,g", "-o", tmp_path / "given")
-    tdint("compare", "model.yaml", *given, code=0)
+    assert [value["parameter"] for value in us_summary["fit"]["values"]] == ["stiffness_kip_in"] * 2
+    options = (
+        "--recorded",
+        "recorded.yaml",
+        "--output-units",
+        "kip,in,g",
+        "-o",
+        tmp_path / "given",
+    )
+    tdint("compare", "model.yaml", *options, code=0)
     assert list(rows(tmp_path / "given" / "spectra.csv")[0])[2:] == [
         "computed_sa_g",
         "recorded_sa_g",
@@ -244,13 +250,13 @@ def test_all_errors_of_a_recording_file_are_reported_at_once(recorded, tdint):
         "8:9 window",
         "9:8 shift",
     ]
-    for told in (
+    for message in (
         "did you mean 'base'?",
         "did you mean 'displacement'?",
         "floor 2 is specified twice",
         "from 1 to 2",
     ):
-        assert told in result.stderr
+        assert message in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -265,8 +271,8 @@ def test_all_errors_of_a_recording_file_are_reported_at_once(recorded, tdint):
 )
 def test_invalid_arguments_are_refused(recorded, tdint, arguments, code, message):
     filled = [argument.format(folder=recorded) for argument in arguments]
-    words = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml", *filled)
-    assert message in tdint("compare", *words, code=code).stderr
+    call = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml", *filled)
+    assert message in tdint("compare", *call, code=code).stderr
 
 
 @pytest.mark.parametrize(

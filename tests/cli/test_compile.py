@@ -1,4 +1,4 @@
-"""`tdint compile`, with one small kernel in place of all that there are."""
+"""`tdint compile`, with a single small kernel instead of all kernels."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def only_a_small_kernel(monkeypatch):
 
 
 def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypatch):
-    """Which objects are used is shown, and they are removed."""
+    """--show lists the objects that are used, and --clean removes them."""
     result = tdint(
         "compile", "--all", "--target", "native,x86-64-v2", "-o", "shared/kernels", code=0
     )
@@ -63,7 +63,7 @@ def test_a_model_is_compiled_with_the_kernels_of_its_tables():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "words"),
+    ("arguments", "code", "message"),
     [
         ((), 2, "add MODEL.yaml, or --all"),
         (("--all", "--target", "x87"), 2, "x87"),
@@ -71,5 +71,5 @@ def test_a_model_is_compiled_with_the_kernels_of_its_tables():
         (("--all", "-o", "forced.yaml"), 6, "forced.yaml"),
     ],
 )
-def test_invalid_input_is_reported_in_one_line(tdint, folder, arguments, code, words):
-    assert "Traceback" not in tdint.refused(words, "compile", *arguments, code=code).stderr
+def test_invalid_input_is_reported_in_one_line(tdint, folder, arguments, code, message):
+    assert "Traceback" not in tdint.refused(message, "compile", *arguments, code=code).stderr

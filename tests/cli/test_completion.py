@@ -1,4 +1,4 @@
-"""Completion in the shell: commands, options, and the names that options take."""
+"""Completion in the shell: commands, options, and values of options."""
 
 import os
 import re
@@ -13,8 +13,8 @@ from tdint.methods.catalogue import catalogue
 from tdint_cli.main import COMMANDS, cli
 
 
-def completions(*words: str) -> list[tuple[str, str]]:
-    *before, incomplete = words
+def completions(*arguments: str) -> list[tuple[str, str]]:
+    *before, incomplete = arguments
     items = ShellComplete(cli, {}, "tdint", "").get_completions(list(before), incomplete)
     return [(item.type, item.value) for item in items]
 
@@ -42,8 +42,8 @@ def test_files_are_completed_by_the_shell(line):
 
 
 def test_completion_imports_only_click():
-    """Each shell after the other, in one process: fish gives the word itself, the others its
-    place."""
+    """bash, zsh and fish request completions in a single process. fish passes the word, the other
+    shells pass its position."""
     code = (
         "import os, sys\nfrom tdint_cli.main import main\n"
         "for shell, word in (('bash', '1'), ('zsh', '1'), ('fish', 's')):\n"
@@ -56,10 +56,10 @@ def test_completion_imports_only_click():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stderr.splitlines() == ["[]"] * 3
-    *told, rest = re.split("asked by .*\n", done.stdout)
+    *lists, remaining = re.split("asked by .*\n", done.stdout)
     assert (
-        rest == ""
-        and [all(name in names for name in ("spectrum", "stability")) for names in told]
+        remaining == ""
+        and [all(name in names for name in ("spectrum", "stability")) for names in lists]
         == [True] * 3
     )
 

@@ -101,12 +101,12 @@ def test_states_probabilities_and_losses_of_runs(folder: Path, tdint: Command) -
         "1",
     )
     for row in table:
-        told = probabilities(row)
-        assert sum(told.values()) == pytest.approx(1.0, abs=1e-11)
-        loss = 0.1 * told["slight"] + 0.8 * told["complete"] + told["collapsed"]
+        outcomes = probabilities(row)
+        assert sum(outcomes.values()) == pytest.approx(1.0, abs=1e-11)
+        loss = 0.1 * outcomes["slight"] + 0.8 * outcomes["complete"] + outcomes["collapsed"]
         assert float(row["loss_ratio"]) == pytest.approx(loss, rel=1e-9)
-    of_type = [row for row in rows("out/damage-types.csv") if row["level"] == "1"]
-    assert [row["state"] for row in of_type] == [
+    type_rows = [row for row in rows("out/damage-types.csv") if row["level"] == "1"]
+    assert [row["state"] for row in type_rows] == [
         "none",
         "slight",
         "complete",
@@ -127,14 +127,14 @@ def test_runs_without_a_result_have_no_state(folder: Path, tdint: Command) -> No
     )
     (folder / "failing.yaml").write_text(failing + DAMAGE % (0.01, 0.02, 0.4))
     tdint("campaign", "failing.yaml", "-o", "out", code=0)
-    told = {
+    states = {
         (row["status"], row["state"], row["probability_none"]) for row in rows("out/damage.csv")
     }
-    assert told == {("unstable-step", "", "")}
-    of_type = {
+    assert states == {("unstable-step", "", "")}
+    type_rows = {
         (row["runs"], row["failed"], row["probability"]) for row in rows("out/damage-types.csv")
     }
-    assert of_type == {("2", "2", "")}
+    assert type_rows == {("2", "2", "")}
     assert {row["loss_ratio"] for row in rows("out/losses.csv")} == {""}
 
 
@@ -191,9 +191,8 @@ def test_thresholds_and_losses_by_class_from_tables(region: Path, tdint: Command
     )
     (region / "study.yaml").write_text(REGION + damage)
     result = tdint("campaign", "study.yaml", "-o", "out", code=0)
-    assert (
-        "nothing to do" in result.stderr
-    )  # other thresholds change the tables, and no run is done anew
+    # Changed thresholds change the tables, but do not cause new runs.
+    assert "nothing to do" in result.stderr
     medians = {"A": (0.003, 0.4), "B": (0.004, 0.5)}
     for row in rows("out/damage.csv"):
         median, beta = medians[row["type"]]
@@ -225,7 +224,7 @@ def test_thresholds_of_hazus(folder: Path, tdint: Command) -> None:
     edges = [ndtr(math.log(demand / median) / 0.4) for median in (0.0033, 0.0067, 0.02, 0.0533)]
     expected = [
         1.0 - edges[0],
-        *(one - other for one, other in zip(edges, [*edges[1:], 0.0], strict=True)),
+        *(lower - higher for lower, higher in zip(edges, [*edges[1:], 0.0], strict=True)),
         0.0,
         0.0,
     ]
@@ -279,23 +278,23 @@ def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: N
                 levels.setdefault(pga, []).append(exceeded)
         return fit_stripes(
             list(levels),
-            [sum(one) for one in levels.values()],
-            [len(one) for one in levels.values()],
+            [sum(part) for part in levels.values()],
+            [len(part) for part in levels.values()],
         )
 
-    whole, parts = fit(""), [fit(motion) for motion in sorted({record for record, *_ in runs})]
+    complete, partial = fit(""), [fit(motion) for motion in sorted({record for record, *_ in runs})]
     row = found["A", "slight"]
     assert (float(row["theta"]), float(row["beta"])) == pytest.approx(
-        (whole.theta, whole.beta), rel=1e-6
+        (complete.theta, complete.beta), rel=1e-6
     )
     for name, values in (
-        ("theta", [math.log(one.theta) for one in parts]),
-        ("beta", [one.beta for one in parts]),
+        ("theta", [math.log(part.theta) for part in partial]),
+        ("beta", [part.beta for part in partial]),
     ):
         mean, count = sum(values) / len(values), len(values)
         error = math.sqrt((count - 1) / count * sum((value - mean) ** 2 for value in values))
         assert float(row[f"{name}_error"]) == pytest.approx(error, rel=1e-4)
-    states = max(([state for name, state in found if name == one] for one in "AB"), key=len)
+    states = max(([state for name, state in found if name == part] for part in "AB"), key=len)
     assert f"<limitStates>{' '.join(states)}</limitStates>" in Path("f.xml").read_text()
 
 
@@ -304,15 +303,15 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
     0.06 m and a dispersion of 0.3."""
     x, y, above = [], [], []
     for part in (math.exp(-0.3 * math.sqrt(1.5)), 1.0, math.exp(0.3 * math.sqrt(1.5))):
-        for one, value, gone in zip(im, demand, fell, strict=True):
-            x.append(one)
-            above.append(gone or part * value >= 0.06)
+        for intensity, value, has_collapsed in zip(im, demand, fell, strict=True):
+            x.append(intensity)
+            above.append(has_collapsed or part * value >= 0.06)
             y.append(0.06 if above[-1] else part * value)
     return fit_cloud(x, y, [0.015], above, lower_threshold=0.015)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("out", "--threshold", "1%"), "remove --threshold"),
         (("out", "--fit", "ida"), "--fit stripes or --fit cloud"),
@@ -325,13 +324,13 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
     ],
 )
 def test_refusals_of_functions_by_type(
-    region: Path, tdint: Command, arguments: tuple[str, ...], said: str
+    region: Path, tdint: Command, arguments: tuple[str, ...], message: str
 ) -> None:
-    tdint.refused(said, "fragility", *arguments, "--by", "type")
+    tdint.refused(message, "fragility", *arguments, "--by", "type")
 
 
 @pytest.mark.parametrize(
-    ("damage", "said"),
+    ("damage", "message"),
     [
         (
             "{dispersion: 0.3}",
@@ -376,15 +375,15 @@ def test_refusals_of_functions_by_type(
     ],
 )
 def test_invalid_damage_sections_are_refused(
-    folder: Path, tdint: Command, damage: str, said: str
+    folder: Path, tdint: Command, damage: str, message: str
 ) -> None:
     (folder / "study.yaml").write_text(f"{STUDY}damage: {damage}\n")
-    result = tdint.refused(said, "campaign", "study.yaml", "-o", "out", code=3)
+    result = tdint.refused(message, "campaign", "study.yaml", "-o", "out", code=3)
     assert len(result.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
-    ("classes", "said"),
+    ("classes", "message"),
     [
         ("class,slight_m\nA,0.1\n", "no column moderate_m"),
         (CLASSES.replace("B,", "C,"), "class 'B' not found"),
@@ -404,25 +403,25 @@ def test_invalid_damage_sections_are_refused(
     ],
 )
 def test_invalid_tables_of_thresholds_are_refused(
-    region: Path, tdint: Command, classes: str, said: str
+    region: Path, tdint: Command, classes: str, message: str
 ) -> None:
     (region / "table.csv").write_text(classes)
     (region / "study.yaml").write_text(
         REGION + "damage: {demand: spectral_displacement, thresholds: table.csv}\n"
     )
-    result = tdint.refused(said, "campaign", "study.yaml", "-o", "new", code=3)
+    result = tdint.refused(message, "campaign", "study.yaml", "-o", "new", code=3)
     assert len(result.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
-    "words", [("campaign", "study.yaml"), ("run", "own.yaml", "motion.mseed", "--units", "m/s^2")]
+    "call", [("campaign", "study.yaml"), ("run", "own.yaml", "motion.mseed", "--units", "m/s^2")]
 )
-def test_drift_ratios_need_heights(folder: Path, tdint: Command, words: tuple[str, ...]) -> None:
+def test_drift_ratios_need_heights(folder: Path, tdint: Command, call: tuple[str, ...]) -> None:
     change("shaken.yaml", ("height: 3, ", ""))
     damage = DAMAGE % (0.01, 0.02, 0.0)
     Path("own.yaml").write_text(Path("shaken.yaml").read_text() + damage)
     Path("study.yaml").write_text(STUDY + damage)
-    tdint.refused("drift_ratio requires the heights", *words, "-o", "out", code=3)
+    tdint.refused("drift_ratio requires the heights", *call, "-o", "out", code=3)
 
 
 @pytest.mark.parametrize(
@@ -451,7 +450,7 @@ def test_a_single_run_reports_the_damage_of_its_model(
             f"damage: {{demand: {demand}, thresholds: {thresholds}, dispersion: 0.5, {losses}}}\n"
         )
     result = tdint(*call, "out", code=0)
-    told = json.loads(Path("out/summary.json").read_text())["damage"]
+    summary = json.loads(Path("out/summary.json").read_text())["damage"]
     assert "Damage by " in result.stderr and ": slight (" in result.stderr
     Path("study.yaml").write_text(STUDY)
     tdint("campaign", "study.yaml", "-o", "many", code=0)
@@ -459,13 +458,13 @@ def test_a_single_run_reports_the_damage_of_its_model(
         row for row in rows("many/damage.csv") if (row["component"], row["scale"]) == ("HNN", "1")
     )
     assert (
-        f"{told[demand + unit]:.12g}" == row[demand + unit]
-        and told["state"] == row["state"] == "slight"
+        f"{summary[demand + unit]:.12g}" == row[demand + unit]
+        and summary["state"] == row["state"] == "slight"
     )
-    for outcome in told["outcomes"]:
+    for outcome in summary["outcomes"]:
         name = f"probability_{outcome['outcome'].replace('-', '_')}"
         assert outcome["probability"] == pytest.approx(float(row[name]), rel=1e-11, abs=1e-300)
-    assert f"{told['loss_ratio']:.12g}" == row["loss_ratio"]
+    assert f"{summary['loss_ratio']:.12g}" == row["loss_ratio"]
 
 
 def test_ida_uses_the_medians_of_the_damage_states(folder: Path, tdint: Command) -> None:
@@ -484,11 +483,11 @@ def test_ida_uses_the_medians_of_the_damage_states(folder: Path, tdint: Command)
         "--precision",
         "50%",
     )
-    for more, thresholds in (
+    for options, thresholds in (
         ((), ["0.003", "0.012", "0.1"]),
         (("--threshold", "2%"), ["0.02", "0.1"]),
     ):
-        assert [row["threshold"] for row in rows(tdint(*call, *more).stdout)] == thresholds
+        assert [row["threshold"] for row in rows(tdint(*call, *options).stdout)] == thresholds
 
 
 @pytest.mark.parametrize(
@@ -505,11 +504,11 @@ def test_ida_uses_the_medians_of_the_damage_states(folder: Path, tdint: Command)
 def test_clouds_use_the_requested_measure_of_the_pair(
     region: Path, tdint: Command, im: str, column: str, imt: str
 ) -> None:
-    """Clouds computed by hand over the geometric mean of both components, for each type and for one
-    building. The regression includes the demands of all runs; collapses are censored above the
-    heaviest state, and demands below the lightest state are censored below it. Each run is used
-    with three thresholds, so that beta includes their dispersion. Sa is at the period of the
-    capacity curve of the class."""
+    """Clouds are computed separately from the geometric mean of both components, for each type and
+    for a single building. The regression includes the demands of all runs; collapses are censored
+    above the heaviest state, and demands below the lightest state are censored below it. Each run
+    is used with three thresholds, so that beta includes their dispersion. Sa is at the period of
+    the capacity curve of the class."""
     call = (
         "fragility",
         "out",
@@ -544,26 +543,29 @@ def test_clouds_use_the_requested_measure_of_the_pair(
     )
     assert int(row["below"]) == sum(demand < 0.015 for demand in y) > 0
     assert (int(row["runs"]), int(row["censored"])) == (len(x), sum(fell))
-    assert {found["motions"] for found in rows("f.csv")} == {"4"}  # whatever the fit and the type
+    # The number of ground motions does not depend on fit and type.
+    assert {found["motions"] for found in rows("f.csv")} == {"4"}
     if im == "sa":
         assert row["im"] == f"sa({2.0 * math.pi * math.sqrt(0.004 / (0.15 * 9.81)):.6g})"
     assert f'imt="{imt}' in Path("f.xml").read_text()
     assert "is the geometric mean of both components" in result.stderr
 
-    # The same without types, of one building.
+    # Functions without types, for a single building
     table = Path("out/runs.csv").read_text().splitlines()
     Path("out/runs.csv").write_text(
         "".join(f"{row}\n" for row in table if row.startswith(("building,", "one,")))
     )
-    (told,) = rows(
+    (fitted,) = rows(
         tdint("fragility", "out", "--im", im, "--fit", "cloud", "--threshold", "1%", code=0).stdout
     )
-    mine = [run for run in runs if run["building"] == "one"]
-    x = [mean["one", run["record"], run["scale"]] for run in mine]
-    fell = [run["status"] != "done" for run in mine]
-    drift = [0.01 if run["status"] != "done" else float(run["peak_drift_ratio"]) for run in mine]
+    building_runs = [run for run in runs if run["building"] == "one"]
+    x = [mean["one", run["record"], run["scale"]] for run in building_runs]
+    fell = [run["status"] != "done" for run in building_runs]
+    drift = [
+        0.01 if run["status"] != "done" else float(run["peak_drift_ratio"]) for run in building_runs
+    ]
     (line,) = fit_cloud(x, drift, [0.01], fell)
-    assert float(told["theta"]) == pytest.approx(line.theta, rel=1e-6)
+    assert float(fitted["theta"]) == pytest.approx(line.theta, rel=1e-6)
 
 
 def test_levels_of_a_pair_are_values_of_the_measure(region: Path, tdint: Command) -> None:
@@ -576,21 +578,21 @@ def test_levels_of_a_pair_are_values_of_the_measure(region: Path, tdint: Command
     tdint("campaign", "study.yaml", "-o", "levels", code=0)
     tdint("fragility", "levels", "--by", "type", "--im", "sa:0.6", "-o", "f.csv", code=0)
     (row,) = (row for row in rows("f.csv") if (row["type"], row["state"]) == ("A", "slight"))
-    assert [float(row[f"bin_{place}_im"]) for place in (1, 2, 3)] == pytest.approx([0.5, 2.0, 6.0])
+    assert [float(row[f"bin_{level}_im"]) for level in (1, 2, 3)] == pytest.approx([0.5, 2.0, 6.0])
     assert (row["fit"], row["im"], row["bin_1_runs"]) == ("stripes", "sa(0.6)", "16")
     below = [
         float(row["probability_none"]) for row in rows("levels/damage.csv") if row["type"] == "A"
     ]
-    shares = [1.0 - sum(below[place::3]) / len(below[place::3]) for place in range(3)]
-    assert [float(row[f"bin_{place}_share"]) for place in (1, 2, 3)] == pytest.approx(
+    shares = [1.0 - sum(below[level::3]) / len(below[level::3]) for level in range(3)]
+    assert [float(row[f"bin_{level}_share"]) for level in (1, 2, 3)] == pytest.approx(
         shares, rel=1e-9, abs=1e-12
     )
 
 
 def test_functions_of_each_building(region: Path, tdint: Command) -> None:
-    """Functions of two models by thresholds of the drift ratio, each over Sa at the period of the
-    model, which the OpenQuake file states. The numbers equal the results of a campaign with one
-    of the models."""
+    """Each of two models has functions for thresholds of the drift ratio over Sa at its fundamental
+    period, which the OpenQuake file states. A campaign with a single model gives equal
+    parameters."""
     shaken = Path("shaken.yaml").read_text()
     Path("soft.yaml").write_text(
         shaken.replace("name: ", "name: soft ").replace("stiffness: 8000", "stiffness: 4000")
@@ -670,17 +672,17 @@ def test_losses_of_an_exposure_model(region: Path, tdint: Command) -> None:
     }
     assert values == pytest.approx({"": 2.1e6} | {name: value for name, _, _, value in assets})
     tdint("campaign", "export", "exposed", "--geojson", "--by", "taxonomy", code=0)
-    (three,) = {
-        of["properties"]["loss"]
-        for of in json.loads(Path("exposed/districts.geojson").read_text())["features"]
-        if (of["properties"]["taxonomy"], of["properties"]["level"]) == ("B/2", 1.0)
+    (map_loss,) = {
+        feature["properties"]["loss"]
+        for feature in json.loads(Path("exposed/districts.geojson").read_text())["features"]
+        if (feature["properties"]["taxonomy"], feature["properties"]["level"]) == ("B/2", 1.0)
     }
-    (told,) = (
+    (table_loss,) = (
         float(row["loss"])
         for row in rows("exposed/losses.csv")
         if (row["building"], row["level"]) == ("three", "1")
     )
-    assert three == pytest.approx(told, rel=1e-11) and told > 0.0
+    assert map_loss == pytest.approx(table_loss, rel=1e-11) and table_loss > 0.0
     assert {"types.csv", "exposure.xml"} <= {
         Path(item["file"]).name
         for item in json.loads(Path("exposed/summary.json").read_text())["inputs"]

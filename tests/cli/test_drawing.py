@@ -1,4 +1,4 @@
-"""Tables at a terminal: drawn for reading there, CSV everywhere else."""
+"""Tables are aligned for reading at a terminal, and CSV in all other outputs."""
 
 import math
 
@@ -50,7 +50,8 @@ def test_a_few_wide_rows_are_transposed():
 
 @pytest.mark.parametrize("columns", [3, 20])
 def test_records_with_long_names_that_differ_at_the_end_keep_distinct_names(columns):
-    """Three records whose file names agree in their first 70 letters, in columns or transposed."""
+    """File names with 70 equal first characters are abbreviated differently, also in a transposed
+    table."""
     names = [f"{70 * 'a'}-{end}.mseed" for end in ("firm", "near-fault", "soft")]
     rows = [(name, *(float(i + k) for k in range(columns))) for i, name in enumerate(names)]
     text = draw(("record", *(f"quantity_{k}" for k in range(columns))), rows, 80)
@@ -124,7 +125,7 @@ def test_errors_are_printed_in_percent_next_to_their_quantities():
     lines = table_bytes(Table(columns, rows, about), 80).decode().splitlines()
     assert lines[-2].split() == ["1", "0.2", "0.5", "-50", "1", "1e-09"]
     assert lines[-1].split() == ["2", "0", "40", "1e-09"]
-    for width in range(20, 60):  # in blocks, too, an error stands behind its column
+    for width in range(20, 60):  # An error follows its column also in a table of several blocks.
         heads = [
             line
             for line in table_bytes(Table(columns, rows, about), width).decode().splitlines()

@@ -1,5 +1,4 @@
-"""`tdint drift-spectrum`: rows, files, the picture, and what happens to the good records when one
-is bad."""
+"""`tdint drift-spectrum`: rows, files, figure, and usage errors."""
 
 import json
 
@@ -13,8 +12,8 @@ PERIODS = ("--period", "0.5", "--period", "2")
 def test_building_options_select_stories_height_and_beam(folder, tdint):
     tables = []
     for options in (["--stories", "1"], ["--height-period", "0.1,1"], ["--beam"]):
-        words = ("--period", "1", *options, "-o", "x.csv", "--plot", "--overwrite")
-        tdint("drift-spectrum", "other.mseed", *words, code=0)
+        arguments = ("--period", "1", *options, "-o", "x.csv", "--plot", "--overwrite")
+        tdint("drift-spectrum", "other.mseed", *arguments, code=0)
         tables += rows(folder / "x.csv")
     single, low, beam = tables
     assert single["story"] == "1" and single["peak_drift_ratio"] == single["roof_drift_ratio"]

@@ -1,4 +1,4 @@
-"""From errors to lines on standard error and exit codes."""
+"""Errors are written as lines to standard error and determine the exit code."""
 
 import logging
 import math
@@ -77,9 +77,9 @@ def test_an_error_is_a_line_and_an_exit_code(capsys, error, code, text):
     assert "Traceback" not in captured.err
 
 
-def test_the_library_s_words_become_options_where_the_command_has_them(tdint, folder):
-    """A key that a model or campaign file may have is no option, though one of the same name exists
-    elsewhere."""
+def test_messages_of_the_library_name_options_of_the_command(tdint, folder):
+    """A message names an option of the command, or a key of the model or campaign file if the input
+    is a key."""
     (folder / "motion.csv").write_text("0 0\n0.01 1\n0.02 3\n")
     (folder / "campaign.yaml").write_text(
         "buildings: {models: [frame.yaml]}\nrecords: {files: [motion.csv]}\n"
@@ -89,19 +89,19 @@ def test_the_library_s_words_become_options_where_the_command_has_them(tdint, fo
         "units: {length: ft, force: kip}\n" + (folder / "frame.yaml").read_text()
     )
     (folder / "empty.yaml").write_text("name: none\n")
-    for words, code, said in (
+    for line, code, message in (
         ("info motion.csv", 4, "--units g, cm/s^2 or m/s^2"),
         ("campaign campaign.yaml -o out", 4, "`units: g`, cm/s^2 or m/s^2"),
         ("run feet.yaml motion.csv", 3, "add mass to `units` ("),
         ("campaign empty.yaml -o out", 3, "buildings: is missing; give `models` or an `inventory`"),
     ):
-        assert said in tdint(*words.split(), code=code).stderr
+        assert message in tdint(*line.split(), code=code).stderr
 
 
-@pytest.mark.parametrize(("given", "hint"), [("5", True), ("500", False)])
-def test_a_percentage_is_proposed_only_where_it_would_do(tdint, given, hint):
-    result = tdint("spectrum", "motion.mseed", "--damping", given, code=2)
-    assert (f"did you mean {given}%?" in result.stderr) == hint
+@pytest.mark.parametrize(("damping", "has_hint"), [("5", True), ("500", False)])
+def test_a_percentage_is_proposed_only_if_it_is_valid(tdint, damping, has_hint):
+    result = tdint("spectrum", "motion.mseed", "--damping", damping, code=2)
+    assert (f"did you mean {damping}%?" in result.stderr) == has_hint
 
 
 def test_debug_adds_the_traceback(capsys):
@@ -153,11 +153,11 @@ def test_an_exit_code_is_returned(returned, code):
     assert exit_code_of(lambda: returned, Settings()) == code
 
 
-LONG = 300 * "a"  # characters; a name in a folder has 255 bytes at most
+LONG = 300 * "a"  # characters; file systems allow names of at most 255 bytes
 
 
 @pytest.mark.parametrize(
-    ("words", "code"),
+    ("arguments", "code"),
     [
         (["campaign", "status", LONG], 2),
         (["campaign", "export", LONG], 2),
@@ -171,37 +171,37 @@ LONG = 300 * "a"  # characters; a name in a folder has 255 bytes at most
     ],
     ids=lambda value: " ".join(value[:2])[:20] if isinstance(value, list) else "",
 )
-def test_invalid_file_names_are_reported_in_one_line(folder, tdint, words, code):
-    """One line each, and no traceback; /proc/self/mem is there and cannot be read."""
+def test_invalid_file_names_are_reported_in_one_line(folder, tdint, arguments, code):
+    """The error is a line without a traceback. /proc/self/mem exists, but cannot be read."""
     (folder / "campaign.yaml").write_text(STUDY)
-    said = tdint(*words, code=code).stderr
-    assert "internal error" not in said
-    assert said.splitlines()[-1].startswith("Error: ")
+    messages = tdint(*arguments, code=code).stderr
+    assert "internal error" not in messages
+    assert messages.splitlines()[-1].startswith("Error: ")
 
 
 def test_endless_or_large_style_sheets_are_refused(folder, tdint):
     os.mkfifo(folder / "pipe.mplstyle")
     with (folder / "large.mplstyle").open("wb") as stream:
         stream.truncate(10**9)
-    for name, words in (("pipe", "is a named pipe"), ("large", "is larger than 1 MB")):
+    for name, message in (("pipe", "is a named pipe"), ("large", "is larger than 1 MB")):
         sheet = f"{name}.mplstyle"
-        tdint.refused(words, "modes", "forced.yaml", "--plot", "a.png", "--style", sheet)
+        tdint.refused(message, "modes", "forced.yaml", "--plot", "a.png", "--style", sheet)
 
 
 @pytest.mark.usefixtures("short_matching")
 def test_the_mean_of_one_ground_motion_has_no_scatter(folder, tdint):
-    """It has no scatter."""
-    words = ["--units", "m/s^2", "--component", "HNE", "--range", "0.1:1", "-o", "matched"]
+    """The message contains no scatter, and no numpy warning occurs."""
+    arguments = ["--units", "m/s^2", "--component", "HNE", "--range", "0.1:1", "-o", "matched"]
     target = ["--target", "ec8:type=1,soil=B,ag=0.25g", "--suite", "mean"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        said = tdint("match", "motion.mseed", *words, *target, code=0).stderr
-    assert "mean spectrum of 1 ground motion" in said
-    assert "scatter" not in said
+        messages = tdint("match", "motion.mseed", *arguments, *target, code=0).stderr
+    assert "mean spectrum of 1 ground motion" in messages
+    assert "scatter" not in messages
 
 
 def test_the_command_runs_without_a_thread_for_signals(folder):
-    """Where the system has no thread left, as under `ulimit -u`."""
+    """The system refuses new threads, as with `ulimit -u`."""
     program = (
         "import sys, threading\n"
         'def refused(*_): raise RuntimeError("can\'t start new thread")\n'
@@ -244,8 +244,8 @@ def test_a_run_without_ground_motion_reports_that_it_is_missing(
 def test_a_wrong_unit_is_reported_before_a_smaller_step_is_recommended(
     folder: Path, tdint: Command
 ) -> None:
-    """Samples in mm/s^2 are given as m/s^2, and the steps of the method are too long: the unit
-    comes first."""
+    """Samples in mm/s^2 are declared as m/s^2, and the time step is too long. The message about the
+    unit is first."""
     text = (
         "stories: [{repeat: 2, mass: 1.0e+5, height: 3, stiffness: 1.0e+8}]\ndamping: 5%\n"
         "analysis: {method: newmark-average, dt: 0.05}\n"
@@ -253,6 +253,6 @@ def test_a_wrong_unit_is_reported_before_a_smaller_step_is_recommended(
     Path("stiff.yaml").write_text(text)
     samples = [f"{900 * math.sin(0.3 * k):.4f}" for k in range(400)]
     Path("mm.txt").write_text("# dt = 0.05 s, units = m/s^2\n" + "\n".join(samples) + "\n")
-    told = tdint("run", "stiff.yaml", "mm.txt").stderr
-    unit, smaller = told.index("check the units of the record"), told.index("use a smaller")
-    assert unit < told.index("newmark-average: ") and unit < smaller
+    messages = tdint("run", "stiff.yaml", "mm.txt").stderr
+    unit, smaller = messages.index("check the units of the record"), messages.index("use a smaller")
+    assert unit < messages.index("newmark-average: ") and unit < smaller

@@ -1,4 +1,4 @@
-"""`tdint examples`: rows, words, figures, exit codes."""
+"""`tdint examples`: rows, messages, figures, exit codes."""
 
 import re
 
@@ -37,25 +37,28 @@ CAPTIONS = (
     "amplitude decay",
     "order of accuracy over ω₀ / ω",
 )
-"""Of the paper's first figures."""
+"""Captions of the first figures of the paper."""
 
 
 @pytest.mark.parametrize("numbers", ["1", pytest.param("1 2 3", marks=pytest.mark.slow)])
-def test_examples_with_their_figures(here, tdint, numbers, drawn):
-    asked = numbers.split()
-    result = tdint("examples", *asked, "-o", "paper", code=0)
+def test_examples_with_their_figures(working_directory, tdint, numbers, drawn):
+    examples = numbers.split()
+    result = tdint("examples", *examples, "-o", "paper", code=0)
     assert "nan" not in result.stdout
     table = rows(result.stdout)
-    assert [row["example"] for row in table] == [number for number in asked for _ in range(10)]
+    assert [row["example"] for row in table] == [number for number in examples for _ in range(10)]
     assert {row["dt_s"] for row in table} == {"0.02"}
-    assert sorted(path.name for path in (here / "paper").iterdir()) == sorted(
-        name for number in asked for name in FILES[number]
+    assert sorted(path.name for path in (working_directory / "paper").iterdir()) == sorted(
+        name for number in examples for name in FILES[number]
     )
-    for number in asked:
+    for number in examples:
         name, _, *figures = FILES[number]
-        assert rows(here / "paper" / name) == [row for row in table if row["example"] == number]
+        assert rows(working_directory / "paper" / name) == [
+            row for row in table if row["example"] == number
+        ]
         assert all(
-            (here / "paper" / figure).read_bytes().startswith(b"\x89PNG") for figure in figures
+            (working_directory / "paper" / figure).read_bytes().startswith(b"\x89PNG")
+            for figure in figures
         )
     ranked = sorted(
         (row for row in table if row["rank"] and row["example"] == "1"),
@@ -67,29 +70,34 @@ def test_examples_with_their_figures(here, tdint, numbers, drawn):
         "Paper: the proposed method has the smallest error, the central difference the"
         in result.stderr
     )
-    if "3" in asked:
+    if "3" in examples:
         assert (
             "The reference solution of the paper (newmark-linear, dt 0.002 s) differs by 4.3e-05 m"
             in result.stderr
         )
 
 
-def test_all_figures_of_the_paper(here, tdint, monkeypatch):
-    """Those of methods and buildings, too: titles and curves of what is drawn. No other floor, no
-    velocity, no variant; errors as |u - u_exact|; a building shows its masses and forces."""
-    monkeypatch.setattr(
-        commands, "_RATIOS", parse_grid("0.5:2:2")
-    )  # of 15; stability needs its 600 steps
+def test_all_figures_of_the_paper(working_directory, tdint, monkeypatch):
+    """Titles and curves of the figures of methods, buildings and examples are checked. The examples
+    show displacements and |u - u_exact|, and the building shows its masses and forces."""
+    # 2 instead of 15 ratios; the stability figures need all 600 steps.
+    monkeypatch.setattr(commands, "_RATIOS", parse_grid("0.5:2:2"))
     drawn = []
     save = Figure.savefig
     monkeypatch.setattr(
         Figure,
         "savefig",
-        lambda one, *given, **more: drawn.append(one) or save(one, *given, **more),
+        lambda drawn_figure, *arguments, **options: (
+            drawn.append(drawn_figure) or save(drawn_figure, *arguments, **options)
+        ),
     )
     result = tdint("examples", "2", "-o", "paper", "--figures", "--reference", "finer", code=0)
     assert "only in a drawing that is not available to us" in " ".join(result.stderr.split())
-    names = [path.name for path in sorted((here / "paper").iterdir()) if path.suffix == ".png"]
+    names = [
+        path.name
+        for path in sorted((working_directory / "paper").iterdir())
+        if path.suffix == ".png"
+    ]
     assert names == [
         "beta-scan.png",
         *(f"figure-{number:02d}.png" for number in (*range(1, 7), *range(9, 13))),
@@ -126,32 +134,32 @@ def test_all_figures_of_the_paper(here, tdint, monkeypatch):
         True,
         True,
     ]
-    words = [text.get_text() for text in titles[9].axes[0].texts]
-    assert {"10 kg", "8 kg", "150 cos 6t N", "100 sin 4t N"} <= set(words)
+    texts = [text.get_text() for text in titles[9].axes[0].texts]
+    assert {"10 kg", "8 kg", "150 cos 6t N", "100 sin 4t N"} <= set(texts)
 
-    of_example = [titles[number] for number in (10, 11, 12)]
-    suptitles = [
-        " ".join(figure.get_suptitle().split()) for figure in of_example
-    ]  # however their lines are broken
+    example_figures = [titles[number] for number in (10, 11, 12)]
+    # The titles are compared without line breaks.
+    suptitles = [" ".join(figure.get_suptitle().split()) for figure in example_figures]
     assert [title.rpartition(") ")[2] for title in suptitles] == [
         "displacement u, floor 1, dt 0.02 s",
         "displacement u, floor 2, dt 0.02 s",
         "|u - u_exact|, floor 2, dt 0.02 s; u_exact: rk5, dt 0.0025 s",
     ]
     second, errors = (
-        [line.get_ydata() for line in figure.axes[0].get_lines()] for figure in of_example[1:]
+        [line.get_ydata() for line in figure.axes[0].get_lines()] for figure in example_figures[1:]
     )
-    exact, *methods, _ = second  # the last one marks the peak
+    exact, *methods, _ = second  # The last line marks the peak.
     assert len(methods) == 7
     for found, error in zip(methods, errors, strict=False):
         assert np.array_equal(error, np.abs(found - exact))
 
 
 def test_ranks_by_a_finer_reference(tdint):
-    """By a finer reference; by the paper's they are asked for with its figures."""
+    """Methods are ranked by their errors relative to a finer reference solution. The test of the
+    figures checks ranks by the reference of the paper."""
     table = rows(tdint("examples", "1", "--reference", "finer").stdout)
     ranked = sorted((row for row in table if row["rank"]), key=lambda row: int(row["rank"]))
-    assert [(row["rank"], row["variant"]) for row in ranked] == [(place, "") for place in "1234567"]
+    assert [(row["rank"], row["variant"]) for row in ranked] == [(rank, "") for rank in "1234567"]
     assert [row["method"].partition(":")[0] for row in ranked[:3]] == [
         "rk5",
         "impulse",
@@ -175,13 +183,13 @@ def test_selected_methods_and_steps(tdint):
     assert "The paper:" not in result.stderr
 
 
-def test_a_run_without_a_result_has_empty_cells_and_no_figure(here, tdint):
+def test_a_run_without_a_result_has_empty_cells_and_no_figure(working_directory, tdint):
     result = tdint("examples", "2", "--method", "exact", "--dt", "0.02", "-o", "out", code=0)
     (row,) = rows(result.stdout)
     assert (row["outcome"], row["displacement_m_error"], row["rank"]) == ("refused", "", "")
     assert "exact has no result: refused" in result.stderr
-    left = sorted(path.name for path in (here / "out").iterdir())
-    assert left == ["example-2-errors.csv", "example-2-errors.json"]
+    files = sorted(path.name for path in (working_directory / "out").iterdir())
+    assert files == ["example-2-errors.csv", "example-2-errors.json"]
 
 
 @pytest.mark.parametrize(
@@ -196,7 +204,7 @@ def test_a_run_without_a_result_has_empty_cells_and_no_figure(here, tdint):
         (["1", "--figures"], 2, "--figures"),
     ],
 )
-def test_invalid_arguments_are_refused(here, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(working_directory, tdint, arguments, code, message):
     tdint.refused(message, "examples", *arguments, code=code)
 
 

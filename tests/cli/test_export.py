@@ -25,8 +25,8 @@ def motion(component: str) -> library.Record:
 def test_miniseed_equals_the_motion_to_the_bit(folder, tdint) -> None:
     table = tdint("info", "motion.mseed", *UNITS, *DONE, "--export", "new/out.mseed", code=0)
     assert rows(table.stdout) == rows(tdint("info", "motion.mseed", *UNITS, *DONE).stdout)
-    told = json.loads((folder / "new" / "out.json").read_text())
-    for component, summary in zip(("HNE", "HNN"), told["records"], strict=True):
+    about = json.loads((folder / "new" / "out.json").read_text())
+    for component, summary in zip(("HNE", "HNN"), about["records"], strict=True):
         record, expected = (
             library.read_record("new/out.mseed", component=component),
             motion(component),
@@ -51,10 +51,10 @@ def test_velocity_and_displacement_are_separate_channels(folder, tdint) -> None:
     assert tdint("info", "motion.mseed", *UNITS, *DONE, "--export", "out.mseed").exit_code == 0
     expected = integrate(motion("HNE"))
     first = motion("HNE").id.split(".")
-    of_file = {trace.id: trace.data for trace in read("out.mseed", format="MSEED")}
-    assert len(of_file) == 6
+    traces = {trace.id: trace.data for trace in read("out.mseed", format="MSEED")}
+    assert len(traces) == 6
     for location, samples in (("SV", expected.velocity), ("SD", expected.displacement)):
-        assert of_file[f"{first[0]}.{first[1]}.{location}.HNE"].tobytes() == samples.tobytes()
+        assert traces[f"{first[0]}.{first[1]}.{location}.HNE"].tobytes() == samples.tobytes()
     velocity = library.read_record("out.mseed", component=f"{first[0]}.{first[1]}.SV.HNE")
     assert (velocity.quantity, velocity.units) == ("velocity", "m/s")
     a = motion("HNE").acceleration
@@ -65,7 +65,7 @@ def test_velocity_and_displacement_are_separate_channels(folder, tdint) -> None:
 
 @pytest.mark.parametrize(("units", "names"), [((), "m_s2"), (("--output-units", "cm,g"), "g")])
 def test_csv_equals_the_motion_to_its_digits(folder, tdint, units, names) -> None:
-    wanted = (
+    call = (
         "info",
         "motion.mseed",
         *UNITS,
@@ -76,14 +76,14 @@ def test_csv_equals_the_motion_to_its_digits(folder, tdint, units, names) -> Non
         "--export",
         "out.csv",
     )
-    assert tdint(*wanted).exit_code == 0
+    assert tdint(*call).exit_code == 0
     table, expected = rows(folder / "out.csv"), motion("HNN")
     assert f"acceleration_{names}" in table[0]
     record = library.read_record("out.csv")
     assert record.dt == pytest.approx(expected.dt, rel=1e-12)
     np.testing.assert_allclose(record.acceleration, expected.acceleration, rtol=1e-11, atol=1e-15)
-    told = json.loads((folder / "out.json").read_text())
-    assert set(told["columns"]) == set(table[0])
+    about = json.loads((folder / "out.json").read_text())
+    assert set(about["columns"]) == set(table[0])
     if not units:
         last = integrate(expected)
         assert float(table[-1]["velocity_m_s"]) == pytest.approx(last.velocity[-1], rel=1e-11)
@@ -96,8 +96,8 @@ def test_records_with_equal_codes_become_stations(folder, tdint) -> None:
             f"# dt = 0.02 s, units = g\n0\n0.{'ab'.index(name) + 1}\n0\n"
         )
     assert tdint("info", "a.txt", "b.txt", "--export", "out.mseed").exit_code == 0
-    told = json.loads((folder / "out.json").read_text())["records"]
-    assert [(one["file"], one["exported_as"]) for one in told] == [
+    exported = json.loads((folder / "out.json").read_text())["records"]
+    assert [(entry["file"], entry["exported_as"]) for entry in exported] == [
         ("a.txt", ".R01.SI.HN1"),
         ("b.txt", ".R02.SI.HN1"),
     ]

@@ -1,4 +1,4 @@
-"""`tdint failures`: rows, words, picture, exit codes."""
+"""`tdint failures`: rows, messages, figure, exit codes."""
 
 import pytest
 
@@ -12,25 +12,25 @@ from tdint_cli.commands.failures import command
     ["large-step", pytest.param("", marks=pytest.mark.slow)],
     ids=["one problem", "all problems"],
 )
-def test_problems_with_the_usual_methods(here, tdint, named, drawn):
-    words = ("--problem", named) if named else ()
-    result = tdint("failures", "--plot", "who.png", "-o", "who.csv", *words, code=0)
-    text = (here / "who.csv").read_text()
+def test_problems_with_the_usual_methods(working_directory, tdint, named, drawn):
+    options = ("--problem", named) if named else ()
+    result = tdint("failures", "--plot", "who.png", "-o", "who.csv", *options, code=0)
+    text = (working_directory / "who.csv").read_text()
     assert result.stdout == ""
     table = rows(text)
     assert "nan" not in text and "inf," not in text
-    asked = {name: problem for name, problem in problems().items() if name == (named or name)}
-    assert list(dict.fromkeys(row["problem"] for row in table)) == list(asked)
+    selected = {name: problem for name, problem in problems().items() if name == (named or name)}
+    assert list(dict.fromkeys(row["problem"] for row in table)) == list(selected)
     labels = [integrator.label for integrator in usual_methods()]
     assert {"impulse4:rho_inf=0", "wilson:theta=1.3", "chang"} < set(labels)
-    assert len(table) == len(labels) * sum(len(problem.steps) for problem in asked.values())
-    assert (here / "who.png").read_bytes().startswith(b"\x89PNG")
-    said = result.stderr.splitlines()
-    assert said[1].split()[:2] == ["method", "pass"]
-    assert [line.split()[0] for line in said[2:]] == labels
+    assert len(table) == len(labels) * sum(len(problem.steps) for problem in selected.values())
+    assert (working_directory / "who.png").read_bytes().startswith(b"\x89PNG")
+    lines = result.stderr.splitlines()
+    assert lines[1].split()[:2] == ["method", "pass"]
+    assert [line.split()[0] for line in lines[2:]] == labels
 
 
-def test_selected_methods_and_problems(here, tdint):
+def test_selected_methods_and_problems(working_directory, tdint):
     chosen = (
         "--problem",
         "hardening",
@@ -42,7 +42,7 @@ def test_selected_methods_and_problems(here, tdint):
         "exact",
     )
     table = rows(tdint("failures", *chosen, "--plot", "x.pdf", code=0).stdout)
-    assert (here / "x.pdf").read_bytes().startswith(b"%PDF")
+    assert (working_directory / "x.pdf").read_bytes().startswith(b"%PDF")
     assert [(row["problem"], row["dt_s"]) for row in table if row["method"] == "exact"] == [
         ("hardening", "0.005"),
         ("hardening", "0.02"),
@@ -75,7 +75,7 @@ def test_selected_methods_and_problems(here, tdint):
         (["--plot", "x.jpg"], 2, "got .jpg"),
     ],
 )
-def test_invalid_arguments_are_refused(here, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(working_directory, tdint, arguments, code, message):
     tdint.refused(message, "failures", *arguments, code=code)
 
 

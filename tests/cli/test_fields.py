@@ -86,7 +86,7 @@ def done_with_losses(done: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     def make(folder: Path) -> None:
         shutil.copytree(done, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("out"))
         lines = [
-            f"{line},{more}\n" for line, more in zip(BUILDINGS.splitlines(), COSTS, strict=True)
+            f"{line},{cells}\n" for line, cells in zip(BUILDINGS.splitlines(), COSTS, strict=True)
         ]
         Path("buildings.csv").write_text("".join(lines))
         Path("rates.csv").write_text("event,rate\nM7-1,0.002\nM7-2,0.004\nM6,0.05\nM5,1\n")
@@ -112,19 +112,20 @@ def test_runs_equal_separate_campaigns_of_each_row(region: Path, tdint: Command)
     """Each row of the table equals, to the last digit, a separate campaign with its record and
     factor."""
     found = rows("out/runs.csv")
-    assert len(found) == 2 * (2 + 3 + 3)  # components; events at the sites of a, b, c
+    # 2 components; 2, 3 and 3 events at the sites of a, b and c
+    assert len(found) == 2 * (2 + 3 + 3)
     sites, numbers = {"a": "west", "b": "east", "c": "east"}, {"M7-1": "1", "M7-2": "2", "M6": "3"}
     by_hand = []
-    for place, row in enumerate(rows("fields.csv")):
+    for index, row in enumerate(rows("fields.csv")):
         files = f"files: [{row['record']}]"
         scales = f"intensity: {{scales: [{row['factor'] or 1}]}}\n"
         Path("one.yaml").write_text(
             CAMPAIGN.replace("fields: fields.csv, sites: sites.csv", files) + scales
         )
-        tdint("campaign", "one.yaml", "-o", f"one-{place}", code=0)
+        tdint("campaign", "one.yaml", "-o", f"one-{index}", code=0)
         by_hand += [
             run | {"event": row["event"], "sample": numbers[row["event"]]}
-            for run in rows(f"one-{place}/runs.csv")
+            for run in rows(f"one-{index}/runs.csv")
             if sites[run["building"]] == row["site"]
         ]
 
@@ -203,10 +204,10 @@ def test_intensities_of_openquake_scale_the_records(
         + f"intensity: {{measure: {measure}{period}, levels: [0.31 {unit}]}}\n"
     )
     tdint("campaign", "campaign.yaml", "-o", "levels", code=0)
-    theirs, levels = (
+    openquake_rows, levels = (
         [outcome(row) for row in rows(f"{out}/runs.csv")] for out in ("theirs", "levels")
     )
-    assert theirs == levels
+    assert openquake_rows == levels
 
 
 def test_rows_of_simcenter_files_are_events(region: Path, tdint: Command) -> None:
@@ -255,10 +256,13 @@ def test_a_map_has_one_feature_for_each_building_and_event(region: Path, tdint: 
     assert "nothing to do" in tdint("campaign", "campaign.yaml", "-o", "out", code=0).stderr
     tdint("campaign", "export", "out", "--geojson", code=0)
     features = [
-        one["properties"]
-        for one in json.loads(Path("out/buildings.geojson").read_text())["features"]
+        feature_properties["properties"]
+        for feature_properties in json.loads(Path("out/buildings.geojson").read_text())["features"]
     ]
-    assert [(one["building"], one["event"], one["runs"]) for one in features] == [
+    assert [
+        (feature_properties["building"], feature_properties["event"], feature_properties["runs"])
+        for feature_properties in features
+    ] == [
         (name, event, 2)
         for name in "abc"
         for event in ("M7-1", "M7-2", "M6")
@@ -266,11 +270,11 @@ def test_a_map_has_one_feature_for_each_building_and_event(region: Path, tdint: 
     ]
     damage = rows("out/damage.csv")
     for feature in features:
-        place = (feature["building"], feature["event"])
+        group = (feature["building"], feature["event"])
         slight = [
             float(row["probability_slight"])
             for row in damage
-            if (row["building"], row["event"]) == place
+            if (row["building"], row["event"]) == group
         ]
         assert feature["probability_slight"] == pytest.approx(sum(slight) / 2, rel=1e-10, abs=1e-12)
 
@@ -397,15 +401,15 @@ def test_all_errors_of_a_table_are_reported_at_once(region: Path, tdint: Command
     )
     change("fields.csv", *changes)
     result = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
-    said = (
+    beginnings = (
         "3: factor must not be zero",
         "4: event is missing",
         "5: site 'north' not found in sites.csv",
         "6: event 'M7-1' at site",
     )
-    told = [line.partition("fields.csv:")[2] for line in result.stderr.splitlines()]
-    assert len(told) == 4 and all(
-        line.startswith(words) for line, words in zip(told, said, strict=True)
+    errors = [line.partition("fields.csv:")[2] for line in result.stderr.splitlines()]
+    assert len(errors) == 4 and all(
+        line.startswith(beginning) for line, beginning in zip(errors, beginnings, strict=True)
     )
     Path("fields.csv").write_text("event,site,record\n" + ",east,firm.mseed\n" * 1050)
     result = tdint("campaign", "campaign.yaml", "-o", "new")
@@ -422,31 +426,33 @@ def test_distant_buildings_and_buildings_without_coordinates_are_skipped(
     building without coordinates is an invalid row, and the results of the other buildings are
     unchanged to the last digit."""
     first = rows("out/runs.csv")
-    more = "d,1,1968,W1,1500,-37.8,57.7,east\ne,1,1968,W1,1500,37.9,-122.26,east\n"
-    Path("buildings.csv").write_text(BUILDINGS + more)
+    additional_rows = "d,1,1968,W1,1500,-37.8,57.7,east\ne,1,1968,W1,1500,37.9,-122.26,east\n"
+    Path("buildings.csv").write_text(BUILDINGS + additional_rows)
     result = tdint("campaign", "campaign.yaml", "-o", "far", "-q", code=4)
     assert re.search("1 building .*max_distance", result.stderr)
     found = rows("far/runs.csv")
     assert [row for row in found if row["building"] != "e"] == first
-    away = {row["building"]: float(row["distance_km"]) for row in found}
-    for building, place, site in (
+    distances = {row["building"]: float(row["distance_km"]) for row in found}
+    for building, position, site in (
         ("a", (37.80, -122.27), (37.8, -122.27)),
         ("c", (37.81, -122.26), (37.81, -122.25)),
         ("e", (37.9, -122.26), (37.81, -122.25)),
     ):
-        here, there = np.radians(place), np.radians(site)
-        half = np.sin((here - there) / 2.0) ** 2
-        haversine = half[0] + math.cos(here[0]) * math.cos(there[0]) * half[1]
-        assert away[building] == pytest.approx(
+        building_angles, site_angles = np.radians(position), np.radians(site)
+        half = np.sin((building_angles - site_angles) / 2.0) ** 2
+        haversine = half[0] + math.cos(building_angles[0]) * math.cos(site_angles[0]) * half[1]
+        assert distances[building] == pytest.approx(
             2 * 6371.0 * math.asin(math.sqrt(haversine)), rel=1e-4, abs=1e-6
         )
-    told = json.loads(Path("far/summary.json").read_text())["not_used"]["buildings"]
-    (reason,) = told["reasons"]
-    assert told["count"] == 1 and "buildings.csv:5:" in reason and "max_distance is 15 km" in reason
+    skipped = json.loads(Path("far/summary.json").read_text())["not_used"]["buildings"]
+    (reason,) = skipped["reasons"]
+    assert (
+        skipped["count"] == 1 and "buildings.csv:5:" in reason and "max_distance is 15 km" in reason
+    )
     change("campaign.yaml", ("pairs: true", "pairs: true, max_distance: 900 m"))
     tdint("campaign", "campaign.yaml", "-o", "near", code=4)
     assert {row["building"] for row in rows("near/runs.csv")} == {
-        name for name in away if away[name] <= 0.9
+        name for name in distances if distances[name] <= 0.9
     }
     Path("campaign.yaml").write_text(CAMPAIGN)
     Path("buildings.csv").write_text(BUILDINGS.replace("37.805,-122.25", "37.805,"))
@@ -455,10 +461,10 @@ def test_distant_buildings_and_buildings_without_coordinates_are_skipped(
     assert rows("lost/runs.csv") == [row for row in first if row["building"] != "b"]
 
 
-def test_a_row_of_a_field_needs_at_most_100_bytes_of_memory(here: Path) -> None:
+def test_a_row_of_a_field_needs_at_most_100_bytes_of_memory(working_directory: Path) -> None:
     """A row of a field needs at most 100 bytes of memory, for any number of rows, because its text
     is not kept."""
-    write_record(here / "firm.mseed", "HN1")
+    write_record(working_directory / "firm.mseed", "HN1")
 
     def read(count: int) -> CampaignMotions:
         lines = (
@@ -468,7 +474,7 @@ def test_a_row_of_a_field_needs_at_most_100_bytes_of_memory(here: Path) -> None:
         Path("fields.csv").write_text("event,site,record,factor\n" + "".join(lines))
         return read_field(FieldFile("fields.csv", RecordChoice(units="m/s^2")))
 
-    read(1)  # what is made once for all files
+    read(1)  # Allocate objects that are shared by all files.
     tracemalloc.start()
     count = 6_000
     found = read(count)
@@ -478,12 +484,12 @@ def test_a_row_of_a_field_needs_at_most_100_bytes_of_memory(here: Path) -> None:
     draws = found.places.draws(7)
     assert [draw.sample for draw in draws] == list(range(1, 401))
     assert [draw.factor for draw in draws] == pytest.approx(
-        [1.0 + 1e-3 * (2800 + place) for place in range(400)]
+        [1.0 + 1e-3 * (2800 + index) for index in range(400)]
     )
 
 
 def test_a_plan_derives_no_building(region: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A building is derived only by the shard that runs it. Deriving all of a million buildings
+    """Only the shard that runs a building derives its model. Deriving all of a million buildings
     took most of the time of a shard before its first run."""
     made, make = list[int](), RowBuildings.make
     monkeypatch.setattr(
@@ -498,9 +504,9 @@ def test_a_plan_derives_no_building(region: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_shard_reports_its_own_skipped_buildings_and_the_merge_all_of_them(
     region: Path, tdint: Command
 ) -> None:
-    """A shard reports skipped buildings of its own part, and the merged campaign reports all of
-    them, also if very few files can be open at the same time. Ten of 30 buildings are at a site
-    without an event."""
+    """A shard reports the skipped buildings of its part, and the merged campaign reports all
+    skipped buildings, also if very few files can be open at the same time. Ten of 30 buildings are
+    at a site without an event."""
     rng, sites = (
         np.random.default_rng(7),
         [("west", -122.27, 37.8), ("east", -122.25, 37.81), ("none", -122.2, 37.85)],
@@ -521,8 +527,10 @@ def test_a_shard_reports_its_own_skipped_buildings_and_the_merge_all_of_them(
     parts = [f"part-{k}" for k in range(1, 11)]
     for k, part in enumerate(parts, start=1):
         tdint("campaign", "campaign.yaml", "-o", part, "--shard", f"{k}/10", code=3)
-        told, run = (tables(part)[name] for name in ("buildings", "run_rows"))
-        assert {row[0] for row in run} <= {row[0] for row in told} and len(told) < 20
+        building_rows, run_rows = (tables(part)[name] for name in ("buildings", "run_rows"))
+        assert {row[0] for row in run_rows} <= {row[0] for row in building_rows} and len(
+            building_rows
+        ) < 20
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(
         resource.RLIMIT_NOFILE, (len(list(Path("/proc/self/fd").iterdir())) + 12, before[1])
@@ -534,12 +542,12 @@ def test_a_shard_reports_its_own_skipped_buildings_and_the_merge_all_of_them(
     assert tables("all") == tables("whole") and len(tables("all")["buildings"]) == 29
     for file in Path("whole").glob("*.csv"):
         assert (Path("all") / file.name).read_bytes() == file.read_bytes()
-    # A part of the parts goes on to the whole.
+    # A campaign of some merged shards can be completed.
     tdint("campaign", "merge", *parts[::3], "-o", "some", "--partial")
     assert len(tables("some")["buildings"]) < 29
     tdint("campaign", "campaign.yaml", "-o", "some", code=3)
     assert tables("some") == tables("whole")
-    # What is carried along must be the same in all parts.
+    # The additional columns must be equal in all shards.
     change("buildings.csv", ("Longitude", "Longitude,note"))
     tdint("campaign", "campaign.yaml", "-o", "part-2", "--shard", "2/10")
     refused = tdint("campaign", "merge", *parts, "-o", "other", code=2)
@@ -572,7 +580,7 @@ def test_a_building_with_an_unknown_site_is_refused(region: Path, tdint: Command
 
 
 def test_rows_with_a_missing_record_are_skipped(region: Path, tdint: Command) -> None:
-    """Rows with other records are run, and the exit code is that of unreadable records."""
+    """Rows with other records are run, and the exit code reports unreadable records."""
     change("fields.csv", ("M7-2,west,soft", "M7-2,west,none"))
     result = tdint("campaign", "campaign.yaml", "-o", "new", "-q", code=4)
     (line,) = [line for line in result.stderr.splitlines() if "none.mseed" in line]
@@ -582,28 +590,31 @@ def test_rows_with_a_missing_record_are_skipped(region: Path, tdint: Command) ->
 
 @pytest.mark.usefixtures("losing")
 def test_damage_of_each_event() -> None:
-    """The damage of a type in an event is the mean of the probabilities and losses of its runs;
-    each event is listed once."""
+    """The damage of a type in an event is the mean of the probabilities and losses of its runs."""
     runs, types, losses = (rows(f"out/{name}.csv") for name in ("damage", "damage-types", "losses"))
     assert {row["event"] for row in types} == {"M7-1", "M7-2", "M6"}
     for row in types:
         column = f"probability_{row['state'].replace('-', '_')}"
-        told = [
+        run_values = [
             float(run[column])
             for run in runs
             if (run["type"], run["event"]) == (row["type"], row["event"])
         ]
-        assert int(row["runs"]) == len(told) > 0
-        assert float(row["probability"]) == pytest.approx(sum(told) / len(told), abs=1e-11)
+        assert int(row["runs"]) == len(run_values) > 0
+        assert float(row["probability"]) == pytest.approx(
+            sum(run_values) / len(run_values), abs=1e-11
+        )
     for row in losses:
         if row["building"]:
             names = ("type", "event", "building")
-            told = [
+            run_values = [
                 float(run["loss_ratio"])
                 for run in runs
                 if all(run[name] == row[name] for name in names)
             ]
-            assert float(row["loss_ratio"]) == pytest.approx(sum(told) / len(told), rel=1e-9)
+            assert float(row["loss_ratio"]) == pytest.approx(
+                sum(run_values) / len(run_values), rel=1e-9
+            )
 
 
 def test_losses_are_sums_over_the_buildings(losing: Path, tdint: Command) -> None:
@@ -615,7 +626,7 @@ def test_losses_are_sums_over_the_buildings(losing: Path, tdint: Command) -> Non
     district = {"a": "north", "b": "south", "c": "north"}
     groups = 0
     for row in found:
-        mine = [
+        group_runs = [
             run
             for run in runs
             if run["event"] == row["event"]
@@ -623,31 +634,30 @@ def test_losses_are_sums_over_the_buildings(losing: Path, tdint: Command) -> Non
             and row["type"] in ("", run["type"])
             and row["District"] in ("", district[run["building"]])
         ]
-        names = {run["building"] for run in mine}
+        names = {run["building"] for run in group_runs}
         each = {
-            name: [float(run["loss_ratio"]) for run in mine if run["building"] == name]
+            name: [float(run["loss_ratio"]) for run in group_runs if run["building"] == name]
             for name in names
         }
-        expected = sum(value[name] * sum(of) / len(of) for name, of in each.items())
+        expected = sum(value[name] * sum(ratios) / len(ratios) for name, ratios in each.items())
         assert float(row["value"]) == pytest.approx(sum(value[name] for name in names), rel=1e-12)
         assert float(row["loss"]) == pytest.approx(expected, rel=1e-9)
         groups += not row["building"]
-        if len({run["record"] for run in mine}) == 1:
+        if len({run["record"] for run in group_runs}) == 1:
             assert row["loss_error"] == ""
             continue
-        # Without one of both motions the other one alone tells the loss ratio.
-        under = {record: [0.0, 0.0] for record in {run["record"] for run in mine}}
-        for run in mine:
+        # Jackknife of two ground motions: each partial loss ratio follows from a single motion.
+        under = {record: [0.0, 0.0] for record in {run["record"] for run in group_runs}}
+        for run in group_runs:
             share = value[run["building"]] / len(each[run["building"]])
             under[run["record"]][0] += share
             under[run["record"]][1] += share * float(run["loss_ratio"])
-        one, other = (lost / worth for worth, lost in under.values())
+        first, second = (loss / worth for worth, loss in under.values())
         assert float(row["loss_error"]) == pytest.approx(
-            0.5 * float(row["value"]) * abs(one - other), rel=1e-7
+            0.5 * float(row["value"]) * abs(first - second), rel=1e-7
         )
-    assert (
-        groups == 3 + 8 + 6 and len(found) == groups + 8
-    )  # events; types, districts, buildings in events
+    # Groups by event (3), type (8), district (6), and buildings (8)
+    assert groups == 3 + 8 + 6 and len(found) == groups + 8
     again = tdint("campaign", "campaign.yaml", "-o", "out", "--by", "county", code=2)
     assert states(again.stderr, "--by county: ... not found ... available")
     change("buildings.csv", ("1.5e6", "much"))
@@ -659,18 +669,18 @@ def test_only_selected_tables_are_written(losing: Path, tdint: Command) -> None:
     """Selected tables equal the same tables of a complete output, and other tables are not written.
     Another selection does not repeat runs."""
     campaign = Path("campaign.yaml").read_text()
-    words = ("campaign", "campaign.yaml", "-o", "new", "--by", "District")
+    call = ("campaign", "campaign.yaml", "-o", "new", "--by", "District")
     Path("campaign.yaml").write_text(campaign + "outputs: [losses]\n")
-    tdint(*words, code=0)
+    tdint(*call, code=0)
     assert sorted(file.name for file in Path("new").glob("[a-z]*.*")) == [
         "campaign.sqlite", "exceedance.csv", "losses.csv", "summary.json",
     ]  # fmt: skip
     Path("campaign.yaml").write_text(campaign + "outputs: [runs, damage]\n")
-    assert "nothing to do" in tdint(*words, code=0).stderr
+    assert "nothing to do" in tdint(*call, code=0).stderr
     for name in ("runs", "damage", "damage-types", "losses"):
         assert Path(f"new/{name}.csv").read_bytes() == Path(f"out/{name}.csv").read_bytes()
     Path("campaign.yaml").write_text(campaign + "outputs: [runs, cost]\n")
-    tdint.refused("campaign.yaml:4:17: outputs[2]: unknown table 'cost'", *words, code=3)
+    tdint.refused("campaign.yaml:4:17: outputs[2]: unknown table 'cost'", *call, code=3)
 
 
 def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) -> None:
@@ -685,23 +695,22 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
         "event,site,record,record_2\nM7,east,one.mseed,two.mseed\nM6,west,NZ.WTMC.20.HNN.mseed,\n"
     )
     tdint("campaign", "campaign.yaml", "-o", "new", code=0)
-    told = {(row["building"], row["record"], row["component"]): row for row in rows("new/runs.csv")}
-    assert len(told) == 6 and {name for _, name, _ in told} == set(
-        files
-    )  # a at west, b and c at east
+    runs = {(row["building"], row["record"], row["component"]): row for row in rows("new/runs.csv")}
+    # Building a is at the site west, b and c are at east.
+    assert len(runs) == 6 and {name for _, name, _ in runs} == set(files)
     study = CAMPAIGN.replace("fields: fields.csv, sites: sites.csv", f"files: [{', '.join(files)}]")
     Path("plain.yaml").write_text(study.replace(", pairs: true", ""))
     tdint("campaign", "plain.yaml", "-o", "plain", code=0)
     plain = {
         (row["building"], row["record"], row["component"]): row for row in rows("plain/runs.csv")
     }
-    for key, row in told.items():
+    for key, row in runs.items():
         assert row["peak_drift_ratio"] == plain[key]["peak_drift_ratio"]
     Path("NZ.WTMC.20.HNE.mseed").unlink()
-    said = tdint("campaign", "campaign.yaml", "-o", "again", code=4).stderr
+    messages = tdint("campaign", "campaign.yaml", "-o", "again", code=4).stderr
     assert (
-        "fields.csv:3: NZ.WTMC.20.HNN.mseed+" in said
-        and "has only one horizontal component" in said
+        "fields.csv:3: NZ.WTMC.20.HNN.mseed+" in messages
+        and "has only one horizontal component" in messages
     )
     change("campaign.yaml", (", pairs: true", ""))
     tdint.refused(
@@ -716,44 +725,58 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
 
 def test_annual_exceedance_rates_of_losses(losing: Path, tdint: Command) -> None:
     """The annual rate of exceedance of a loss is the sum of the rates of all events with at least
-    this loss. It and the average annual loss are computed by hand."""
+    this loss. The average annual loss is the sum of rate times loss."""
     rates, found = {"M7-1": 0.002, "M7-2": 0.004, "M6": 0.05}, rows("out/exceedance.csv")
     losses = [row for row in rows("out/losses.csv") if not row["type"]]
     districts = {"a": "north", "b": "south", "c": "north"}
     worth = {(row["District"], row["event"]): float(row["value"]) for row in losses}
     for part in ("", "north", "south"):
-        mine = {row["event"]: float(row["loss"]) for row in losses if row["District"] == part}
-        told = [row for row in found if row["District"] == part]
-        assert [row["event"] for row in told] == sorted(mine, key=lambda event: -mine[event])
-        for row in told:
-            as_large = [event for event in mine if mine[event] >= mine[row["event"]]]
+        event_losses = {
+            row["event"]: float(row["loss"]) for row in losses if row["District"] == part
+        }
+        group_rows = [row for row in found if row["District"] == part]
+        assert [row["event"] for row in group_rows] == sorted(
+            event_losses, key=lambda event: -event_losses[event]
+        )
+        for row in group_rows:
+            as_large = [
+                event for event in event_losses if event_losses[event] >= event_losses[row["event"]]
+            ]
             assert float(row["exceedance_rate"]) == pytest.approx(
                 sum(rates[event] for event in as_large), rel=1e-10
             )
-        annual = sum(rates[event] * mine[event] for event in mine)
-        assert sum(float(row["annual_loss"]) for row in told) == pytest.approx(annual, rel=1e-10)
-        assert float(told[-1]["cumulative_annual_loss"]) == pytest.approx(annual, rel=1e-10)
-        # The scatter of each event by the rows of its buildings: independent, and all together.
-        for row in told:
-            alone = [
-                of
-                for of in rows("out/losses.csv")
-                if of["building"]
-                and of["event"] == row["event"]
-                and part in ("", districts[of["building"]])
+        annual = sum(rates[event] * event_losses[event] for event in event_losses)
+        assert sum(float(row["annual_loss"]) for row in group_rows) == pytest.approx(
+            annual, rel=1e-10
+        )
+        assert float(group_rows[-1]["cumulative_annual_loss"]) == pytest.approx(annual, rel=1e-10)
+        # The scatter of each event follows from its buildings, independent or fully correlated.
+        for row in group_rows:
+            building_rows = [
+                building_row
+                for building_row in rows("out/losses.csv")
+                if building_row["building"]
+                and building_row["event"] == row["event"]
+                and part in ("", districts[building_row["building"]])
             ]
-            spread = [float(of["value"]) * float(of["loss_ratio_sd"]) for of in alone]
-            alike = [float({"a": 3, "b": 1, "c": 10}[of["building"]]) for of in alone]
-            together = math.sqrt(
-                sum(sd**2 / number for sd, number in zip(spread, alike, strict=True))
+            spread = [
+                float(building_row["value"]) * float(building_row["loss_ratio_sd"])
+                for building_row in building_rows
+            ]
+            numbers = [
+                float({"a": 3, "b": 1, "c": 10}[building_row["building"]])
+                for building_row in building_rows
+            ]
+            independent_sd = math.sqrt(
+                sum(sd**2 / number for sd, number in zip(spread, numbers, strict=True))
             )
-            assert float(row["loss_sd_independent"]) == pytest.approx(together, rel=1e-9)
+            assert float(row["loss_sd_independent"]) == pytest.approx(independent_sd, rel=1e-9)
             assert float(row["loss_sd_correlated"]) == pytest.approx(sum(spread), rel=1e-9)
-        # How often a loss as large comes, by beta distributions.
+        # Rates of exceedance with beta distributions of the losses
         for name in ("independent", "correlated"):
-            for row in told:
+            for row in group_rows:
                 rate, loss = 0.0, float(row["loss"])
-                for other in told:
+                for other in group_rows:
                     cost = worth[part, other["event"]]
                     mean, sd = float(other["loss"]) / cost, float(other[f"loss_sd_{name}"]) / cost
                     k = mean * (1.0 - mean) / sd**2 - 1.0
@@ -762,21 +785,21 @@ def test_annual_exceedance_rates_of_losses(losing: Path, tdint: Command) -> None
                     )
                 assert float(row[f"exceedance_rate_{name}"]) == pytest.approx(rate, rel=1e-6)
     Path("rates.csv").write_text("event,rate\nM7-1,0.002\n")
-    said = "rates.csv: 2 events of the fields have no rate in this file, such as 'M7-2'"
-    tdint.refused(said, "campaign", "campaign.yaml", "-o", "new", code=3)
+    message = "rates.csv: 2 events of the fields have no rate in this file, such as 'M7-2'"
+    tdint.refused(message, "campaign", "campaign.yaml", "-o", "new", code=3)
 
 
 @pytest.mark.parametrize("demand", ["larger", "mean", "separate"])
 def test_the_annual_loss_for_each_rule_of_pairs(losing: Path, tdint: Command, demand: str) -> None:
-    """Values computed by hand from the drift ratios of the runs agree with losses, exceedance
-    rates, damage by type and the map, for each rule for component pairs."""
+    """Losses computed from the drift ratios of the runs agree with losses, exceedance rates, damage
+    by type and the map, for each rule for component pairs."""
     tdint("campaign", "export", "out", "--geojson", "--pair-demand", demand, code=0)
     types = json.loads(Path("out/summary.json").read_text())["damage"]["types"]
     worth = {"a": 2e6 * 3, "b": 1.5e6, "c": 4e5 * 10}
     rates = {"1": 0.002, "2": 0.004, "3": 0.05}
 
-    def loss(kind: str, drift: float) -> float:
-        states = types[kind]
+    def loss(building_type: str, drift: float) -> float:
+        states = types[building_type]
         exceeded = [
             float(norm.cdf(math.log(drift / median) / states["dispersion"]))
             for median in states["medians"]
@@ -784,7 +807,8 @@ def test_the_annual_loss_for_each_rule_of_pairs(losing: Path, tdint: Command, de
         steps = np.diff([0.0, *states["losses"][: len(exceeded)]])
         return float(np.dot(exceeded, steps))
 
-    # The demands of both components of each pair, by building and event: beyond all after a fall.
+    # The demands of both components of each pair, by building and event; a collapse has a demand
+    # larger than all thresholds.
     pairs: dict[tuple[str, str, str], list[float]] = {}
     for run in rows("out/damage.csv"):
         key = run["building"], run["type"], run["sample"]
@@ -795,11 +819,11 @@ def test_the_annual_loss_for_each_rule_of_pairs(losing: Path, tdint: Command, de
     assert any(max(drifts) < 1e9 and drifts[0] != drifts[1] for drifts in pairs.values())
     by_hand = {
         (building, event): {
-            "larger": loss(kind, max(drifts)),
-            "mean": loss(kind, sum(drifts) / 2.0),
-            "separate": sum(loss(kind, drift) for drift in drifts) / 2.0,
+            "larger": loss(building_type, max(drifts)),
+            "mean": loss(building_type, sum(drifts) / 2.0),
+            "separate": sum(loss(building_type, drift) for drift in drifts) / 2.0,
         }[demand]
-        for (building, kind, event), drifts in pairs.items()
+        for (building, building_type, event), drifts in pairs.items()
     }
     annual = sum(rates[event] * worth[name] * value for (name, event), value in by_hand.items())
     exceedance = rows("out/exceedance.csv")
@@ -810,19 +834,27 @@ def test_the_annual_loss_for_each_rule_of_pairs(losing: Path, tdint: Command, de
         feature["properties"]
         for feature in json.loads(Path("out/buildings.geojson").read_text())["features"]
     ]
-    on_map = {(one["building"], one["event"]): one for one in features}
+    on_map = {
+        (feature_properties["building"], feature_properties["event"]): feature_properties
+        for feature_properties in features
+    }
     for (building, event), value in by_hand.items():
         row, feature = losses[building, names[event]], on_map[building, names[event]]
         assert float(row["loss_ratio"]) == pytest.approx(value, rel=1e-9)
         assert feature["loss_ratio"] == pytest.approx(value, rel=1e-9)
         assert row["pair_demand"] == feature["pair_demand"] == demand
         assert int(row["runs"]) == (2 if demand == "separate" else 1)
-        of_year = {of: rates[of] * worth[name] * it for (name, of), it in by_hand.items()
-                   if name == building}  # fmt: skip
+        annual_losses = {
+            number: rates[number] * worth[name] * ratio
+            for (name, number), ratio in by_hand.items()
+            if name == building
+        }
         assert (feature["value"], feature["loss"], feature["annual_loss"]) == pytest.approx(
-            (worth[building], worth[building] * value, of_year[event]), rel=1e-9
+            (worth[building], worth[building] * value, annual_losses[event]), rel=1e-9
         )
-        assert feature["average_annual_loss"] == pytest.approx(sum(of_year.values()), rel=1e-9)
+        assert feature["average_annual_loss"] == pytest.approx(
+            sum(annual_losses.values()), rel=1e-9
+        )
     for table in (exceedance, rows("out/damage-types.csv"), rows("out/losses.csv")):
         assert {row["pair_demand"] for row in table} == {demand}
 
@@ -844,8 +876,8 @@ def polygons(*names: str) -> str:
 
 def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
     """A district has the rows of losses.csv and exceedance.csv, at the points of its buildings or
-    as its polygon. Its average annual loss is the sum over its buildings and all events, also if
-    the map shows only one event."""
+    as its polygon. Its average annual loss is the sum over its buildings and all events, also in
+    the map of a single event."""
     tdint("campaign", "export", "out", "--geojson", "--by", "District", code=0)
     losses = {
         (row["District"], row["event"]): row for row in rows("out/losses.csv") if row["District"]
@@ -854,42 +886,54 @@ def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
     for row in rows("out/exceedance.csv"):
         annual[row["District"]] = annual.get(row["District"], 0.0) + float(row["annual_loss"])
     found = districts()
-    assert {(of["properties"]["District"], of["properties"]["event"]) for of in found} == set(
-        losses
-    )
+    assert {
+        (properties["properties"]["District"], properties["properties"]["event"])
+        for properties in found
+    } == set(losses)
     for feature in found:
-        of = feature["properties"]
-        row = losses[of["District"], of["event"]]
+        properties = feature["properties"]
+        row = losses[properties["District"], properties["event"]]
         for name in ("value", "loss", "loss_ratio", "buildings", "runs"):
-            assert of[name] == pytest.approx(float(row[name]), rel=1e-11)
-        assert of["average_annual_loss"] == pytest.approx(annual[of["District"]], rel=1e-9)
+            assert properties[name] == pytest.approx(float(row[name]), rel=1e-11)
+        assert properties["average_annual_loss"] == pytest.approx(
+            annual[properties["District"]], rel=1e-9
+        )
         assert feature["geometry"]["type"] == "MultiPoint"
     (north,) = (
-        of["geometry"]["coordinates"]
-        for of in found
-        if (of["properties"]["District"], of["properties"]["event"]) == ("north", "M6")
+        properties["geometry"]["coordinates"]
+        for properties in found
+        if (properties["properties"]["District"], properties["properties"]["event"])
+        == ("north", "M6")
     )
     assert north == [[-122.27, 37.8], [-122.26, 37.81]]
     buildings = json.loads(Path("out/buildings.geojson").read_text())["features"]
     by_building = {
-        of["properties"]["building"]: of["properties"]["average_annual_loss"] for of in buildings
+        properties["properties"]["building"]: properties["properties"]["average_annual_loss"]
+        for properties in buildings
     }
     assert annual["north"] == pytest.approx(by_building["a"] + by_building["c"], rel=1e-9)
     assert annual[""] == pytest.approx(sum(by_building.values()), rel=1e-9)
     # One event, and polygons.
     Path("shapes.geojson").write_text(polygons("north", "south", "west"))
-    more = ("--by", "district", "--event", "M6", "--polygons", "shapes.geojson")
-    tdint("campaign", "export", "out", "--geojson", *more, code=0)
-    alone = districts()
-    assert [of["geometry"] for of in alone] == [POLYGON, POLYGON]
-    expected = [of["properties"] for of in found if of["properties"]["event"] == "M6"]
-    assert [{name.lower(): cell for name, cell in of["properties"].items()} for of in alone] == [
-        {name.lower(): cell for name, cell in of.items()} for of in expected
+    options = ("--by", "district", "--event", "M6", "--polygons", "shapes.geojson")
+    tdint("campaign", "export", "out", "--geojson", *options, code=0)
+    selected = districts()
+    assert [properties["geometry"] for properties in selected] == [POLYGON, POLYGON]
+    expected = [
+        properties["properties"]
+        for properties in found
+        if properties["properties"]["event"] == "M6"
     ]
-    left = json.loads(Path("out/buildings.geojson").read_text())["features"]
-    assert left == [of for of in buildings if of["properties"]["event"] == "M6"]
+    assert [
+        {name.lower(): cell for name, cell in properties["properties"].items()}
+        for properties in selected
+    ] == [{name.lower(): cell for name, cell in properties.items()} for properties in expected]
+    remaining = json.loads(Path("out/buildings.geojson").read_text())["features"]
+    assert remaining == [
+        properties for properties in buildings if properties["properties"]["event"] == "M6"
+    ]
     assert 'shapes.geojson"' in Path("out/summary.json").read_text()
-    # A map of districts does not outlive a call that cannot write it again.
+    # An export without districts removes the map of districts.
     result = tdint("campaign", "export", "out", code=0)
     assert "districts.geojson: removed" in result.stderr
     assert not Path("out/districts.geojson").exists()

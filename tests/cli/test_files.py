@@ -29,8 +29,8 @@ from tdint_cli.options.grammar import FileName
 
 MOTION = "motion.mseed --units m/s^2 --component HNE"
 ASCE7 = "asce7:sds=1,sd1=0.6,tl=8"
-GOES_ON = {"campaign", "ida", "runs", "merge"}
-"""Commands that go on with what they wrote, where others refuse it."""
+CONTINUED = {"campaign", "ida", "runs", "merge"}
+"""Calls that continue with their own outputs; other commands refuse existing files."""
 
 WRITING = {
     "init": ("init new.yaml --period 0.5", "new.yaml"),
@@ -91,7 +91,7 @@ WRITING = {
     ),
     "validate": ("validate -o v.csv", "v.csv"),
 }
-"""Of each command that writes a call, and the files that come of it."""
+"""Call and written files of each command that writes files."""
 
 
 @pytest.fixture
@@ -124,7 +124,7 @@ def files_in(folder: Path) -> dict[str, bytes]:
     }
 
 
-def words_of(line: str, **names: object) -> list[str]:
+def arguments_of(line: str, **names: object) -> list[str]:
     """Return the arguments of a command line, with the placeholders MOTION, RECORD and UNITS
     replaced by common options."""
     record = MOTION.replace("motion.mseed", "{read}")
@@ -145,7 +145,7 @@ def writing_commands() -> set[str]:
     return {
         name
         for name in names
-        if {"output", "plot", "overwrite"} & {one.name for one in parameters_of(name)}
+        if {"output", "plot", "overwrite"} & {parameter.name for parameter in parameters_of(name)}
     }
 
 
@@ -158,28 +158,30 @@ def test_every_command_that_writes_or_reads_files_is_tested() -> None:
     }
     names = cli.list_commands(click.Context(cli))
     takes_files = {
-        name for name in names if any(isinstance(one.type, FileName) for one in parameters_of(name))
+        name
+        for name in names
+        if any(isinstance(parameter.type, FileName) for parameter in parameters_of(name))
     }
     assert takes_files <= {line.split()[0] for line, _ in READING.values()} | {"pushover"}
 
 
-def check_what_is_told(
-    tdint: Command, words: list[str], read: dict[str, bytes], written: dict[str, bytes]
+def check_json_file(
+    tdint: Command, arguments: list[str], read: dict[str, bytes], written: dict[str, bytes]
 ) -> None:
     """Check the JSON file of an output: inputs, their sources, options, the meaning of each column,
-    and no path except the paths that were typed. `rerun` in another working directory finds
-    equal tables and changes no file."""
+    and no path except the paths that were typed. `rerun` in another working directory reports equal
+    tables and changes no file."""
     (file,) = (
         name for name, data in written.items() if name.endswith(".json") and b'"arguments"' in data
     )
     about = json.loads(written[file])
     assert (
-        about["schema"]["name"] in (f"tdint {words[0]}", "tdint campaign")
-        and about["arguments"] == words
+        about["schema"]["name"] in (f"tdint {arguments[0]}", "tdint campaign")
+        and about["arguments"] == arguments
     )
-    inputs = {one["file"]: one["sha256"] for one in about["inputs"]}
+    inputs = {entry["file"]: entry["sha256"] for entry in about["inputs"]}
     assert inputs == {name: sha256(read[name]).hexdigest() for name in inputs}
-    assert read.keys() & words <= inputs.keys()
+    assert read.keys() & arguments <= inputs.keys()
     assert about["versions"]["sources"] == version_of_sources()[1]
     assert str(Path.cwd()).encode() not in written[file]
     header = written.get(f"{file.removesuffix('json')}csv", b"").decode().partition("\n")[0]
@@ -195,25 +197,25 @@ def check_what_is_told(
 def test_files_of_other_origin_are_not_replaced(study: Path, tdint: Command, name: str) -> None:
     """A command lists the files that it wrote, and writes them again without --overwrite, with
     equal bytes except for times."""
-    line, named = WRITING[name]
-    arguments, files = words_of(line), named.split()
+    line, listed_files = WRITING[name]
+    arguments, files = arguments_of(line), listed_files.split()
     if name == "merge":
         tdint("campaign", "study.yaml", "-o", "part", code=0)
     before = files_in(study)
     for file in files:
-        mine = study / file
-        mine.parent.mkdir(exist_ok=True)
-        mine.write_bytes(b"mine")
+        path = study / file
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(b"mine")
         result = tdint.refused(f"{file}: the file exists", *arguments, code=6)
         assert "--overwrite to replace it" in result.stderr
         assert files_in(study) == before | {file: b"mine"}
-        mine.unlink()
+        path.unlink()
     tdint(*arguments, code=0)
     written = {file: data for file, data in files_in(study).items() if file not in before}
     assert set(files) <= set(written)
     if name not in ("init", "histories"):
-        check_what_is_told(tdint, arguments, before, written)
-    tdint(*arguments, code=0 if name in GOES_ON else 6)
+        check_json_file(tdint, arguments, before, written)
+    tdint(*arguments, code=0 if name in CONTINUED else 6)
     assert files_in(study) == before | written
     for file in written:
         (study / file).write_bytes(b"mine")
@@ -226,7 +228,7 @@ def test_files_of_other_origin_are_not_replaced(study: Path, tdint: Command, nam
     (study / files[0]).write_bytes(b"mine")
     tdint(*arguments, "--overwrite", code=0)
     now = files_in(study)
-    timed = {"out/summary.json", "c.csv", "c.json", "c.png"}  # of runs and of charts
+    timed = {"out/summary.json", "c.csv", "c.json", "c.png"}  # These files contain measured times.
     assert {file: now[file] for file in written if file not in timed} == {
         file: data for file, data in written.items() if file not in timed
     }
@@ -276,12 +278,12 @@ READING = {
     "plug-in": ("methods --plugin FIFO.py", 2),
     "rerun": ("rerun FIFO", 2),
 }
-"""Calls with a named pipe in the place of a file, and how they end."""
+"""Calls with a named pipe instead of a file, and their exit codes."""
 
 
 @contextmanager
 def not_longer_than(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError if the block takes longer."""
+    """Raise TimeoutError if the block exceeds the time."""
 
     def too_long(*_: Any) -> None:
         raise TimeoutError(f"waited for {seconds} s")
@@ -299,7 +301,7 @@ def not_longer_than(seconds: float) -> Iterator[None]:
 @pytest.mark.parametrize("name", READING)
 def test_a_named_pipe_does_not_block_a_command(study: Path, tdint: Command, name: str) -> None:
     line, code = READING[name]
-    arguments = words_of(line)
+    arguments = arguments_of(line)
     (study / "piped.yaml").write_text(
         (study / "shaken.yaml").read_text().replace("motion.mseed", "FIFO")
     )
@@ -312,17 +314,17 @@ def test_a_named_pipe_does_not_block_a_command(study: Path, tdint: Command, name
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
-@pytest.mark.parametrize("place", ["object", "lock", "reference"])
+@pytest.mark.parametrize("cached_file", ["object", "lock", "reference"])
 def test_a_named_pipe_in_the_cache_does_not_block_a_command(
-    study: Path, tdint: Command, monkeypatch: pytest.MonkeyPatch, place: str
+    study: Path, tdint: Command, monkeypatch: pytest.MonkeyPatch, cached_file: str
 ) -> None:
     pipe = study / "pipe"
     os.mkfifo(pipe)
     with not_longer_than(60.0):
-        if place == "lock":
+        if cached_file == "lock":
             with locked(pipe, lambda: None):
                 pass
-        elif place == "reference":
+        elif cached_file == "reference":
             assert _load(pipe, None, 1) is None  # type: ignore[arg-type]
         else:
             target = native()
@@ -412,21 +414,23 @@ KEPT_SAFE = {
         "order --method newmark-average --load free --style file={read} --plot={written}",
     ),
 }
-"""Of each option whose file is written a call, what is read under the name that it writes, and the
-name's suffix."""
+"""For each option that writes a file: the input file with the name of the output, its suffix, and
+the call."""
 
 
 def test_every_option_that_writes_a_file_is_tested() -> None:
     """Exceptions are directories with fixed file names, commands without inputs, and options that
     are part of `Outputs` in every command."""
     lines = [line.split() for _, _, line in KEPT_SAFE.values()]
-    tried = {(words[0], word.partition("=")[0]) for words in lines for word in words}
+    tried = {
+        (arguments[0], argument.partition("=")[0]) for arguments in lines for argument in arguments
+    }
     for name in writing_commands():
         for option in parameters_of(name):
             is_written = isinstance(option.type, FileName) and option.type.written
             if is_written and option.opts[0] not in ("--plot", "-o"):
                 assert (name, option.opts[0]) in tried | {("init", "file")}, name
-    reading = {words[0] for words in lines}
+    reading = {arguments[0] for arguments in lines}
     assert writing_commands() - reading == {
         "overshoot",
         "failures",
@@ -437,16 +441,16 @@ def test_every_option_that_writes_a_file_is_tested() -> None:
     }
 
 
-def lay_out(study: Path, file: str, read: Path, of: str = "") -> None:
-    """Write a copy of a file; own.yaml contains the record and of-it.yaml the model of this copy,
-    or of the study."""
+def lay_out(study: Path, file: str, read: Path, copy: str = "") -> None:
+    """Write a copy of a file. own.yaml refers to `copy` as record, of-it.yaml as model; by default,
+    both refer to the files of the study."""
     (study / "many").mkdir()
     shutil.copy(study / file, study / read)
     text = (study / "shaken.yaml").read_text().partition("excitation:")[0]
-    record = f"{{file: {of or 'motion.mseed'}, units: m/s^2, component: HNE}}"
+    record = f"{{file: {copy or 'motion.mseed'}, units: m/s^2, component: HNE}}"
     (study / "own.yaml").write_text(f"{text}excitation: {{record: {record}}}\n")
     (study / "of-it.yaml").write_text(
-        (study / "study.yaml").read_text().replace("shaken.yaml", of or "shaken.yaml")
+        (study / "study.yaml").read_text().replace("shaken.yaml", copy or "shaken.yaml")
     )
 
 
@@ -461,14 +465,14 @@ def test_input_files_are_never_replaced(study: Path, tdint: Command, name: str, 
     file, suffix, line = KEPT_SAFE[name]
     folder = {"campaign -o": "runs", "inventory --models": "house"}.get(name, "kept")
     read = Path("many", f"a{suffix}") if "many" in line else Path(f"{folder}{suffix}")
-    lay_out(study, file, read, of=str(read))
+    lay_out(study, file, read, copy=str(read))
     written = read
     if link:
         written = Path(f"link{suffix}")
         (os.symlink if link == "symbolic" else os.link)(study / read, study / written)
     before = files_in(study)
-    words = words_of(line, read=read, written=written, beside=written.stem, folder=".")
-    result = tdint(*words, "--overwrite")
+    arguments = arguments_of(line, read=read, written=written, beside=written.stem, folder=".")
+    result = tdint(*arguments, "--overwrite")
     assert result.exit_code == 6, result.output
     assert "this command reads the file" in result.stderr
     after = files_in(study)
@@ -496,7 +500,7 @@ def test_unwritable_outputs_are_reported_before_the_computation(
         (study / written).write_bytes(b"mine")
     before = files_in(study)
     result = tdint(
-        *words_of(line, read=file, written=written, beside="", folder=".").copy(), code=6
+        *arguments_of(line, read=file, written=written, beside="", folder=".").copy(), code=6
     )
     assert where in result.stderr and result.stdout == ""
     assert files_in(study) == before
@@ -512,30 +516,30 @@ def test_standard_input_from_a_file_is_not_replaced(study: Path) -> None:
 
 
 def test_a_run_removes_only_files_of_an_earlier_run(study: Path, tdint: Command) -> None:
-    whole = words_of("run shaken.yaml MOTION -o out --overwrite")
+    call = arguments_of("run shaken.yaml MOTION -o out --overwrite")
     tdint(
-        *whole, "--history", "--plot", "--floor-spectra", "roof", "--export-floors", "mseed", code=0
+        *call, "--history", "--plot", "--floor-spectra", "roof", "--export-floors", "mseed", code=0
     )
     first = files_in(study / "out")
     listed = json.loads(first["summary.json"])["files"]
-    assert {one["file"]: one["sha256"] for one in listed} == {
+    assert {entry["file"]: entry["sha256"] for entry in listed} == {
         name: sha256(data).hexdigest() for name, data in first.items() if name != "summary.json"
     }
-    mine = {"history.csv": b"mine", "response.png": b"mine", "notes.txt": b"mine"}
-    for name, data in mine.items():
+    edited = {"history.csv": b"mine", "response.png": b"mine", "notes.txt": b"mine"}
+    for name, data in edited.items():
         (study / "out" / name).write_bytes(data)
-    told = tdint(*whole, code=0).stderr
-    assert states(told, "history.csv, response.png ... not removed, ... changed")
-    left = files_in(study / "out")
-    assert set(left) == {"stories.csv", "summary.json", *mine}
-    assert {name: left[name] for name in mine} == mine
-    (study / "out" / "summary.json").write_bytes(b"[")  # one that lists nothing
-    tdint(*whole, code=0)
-    assert {name: files_in(study / "out")[name] for name in mine} == mine
+    messages = tdint(*call, code=0).stderr
+    assert states(messages, "history.csv, response.png ... not removed, ... changed")
+    remaining = files_in(study / "out")
+    assert set(remaining) == {"stories.csv", "summary.json", *edited}
+    assert {name: remaining[name] for name in edited} == edited
+    (study / "out" / "summary.json").write_bytes(b"[")  # invalid summary without a list of files
+    tdint(*call, code=0)
+    assert {name: files_in(study / "out")[name] for name in edited} == edited
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("options", "message"),
     [
         (("--plot=x.jpg",), "a figure must be written as .png, .pdf or .svg"),
         (("--plot", "mine.png"), "mine.png: the file exists"),
@@ -544,20 +548,20 @@ def test_a_run_removes_only_files_of_an_earlier_run(study: Path, tdint: Command)
         (("--report", "r.pdf"), "the report is HTML"),
     ],
 )
-@pytest.mark.parametrize("of", ["campaign study.yaml", "run shaken.yaml MOTION --scale 1,2"])
+@pytest.mark.parametrize("call", ["campaign study.yaml", "run shaken.yaml MOTION --scale 1,2"])
 def test_output_names_are_checked_before_the_runs(
-    study: Path, tdint: Command, words: tuple[str, ...], said: str, of: str
+    study: Path, tdint: Command, options: tuple[str, ...], message: str, call: str
 ) -> None:
     for name in ("mine.png", "mine.html", "many"):
         (study / name).write_bytes(b"mine")
     before = files_in(study)
     tdint.refused(
-        said,
-        *words_of(of),
+        message,
+        *arguments_of(call),
         "-o",
         "out",
-        *words,
-        code=6 if "many" in words[-1] or "exists" in said else 2,
+        *options,
+        code=6 if "many" in options[-1] or "exists" in message else 2,
     )
     assert files_in(study) == before and not (study / "out" / "campaign.sqlite").exists()
 
@@ -569,9 +573,9 @@ def test_a_dash_is_standard_output(study: Path, tdint: Command) -> None:
         "spectrum MOTION --period 1",
         "stability --method wilson --dt-over-t 0.1",
     ):
-        words = words_of(line)
-        assert tdint(*words, "-o", "-").stdout == tdint(*words).stdout != ""
-    tdint.refused("this command writes a directory", *words_of("run shaken.yaml MOTION -o -"))
+        arguments = arguments_of(line)
+        assert tdint(*arguments, "-o", "-").stdout == tdint(*arguments).stdout != ""
+    tdint.refused("this command writes a directory", *arguments_of("run shaken.yaml MOTION -o -"))
     assert files_in(study) == before
 
 
@@ -593,10 +597,10 @@ def test_a_single_table_is_written_as_parquet(folder, tdint, line):
     for file in ("a.csv", "a.parquet"):
         tdint(*line.split(), "-o", file, "--overwrite", code=0)
     table = check_parquet("a.parquet", rows(Path("a.csv").read_text()))
-    told = json.loads(Path("a.json").read_text())["columns"]
+    columns = json.loads(Path("a.json").read_text())["columns"]
     for name in table.column_names:
         known = {key.decode(): value.decode() for key, value in table.field(name).metadata.items()}
-        assert known["meaning"] and known.get("unit") == told[name].get("unit")
+        assert known["meaning"] and known.get("unit") == columns[name].get("unit")
 
 
 @pytest.mark.parametrize(

@@ -174,9 +174,9 @@ def test_shapes_of_modes(folder, tdint, drawn):
     for floor in range(1, 5):
         name = f"floor_{floor}_shape"
         assert sum(float(row[name]) for row in by_participation) == pytest.approx(1.0)
-        for one, other in zip(by_roof, by_participation, strict=True):
-            assert float(other[name]) == pytest.approx(
-                float(one["participation"]) * float(one[name]), abs=1e-9
+        for roof_row, participation_row in zip(by_roof, by_participation, strict=True):
+            assert float(participation_row[name]) == pytest.approx(
+                float(roof_row["participation"]) * float(roof_row[name]), abs=1e-9
             )
 
 

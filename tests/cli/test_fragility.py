@@ -30,14 +30,14 @@ def test_fragility_in_other_units(folder, tdint, text, name, arguments):
     (folder / "g.csv").write_text(text)
     table = [row | {name: repr(9.80665 * float(row[name])), "unit": "m/s^2"} for row in rows(text)]
     lines = [",".join(table[0]), *(",".join(row.values()) for row in table)]
-    given = tdint(
+    converted = tdint(
         "fragility", "g.csv", *arguments, "--output-units", "m", "--plot=given.svg", code=0
     )
     direct = tdint(
         "fragility", "-", *arguments, "--plot=direct.svg", stdin="\n".join(lines).encode()
     )
-    assert given.stderr == direct.stderr
-    for row, other in zip(rows(given.stdout), rows(direct.stdout), strict=True):
+    assert converted.stderr == direct.stderr
+    for row, other in zip(rows(converted.stdout), rows(direct.stdout), strict=True):
         assert row["unit"] == other["unit"] == "m/s^2"
         for key in ("theta", "beta", "theta_error", "beta_error"):
             assert float(row[key]) == pytest.approx(float(other[key]), rel=1e-6)

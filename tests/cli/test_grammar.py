@@ -1,5 +1,5 @@
-"""One grammar for all commands: lists, ratios, grids, --plot, folders, -q, headings, standard
-input."""
+"""Grammar that is common to all commands: lists, ratios, grids, --plot, directories, -q, headings,
+standard input."""
 
 import shlex
 from importlib import import_module
@@ -36,7 +36,7 @@ from tdint_cli.options.grammar import BESIDE, with_named_files
         ),
         ("spectrum other.mseed --periods 0.5", 1, {"period_s": [0.5]}),
         ("spectrum other.mseed --period 0.1:0.4:3,2", 4, {"period_s": [0.1, 0.2, 0.4, 2.0]}),
-        # One amplitude after the other, the first one again at the end.
+        # The amplitudes are used in the typed order, and the first amplitude is repeated.
         ("law forced.yaml --drift 1%,20mm --drift 1% --points 1", 1 + 3 * 4, {}),
         (
             "stability --method newmark:beta=0.25:gamma=0.5,hht --dt-over-t 0.1 --damping 0,5%",
@@ -51,7 +51,7 @@ from tdint_cli.options.grammar import BESIDE, with_named_files
     ],
 )
 def test_lists_accept_commas_and_repeated_options(folder, tdint, line, count, values):
-    """And a grid may be a single number."""
+    """Repeated values are used once for spectra. A grid can be a single number."""
     table = rows(tdint(*line.split(), code=0).stdout)
     assert len(table) == count
     for name, expected in values.items():
@@ -123,7 +123,7 @@ def test_an_empty_argument_after_plot_is_a_missing_name(tdint):
 
 
 def test_a_figure_is_written_next_to_the_output_or_to_its_own_name(folder, tdint):
-    """In folders that are made."""
+    """Missing directories of the outputs are created."""
     for line in (
         "info --plot other.mseed -o a/info.csv",
         "spectrum --period 1 other.mseed motion.mseed --plot b/all.svg",
@@ -208,20 +208,25 @@ TABLES = [
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_table_requires_a_file_name_with_a_suffix(here, tdint, name):
-    """`-o sp` was a folder of `tdint run` and a file named sp of `tdint spectrum`."""
-    words = [*WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])] if name != "validate" else []
+def test_a_table_requires_a_file_name_with_a_suffix(working_directory, tdint, name):
+    """A name without suffix would be a directory for `tdint run` and a file for `tdint
+    spectrum`."""
+    arguments = (
+        [*INPUTS.get(name, ["x.csv"]), *REQUIRED.get(name, [])] if name != "validate" else []
+    )
     folder = ", or sp/ for a directory" if "spectrum" in name else ""
     expected = (
         "Error: -o sp: the file of a table must have a suffix; use sp.csv or "
         f"sp.csv.gz{folder}; -o - is standard output"
     )
-    assert tdint(name, *words, "-o", "sp", code=2).stderr.partition(" (see")[0].strip() == expected
-    assert not list(here.iterdir())
+    assert (
+        tdint(name, *arguments, "-o", "sp", code=2).stderr.partition(" (see")[0].strip() == expected
+    )
+    assert not list(working_directory.iterdir())
 
 
 def test_model_and_record_are_positional_or_read_from_standard_input(folder, tdint):
-    """A record behind the model is that of the option."""
+    """A record after the model is equivalent to --record."""
     expected = tdint("run", "shaken.yaml", "other.mseed", code=0).stdout
     assert tdint("run", "shaken.yaml", "--record", "other.mseed").stdout == expected
     assert tdint("run", "shaken.yaml").stdout != expected
@@ -239,21 +244,21 @@ def test_model_and_record_are_positional_or_read_from_standard_input(folder, tdi
 def test_quiet_suppresses_messages_but_not_data_and_errors(folder, tdint):
     loud = tdint("run", "forced.yaml")
     assert "Maximum" in loud.stderr
-    for words in (("-q", "run", "forced.yaml"), ("run", "forced.yaml", "--quiet")):
-        quiet = tdint(*words, code=0)
-        (warning,) = quiet.stderr.splitlines()  # a plausibility warning; it is not silenced
+    for call in (("-q", "run", "forced.yaml"), ("run", "forced.yaml", "--quiet")):
+        quiet = tdint(*call, code=0)
+        (warning,) = quiet.stderr.splitlines()  # --quiet does not suppress warnings.
         assert quiet.stdout == loud.stdout and warning.startswith("Warning: mass of a floor")
     assert tdint("-q", "run", "missing.yaml", code=3).stderr == tdint("run", "missing.yaml").stderr
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_options_are_listed_under_headings_in_order(name, tdint):
-    """What several commands have stands under the same one."""
+    """Options of several commands have the same heading in all commands."""
     text = tdint(name, "--help-all").stdout
-    places = [
+    positions = [
         text.index(f"\n{heading}:\n") for heading in grammar.ORDER if f"\n{heading}:\n" in text
     ]
-    assert places == sorted(places)
+    assert positions == sorted(positions)
     assert "\nGeneral:\n" in text
     shared = {
         "component": "Record",
@@ -268,15 +273,15 @@ def test_options_are_listed_under_headings_in_order(name, tdint):
             assert option.heading == shared.get(option.name, option.heading)
 
 
-# ---- Options that act on what another one asks for
+# ---- Options that depend on another option
 
-NEEDY = [
+DEPENDENT_OPTIONS = [
     (name, option)
     for name, parameters in PARAMETERS.items()
     for option in parameters
     if getattr(option, "needs", "")
 ]
-WORDS = {
+INPUTS = {
     "compile": ["--all"],
     "ida": ["x", "y"],
     "failures": [],
@@ -293,33 +298,32 @@ REQUIRED = {
 }
 
 
-def a_value(parameter: click.Option) -> list[str]:
-    """One that the option takes."""
+def valid_value(parameter: click.Option) -> list[str]:
+    """Return a valid value of an option, as arguments."""
     if parameter.is_flag:
         return []
-    kind = getattr(parameter.type, "item", parameter.type)
-    if isinstance(kind, click.Choice):
-        return [kind.choices[0]]
+    item_type = getattr(parameter.type, "item", parameter.type)
+    if isinstance(item_type, click.Choice):
+        return [item_type.choices[0]]
     written = parameter.metavar or parameter.type.name
     return ["0.3:3:9" if "FIRST:LAST" in written else "1:2" if "LOW:HIGH" in written else "1"]
 
 
-@pytest.mark.parametrize(("name", "parameter"), NEEDY, ids=lambda part: getattr(part, "name", part))
-def test_an_option_without_effect_is_refused(here, tdint, name, parameter):
-    """Before any work: the files that are named do not exist. With what it needs the command goes
-    on, and misses them.
-
-    `--floor-damping 2%` of `tdint run` without --floor-spectra was passed over in silence.
-    """
+@pytest.mark.parametrize(
+    ("name", "parameter"), DEPENDENT_OPTIONS, ids=lambda part: getattr(part, "name", part)
+)
+def test_an_option_without_effect_is_refused(working_directory, tdint, name, parameter):
+    """The option is refused before any file is read; the named files do not exist. Formerly,
+    `--floor-damping 2%` of `tdint run` without --floor-spectra was ignored."""
     option = max(parameter.opts, key=len)
-    inputs = [] if parameter.needs == "RECORD" else WORDS.get(name, ["x.csv"])
-    words = [name, *inputs, *REQUIRED.get(name, [])]
-    words += (
+    inputs = [] if parameter.needs == "RECORD" else INPUTS.get(name, ["x.csv"])
+    call = [name, *inputs, *REQUIRED.get(name, [])]
+    call += (
         {"--period": ["--im", "pga"], "--damping": ["--im", "pga"]}.get(option, [])
         if name == "ida"
         else []
     )
-    words += ["--load", "free"] if option == "--frequency-ratio" else []
+    call += ["--load", "free"] if option == "--frequency-ratio" else []
     value = {
         "--period": "1",
         "--range": "0.3:3:9",
@@ -332,19 +336,18 @@ def test_an_option_without_effect_is_refused(here, tdint, name, parameter):
         "--report-head": "Project: bridge",
         "--pairs": "{}_N.txt,{}_E.txt",
     }.get(option)
-    result = tdint(*words, option, *([value] if value else a_value(parameter)), code=2)
+    result = tdint(*call, option, *([value] if value else valid_value(parameter)), code=2)
     expected = (
         f"Error: {option} has no effect without {parameter.needs}; add {parameter.needs}, or omit "
         f"{option}"
     )
     assert result.stderr.partition(" (see")[0].strip() == expected
-    assert not list(here.iterdir())
+    assert not list(working_directory.iterdir())
 
 
 def test_options_that_depend_on_others_declare_them():
-    """What acts on another option's work alone, by command: whoever adds such an option adds
-    `needs`."""
-    found = {(name, max(parameter.opts, key=len)) for name, parameter in NEEDY}
+    """Each option that has an effect only with another option declares it with `needs`."""
+    found = {(name, max(parameter.opts, key=len)) for name, parameter in DEPENDENT_OPTIONS}
     assert {
         ("run", "--floor-damping"),
         ("run", "--floor-periods"),
@@ -376,14 +379,14 @@ def test_options_that_depend_on_others_declare_them():
     } <= found
 
 
-# ---- Modes of a command, and the options that each takes
+# ---- Modes of a command and their options
 
 MODES = {
     name: modes
     for name, (module, _) in COMMANDS.items()
     if (modes := getattr(import_module(f"tdint_cli.commands.{module}"), "MODES", ()))
 }
-ASKED = {
+MODE_ARGUMENTS = {
     ("spectrum", "without RECORD"): "--target ec8:type=1,soil=B,ag=0.25g",
     ("spectrum", "with elastic spectra"): "x",
     ("spectrum", "with --ductility or --strength"): "x --ductility 2 --strength 1",
@@ -424,7 +427,7 @@ ASKED = {
         "with a campaign directory, which defines the records and the parameters",
     ): "folder",
 }
-"""The words that ask for a mode."""
+"""Arguments that select a mode of a command."""
 
 VALUES = {
     "--axes": "periods --plot=p.png",
@@ -466,20 +469,20 @@ def idle_options():
     for name, modes in MODES.items():
         taken = frozenset().union(*(mode.takes for mode in modes))
         choosing = {
-            word
+            argument
             for mode in modes
-            for word in ASKED[name, mode.words].split()
-            if word.startswith("--")
+            for argument in MODE_ARGUMENTS[name, mode.words].split()
+            if argument.startswith("--")
         }
         for mode in modes:
-            words = ASKED[name, mode.words].split()
+            arguments = MODE_ARGUMENTS[name, mode.words].split()
             for parameter in PARAMETERS[name]:
                 option = max(parameter.opts, key=len)
                 is_idle = parameter.name in taken - mode.takes and isinstance(
                     parameter, click.Option
                 )
-                asks_for_another = option in choosing and not choosing.intersection(words)
-                if is_idle and option not in words and not asks_for_another:
+                asks_for_another = option in choosing and not choosing.intersection(arguments)
+                if is_idle and option not in arguments and not asks_for_another:
                     yield pytest.param(
                         name,
                         mode,
@@ -491,23 +494,27 @@ def idle_options():
 
 @pytest.mark.parametrize(("name", "mode", "parameter", "chooses"), list(idle_options()))
 def test_an_option_that_a_mode_does_not_support_is_refused(
-    here, tdint, name, mode, parameter, chooses
+    working_directory, tdint, name, mode, parameter, chooses
 ):
-    """Before any work. `tdint chart --problems standard --highpass 0.1` and `tdint campaign status
-    DIR --baseline A` were passed over in silence."""
-    (here / "folder").mkdir()
-    (here / "empty.py").write_text("METHODS = ()\n")
+    """The option is refused before any file is read. Formerly, the options of `tdint chart
+    --problems standard --highpass 0.1` and `tdint campaign status DIR --baseline A` were
+    ignored."""
+    (working_directory / "folder").mkdir()
+    (working_directory / "empty.py").write_text("METHODS = ()\n")
     option = max(parameter.opts, key=len)
-    value = VALUES[option].split() if option in VALUES else a_value(parameter)
+    value = VALUES[option].split() if option in VALUES else valid_value(parameter)
     typed = value if value and value[0].startswith(option) else [option, *value]
-    result = tdint(name, *ASKED[name, mode.words].split(), *typed)
+    result = tdint(name, *MODE_ARGUMENTS[name, mode.words].split(), *typed)
     advice = mode.advice.get(parameter.name, f"omit {option}")
     expected = f"Error: {option} has no effect {mode.words}; {advice}"
-    # Of two options that ask for a mode each, or are given together here, either is refused.
+    # If two options select a mode, or if the call contains two options, either may be refused.
     text = " has no effect with" if chooses or len(value) > 1 else expected
     assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
     assert text in result.stderr
-    assert {path.name for path in here.iterdir()} - {"__pycache__"} == {"folder", "empty.py"}
+    assert {path.name for path in working_directory.iterdir()} - {"__pycache__"} == {
+        "folder",
+        "empty.py",
+    }
 
 
 @pytest.mark.parametrize("name", MODES)
@@ -518,30 +525,33 @@ def test_modes_contain_only_parameters_of_their_command(name):
         for mode in MODES[name]
         if not parameters.issuperset(mode.takes | set(mode.advice))
     ] == []
-    assert {words for command, words in ASKED if command == name} == {
+    assert {mode_text for command, mode_text in MODE_ARGUMENTS if command == name} == {
         mode.words for mode in MODES[name]
     }
 
 
 def test_an_option_is_not_used_as_the_value_of_another(folder, tdint):
-    words = ("scale", "motion.mseed", "--pga", "0.3g")
-    tdint.refused("--pairs requires a value, but -q is an option", *words, "--pairs", "-q")
-    tdint(*words, "--units", "m/s^2", "-q", code=0)
+    call = ("scale", "motion.mseed", "--pga", "0.3g")
+    tdint.refused("--pairs requires a value, but -q is an option", *call, "--pairs", "-q")
+    tdint(*call, "--units", "m/s^2", "-q", code=0)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_replaced_options_are_refused_with_their_replacement(name, tdint):
-    """Where the command has that; elsewhere there was none."""
+    """The message names the replacement if the command has it."""
     own = {flag for option in PARAMETERS[name] for flag in option.opts}
-    for before, (now, _) in grammar._FORMER.items():
-        assert before not in own
-        said = tdint(name, before, "90mm", code=2).stderr.splitlines()
-        assert len(said) == 1
-        assert (f"{before} was replaced by {now}; use {now} " in said[0]) == (now in own), said
+    for former, (replacement, _) in grammar._FORMER.items():
+        assert former not in own
+        lines = tdint(name, former, "90mm", code=2).stderr.splitlines()
+        assert len(lines) == 1
+        assert (f"{former} was replaced by {replacement}; use {replacement} " in lines[0]) == (
+            replacement in own
+        ), lines
 
 
 @pytest.mark.parametrize(
-    ("now", "example"), [one for one in grammar._FORMER.values() if one[0] == "--style"]
+    ("replacement", "example"),
+    [replaced for replaced in grammar._FORMER.values() if replaced[0] == "--style"],
 )
-def test_the_replacement_of_a_former_option_is_a_valid_style(now, example):
+def test_the_replacement_of_a_former_option_is_a_valid_style(replacement, example):
     assert parse_style(shlex.split(example)[0]) != ON_SCREEN

@@ -1,4 +1,4 @@
-"""Help in two levels: what most people type on one screen, everything behind --help-all."""
+"""Help with two levels: the common options on one screen, and all options with --help-all."""
 
 import shlex
 import time
@@ -30,9 +30,9 @@ def command_of(name):
     return cli.get_command(click.Context(cli), name)
 
 
-def screen(*words):
-    """Return what a command line prints on a terminal of 80 columns, of which click uses 78."""
-    result = CliRunner().invoke(cli, list(words), prog_name="tdint", terminal_width=78)
+def screen(*arguments):
+    """Return the output of a command line on a terminal with 80 columns; click uses 78 columns."""
+    result = CliRunner().invoke(cli, list(arguments), prog_name="tdint", terminal_width=78)
     assert result.exit_code == 0, result.output
     return result.stdout
 
@@ -57,14 +57,14 @@ def test_help_fits_one_screen_and_help_all_lists_all_options(name):
     )
     assert len(command.examples) == 2 and all(example in short for example in command.examples)
     assert all(f"\n  {code}  {meaning}" in short for code, meaning in command.exits.items())
-    # The whole is no less than it was: every paragraph of what the command does.
+    # The complete help contains all paragraphs of the description.
     assert "".join(command.help.split()) in "".join(long.split())
 
 
 @pytest.fixture(scope="module")
 def office(tmp_path_factory):
-    """A folder in which the examples run one after the other: office.yaml, and files that readers
-    have of their own."""
+    """Directory in which the examples run in order: office.yaml, and files that users would
+    provide."""
     folder = tmp_path_factory.mktemp("office")
     for name in ("buildings.csv", "stripes.csv"):
         (folder / name).write_bytes((readmes.ROOT / "configs" / name).read_bytes())
@@ -79,29 +79,28 @@ def office(tmp_path_factory):
 )
 @pytest.mark.usefixtures("short_matching")
 def test_examples_run(name, office, monkeypatch, tdint):
-    """Of `tdint examples` test_examples.py runs nearly the same lines."""
+    """The examples of each command run. Nearly the same calls of `tdint examples` are also in
+    test_examples.py."""
     monkeypatch.chdir(office)
     if not Path("office.yaml").exists():
         tdint("init", "office.yaml", "--stories", "5", "--period", "0.8", code=0)
-    motion = Path("office-motion.txt")  # the pulse itself, without the rest of 20 s
+    motion = Path("office-motion.txt")  # shortened to the pulse, without 20 s of free vibration
     motion.write_text("".join(motion.read_text().splitlines(keepends=True)[:600]))
     if not Path("recorded").exists():
         tdint("run", "office.yaml", "-o", "recorded", "--export-floors", "mseed", code=0)
-    for written in (
-        Path().glob("loop.*") if name == "law" else ()
-    ):  # by what is there for `rerun`, in whatever order
+    # The files for `rerun` may have been written before, because the order of tests can change.
+    for written in Path().glob("loop.*") if name == "law" else ():
         written.unlink()
     if name == "rerun" and not Path("loop.json").exists():
         tdint("law", "office.yaml", "--drift", "2%", "-o", "loop.csv", code=0)
     began = time.time() - 1.0
     for example in command_of(name).examples:
-        _, *words = shlex.split(example)
-        assert words[0] == name
-        more = {"init": ["--overwrite"], "pushover": ["--points", "20"]}.get(
-            name, []
-        )  # a tenth of the steps
-        result = tdint(*words, *more, code=0)
-        # Every table can be split at its commas: no label has one, nor quotes for it.
+        _, *arguments = shlex.split(example)
+        assert arguments[0] == name
+        # Fewer steps, for a faster test
+        options = {"init": ["--overwrite"], "pushover": ["--points", "20"]}.get(name, [])
+        result = tdint(*arguments, *options, code=0)
+        # Every table can be split at its commas, because no label contains a comma or quotes.
         tables = [result.stdout] if "," in result.stdout.partition("\n")[0] else []
         tables += [
             path.read_text() for path in Path().rglob("*.csv") if path.stat().st_mtime >= began

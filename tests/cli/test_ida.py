@@ -96,16 +96,15 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
     tdint(*call, "--check", "-o", "out", code=0)
     plain, checked = (rows(folder / name / "ida.csv") for name in ("plain", "out"))
     demands = ("peak_drift_ratio", "peak_absolute_acceleration_m_s2", "residual_drift_ratio")
-    more = [f"{name}_error" for name in demands]
-    assert list(checked[0]) == [*plain[0], *more]
+    error_columns = [f"{name}_error" for name in demands]
+    assert list(checked[0]) == [*plain[0], *error_columns]
     assert [{name: row[name] for name in plain[0]} for row in checked] == plain
     (row,) = (row for row in checked if row["level"] == "2")
     scales = ("--scale", f"{row['scale']},1e-3", "--check")
-    alone = rows(tdint("run", *call[1:], *scales, code=0).stdout)[
-        1
-    ]  # errors of all kinds of runs: tests/campaign
-    assert [float(row[name]) for name in more] == pytest.approx(
-        [float(alone[name]) for name in more], rel=1e-6
+    # tests/campaign tests the errors of other runs.
+    single_run = rows(tdint("run", *call[1:], *scales, code=0).stdout)[1]
+    assert [float(row[name]) for name in error_columns] == pytest.approx(
+        [float(single_run[name]) for name in error_columns], rel=1e-6
     )
     assert {"done", "collapsed"} <= {row["status"] for row in checked}
     assert (folder / "plain" / "capacities.csv").read_bytes() == (
@@ -115,7 +114,7 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
     assert about["settings"]["check"] is True and "peak_drift_ratio_error" in about["columns"]
     again = tdint(*call, "--check", "-o", "out")
     assert "nothing to do" in again.stderr and rows(folder / "out" / "ida.csv") == checked
-    tdint(*call, "-o", "out", code=2)  # another study
+    tdint(*call, "-o", "out", code=2)  # Without --check, it is another study.
 
 
 def test_a_study_and_its_files(studied, tdint):
@@ -146,7 +145,7 @@ def test_a_study_and_its_files(studied, tdint):
 
 
 @pytest.mark.parametrize(
-    ("statements", "said"),
+    ("statements", "message"),
     [
         (
             ["DELETE FROM run_rows WHERE chunk > 0", "DELETE FROM chunks WHERE id > 0"],
@@ -158,13 +157,13 @@ def test_a_study_and_its_files(studied, tdint):
         (["UPDATE chunks SET runs = 1e9"], "they are run again"),
     ],
 )
-def test_missing_or_corrupt_runs_are_run_again(studied, tdint, statements, said):
+def test_missing_or_corrupt_runs_are_run_again(studied, tdint, statements, message):
     """The study continues as after an interruption, and its files are equal to the last byte."""
     before = written(studied / "out")
     for name in before:
         (studied / "out" / name).unlink()
     sql(*statements)
-    assert said in tdint(*STUDY, code=0).stderr
+    assert message in tdint(*STUDY, code=0).stderr
     assert written(studied / "out") == before
 
 
@@ -194,12 +193,12 @@ def test_a_study_does_not_replace_figures_of_other_commands(studied, tdint, draw
 
 
 def test_a_study_in_other_units_and_back(studied, tdint):
-    """The unit of the intensities is in a column, which changes with the numbers. The store is
+    """The unit of the intensities is in a column, which changes with the values. The store is
     independent of output units."""
     names = ("ida.csv", "capacities.csv")
     si = [rows(studied / "out" / name) for name in names]
-    told = tdint(*STUDY[:-1], "--output-units", "kip,in,g", code=0).stderr
-    assert "nothing to do" in told and " g, 16 and 84 %" in told and "m/s^2" not in told
+    messages = tdint(*STUDY[:-1], "--output-units", "kip,in,g", code=0).stderr
+    assert "nothing to do" in messages and " g, 16 and 84 %" in messages and "m/s^2" not in messages
     about = json.loads((studied / "out" / "ida.json").read_text())
     for table, name in zip(si, names, strict=True):
         for row, us in zip(table, rows(studied / "out" / name), strict=True):
@@ -216,7 +215,7 @@ def test_a_study_in_other_units_and_back(studied, tdint):
     columns = about["columns"]
     assert columns["capacity"]["unit"] == columns["peak_absolute_acceleration_g"]["unit"] == "g"
     assert "pga_g" in about["records"][0] and about["settings"]["output_units"] == "kip,in,kg,g"
-    # All motions are one, times a factor.
+    # All ground motions are equal except for a factor.
     tdint.refused("all capacities are equal: ", "fragility", "out", code=5)
     assert "m/s^2" in tdint(*STUDY[:-1]).stderr
     assert [rows(studied / "out" / name)[0]["unit"] for name in names] == ["m/s^2"] * 2
@@ -268,7 +267,7 @@ def test_invalid_studies_are_refused(folder, tdint, arguments, code, message):
 
 
 def test_runs_without_a_result_are_reported(folder, tdint, monkeypatch):
-    """If runs fail near the collapse, no capacity is computed from them, and the imprecise capacity
+    """If runs fail near the collapse, they are not used for a capacity, and the imprecise capacity
     is reported."""
     original = Batch.results
 

@@ -1,5 +1,4 @@
-"""`tdint info`: a row per component, the picture, and what happens to the good records when one is
-bad."""
+"""`tdint info`: rows of the components, figure, usage errors."""
 
 import math
 
@@ -21,7 +20,7 @@ def errors(result) -> list[str]:
 
 
 def test_each_component_has_a_row_in_order(folder, tdint):
-    """The numbers are those of the library: test_interface.py."""
+    """test_interface.py compares the values with the library."""
     result = tdint("info", "motion.mseed", "other.mseed")
     assert (result.exit_code, errors(result)) == (0, [])
     table = rows(result.stdout)
@@ -97,22 +96,23 @@ def test_usage_errors(folder, tdint, arguments, code, message):
     tdint.refused(message, "info", *arguments, code=code)
 
 
-@pytest.mark.parametrize(("other", "said"), [("motion.mseed", True), ("other.mseed", False)])
-def test_omitted_components_of_a_figure_are_reported(folder, tdint, other, said):
-    told = [
+@pytest.mark.parametrize(("other", "is_reported"), [("motion.mseed", True), ("other.mseed", False)])
+def test_omitted_components_of_a_figure_are_reported(folder, tdint, other, is_reported):
+    messages = [
         line
         for line in tdint("info", "motion.mseed", other, "--plot", "p.svg").stderr.splitlines()
         if "shows" in line
     ]
-    assert each_states(told, ["note: ... first 3 components; 1 are omitted"] * said)
+    assert each_states(messages, ["note: ... first 3 components; 1 are omitted"] * is_reported)
 
 
 def test_a_name_with_a_formula_after_a_semicolon_is_quoted(folder, tdint):
-    """A spreadsheet that parts cells there would run it; other readers get the name as it is."""
+    """A spreadsheet that separates cells at semicolons would execute the formula. Other programs
+    read the unchanged name."""
     (folder / "a;=1+2.mseed").write_bytes((folder / "motion.mseed").read_bytes())
-    told = tdint("info", "a;=1+2.mseed", code=0).stdout
-    assert told.splitlines()[1].startswith('"a;=1+2.mseed",HNE')
-    assert rows(told)[0]["record"] == "a;=1+2.mseed"
+    table = tdint("info", "a;=1+2.mseed", code=0).stdout
+    assert table.splitlines()[1].startswith('"a;=1+2.mseed",HNE')
+    assert rows(table)[0]["record"] == "a;=1+2.mseed"
 
 
 def test_long_sampling_intervals_leave_only_spectral_measures_empty(folder, tdint):
@@ -123,8 +123,8 @@ def test_long_sampling_intervals_leave_only_spectral_measures_empty(folder, tdin
 
 
 def test_the_predominant_period_is_the_period_of_the_maximum_response(folder, tdint):
-    """A long sine: the response with 5 % damping is largest at its period, within the distance of
-    1 % between two periods."""
+    """The response to a long sine with 5 % damping has its maximum at the period of the sine,
+    within the spacing of the periods of 1 %."""
     samples = [f"{math.sin(2.0 * math.pi * 0.01 * k / 0.8):.9f}" for k in range(4000)]
     (folder / "sine.txt").write_text("# dt = 0.01 s, units = m/s^2\n" + "\n".join(samples) + "\n")
     (row,) = rows(tdint("info", "sine.txt", code=0).stdout)

@@ -1,4 +1,4 @@
-"""`tdint init` and `tdint check`: a first model that runs, and what is wrong with others."""
+"""`tdint init` and `tdint check`: first models that run, and errors of other models."""
 
 import json
 import shlex
@@ -22,18 +22,18 @@ from tdint.model.config.model_file import load_model, model_schema
 
 
 def test_the_first_commands_of_the_readme_run_in_an_empty_directory(
-    here: Path, tdint: Command
+    working_directory: Path, tdint: Command
 ) -> None:
     commands = [shlex.split(line, comments=True) for line in readmes.block("first").splitlines()]
     assert len(commands) <= 5 and {command for command, *_ in commands} == {"tdint"}
-    for _, *words in commands:
-        tdint(*words, code=0)
-    assert {file.name for file in (here / "out").iterdir()} == {
+    for _, *arguments in commands:
+        tdint(*arguments, code=0)
+    assert {file.name for file in (working_directory / "out").iterdir()} == {
         "stories.csv",
         "summary.json",
         "response.png",
     }
-    summary = json.loads((here / "out" / "summary.json").read_text())
+    summary = json.loads((working_directory / "out" / "summary.json").read_text())
     assert summary["status"] == "done" and summary["building"]["stories"] == 5
 
 
@@ -63,7 +63,7 @@ def test_the_model_has_the_requested_period(
         "new/own-motion.txt",
     )
     assert float(row["t1_damping"]) == pytest.approx(0.05)
-    # The first mode is a straight line, and all stories yield together in it.
+    # The first mode is a straight line, and all stories yield at the same amplitude of this mode.
     building = assemble(load_model("new/own.yaml"))
     _, shape = building.vibration.first
     np.testing.assert_allclose(shape / shape[0], np.arange(1.0, stories + 1.0), rtol=1e-6)
@@ -88,8 +88,8 @@ def test_the_motion_is_the_pulse_of_its_parameters(folder: Path, tdint: Command)
     assert (record.dt, record.duration, record.units_from) == (0.01, 20.0, "file")
     velocity = 0.01 * np.cumsum(record.acceleration)
     assert np.max(np.abs(velocity)) < pulse.velocity
-    # Neither a velocity nor, with the phase pi/2, a displacement stays: v is odd about the middle
-    # of the pulse.
+    # Velocity and displacement end at zero; with the phase pi/2, v is odd about the middle of the
+    # pulse.
     assert abs(velocity[-1]) < 1e-5
     assert abs(0.01 * velocity.sum()) < 1e-4
     t = 0.01 * np.arange(1 + round(pulse.duration / 0.01))
@@ -102,9 +102,9 @@ def test_the_motion_is_the_pulse_of_its_parameters(folder: Path, tdint: Command)
 
 
 def test_a_model_of_a_building_type(folder: Path, tdint: Command) -> None:
-    words = ("--type", "C1", "--year", 1985, "--stories", 8, "--area")
-    tdint("init", "c1.yaml", *words, 600, code=0)
-    tdint("init", "us.yaml", *words, 600 / 0.3048**2, "--units", "us", code=0)
+    options = ("--type", "C1", "--year", 1985, "--stories", 8, "--area")
+    tdint("init", "c1.yaml", *options, 600, code=0)
+    tdint("init", "us.yaml", *options, 600 / 0.3048**2, "--units", "us", code=0)
     shipped = load_model(readmes.ROOT / "configs" / "hazus-c1.yaml")
     assert load_model("c1.yaml").stories == shipped.stories
     assert load_model("us.yaml").stories[0].mass == pytest.approx(shipped.stories[0].mass, rel=1e-5)
@@ -154,7 +154,7 @@ RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2
 
 
 @pytest.mark.parametrize(
-    ("period", "force", "more", "rest", "told"),
+    ("period", "force", "story_keys", "sections", "warning"),
     [
         (0.2, 1e5, "", STEP % (0.2 / 11.0), ""),
         (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period; "),
@@ -166,23 +166,32 @@ RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2
             "weight: 0.0204; usual values are 0.03 to 3",
         ),
         (0.2, 2e4, ", isolator: true", STEP % (0.2 / 11.0), ""),
-        # On the record's own samples the motion is straight, and the default needs fewer.
+        # If the time step is the sampling interval, the ground motion is linear within each step,
+        # and the limit of the default method is lower.
         (0.08, 1e5, "", RECORD, ""),
         (0.06, 1e5, "", RECORD, "steps in the fundamental period"),
     ],
     ids=["usual", "long", "weak", "bearing", "eight samples", "six samples"],
 )
 def test_long_steps_and_weak_bases_cause_warnings(
-    folder: Path, tdint: Command, period: float, force: float, more: str, rest: str, told: str
+    folder: Path,
+    tdint: Command,
+    period: float,
+    force: float,
+    story_keys: str,
+    sections: str,
+    warning: str,
 ) -> None:
-    """A step beyond a tenth of the period; a base shear at yield below 3 % of the weight, but not
-    of an isolator."""
-    law = f"{{type: bilinear, yield_force: {force}, hardening: 0.02}}{more}"
+    """A time step above a tenth of the period, and a base shear at yield below 3 % of the weight,
+    cause warnings, but not for an isolator."""
+    law = f"{{type: bilinear, yield_force: {force}, hardening: 0.02}}{story_keys}"
     stiffness = 1e5 * (2.0 * np.pi / period) ** 2
     story = f"stories: [{{mass: 1e5, height: 3, stiffness: {stiffness}, law: {law}}}]"
-    (folder / "of.yaml").write_text(f"{story}\n{rest}\n")
-    said = tdint("check", "of.yaml", code=0).stderr
-    assert told in said and bool(told) == ("steps in" in said or "base shear" in said)
+    (folder / "of.yaml").write_text(f"{story}\n{sections}\n")
+    messages = tdint("check", "of.yaml", code=0).stderr
+    assert warning in messages and bool(warning) == (
+        "steps in" in messages or "base shear" in messages
+    )
 
 
 KN_AND_T = """\
@@ -196,12 +205,13 @@ stories:
 damping: 5%
 excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}
 """
-"""Numbers in kN and t, read as N and kg: the period, 0.7 s, and the strength are usual."""
+"""Model with values in kN and t that are read as N and kg; period (0.7 s) and strength are
+usual."""
 
 
 def test_all_analyses_report_the_warnings_of_check_first(folder: Path, tdint: Command) -> None:
-    """Before all other messages, and with --quiet: a run, several runs, campaigns, modes, a
-    pushover curve, and Python."""
+    """The warnings are before all other messages, also with --quiet, in runs, several runs,
+    campaigns, modes, pushover curves, and in Python."""
     (folder / "plain.yaml").write_text(KN_AND_T)
     (expected,) = [
         line.partition("plain.yaml: ")[2]
@@ -218,11 +228,11 @@ def test_all_analyses_report_the_warnings_of_check_first(folder: Path, tdint: Co
     several = (*several, "--units", "m/s^2")
     calls = [single, several, ("campaign", "study.yaml", "-o", "out"), ("modes", "plain.yaml")]
     calls += [("pushover", "plain.yaml")]
-    for words in calls:
+    for call in calls:
         for quiet in ((), ("-q",)):
-            more = ("--overwrite",) if words[0] == "campaign" else ()
-            first = tdint(*words, *more, *quiet, code=0).stderr.splitlines()[0]
-            assert first.startswith("Warning: ") and first.endswith(expected), (words, first)
+            options = ("--overwrite",) if call[0] == "campaign" else ()
+            first = tdint(*call, *options, *quiet, code=0).stderr.splitlines()[0]
+            assert first.startswith("Warning: ") and first.endswith(expected), (call, first)
     response = api.run("plain.yaml")
     assert response.warnings[0] == expected
     assert f"; warning: {expected[:40]}" in repr(response)
@@ -234,8 +244,8 @@ def test_all_analyses_report_the_warnings_of_check_first(folder: Path, tdint: Co
 
 def test_a_failing_run_reports_the_warnings_of_check(folder: Path, tdint: Command) -> None:
     (folder / "plain.yaml").write_text(KN_AND_T)
-    words = ("run", "plain.yaml", "--method", "central-difference", "--dt", "1")
-    first, *_ = tdint(*words, code=5).stderr.splitlines()
+    call = ("run", "plain.yaml", "--method", "central-difference", "--dt", "1")
+    first, *_ = tdint(*call, code=5).stderr.splitlines()
     assert "mass of a floor: 200 kg" in first
 
 
@@ -252,9 +262,8 @@ def test_all_errors_of_all_files_are_reported(folder: Path, tdint: Command) -> N
         "  - {repeat: 2, mass: 1, stiffness: 1000, law: {type: tanh, strength: 1}}\n"
     )
     done = tdint("check", "bad.yaml", "forced.yaml", "weak.yaml", "shaken.yaml", "two.yaml", code=3)
-    errors = [
-        line for line in done.stderr.splitlines() if not line.startswith("Warning: ")
-    ]  # floors of 10 kg
+    # The floors of 10 kg cause warnings.
+    errors = [line for line in done.stderr.splitlines() if not line.startswith("Warning: ")]
     assert [line.split(": ", 3)[1:3] for line in errors] == [
         ["bad.yaml:1:1", "storeys"],
         ["bad.yaml:1:18", "storeys[1].mass"],
@@ -279,13 +288,13 @@ def test_all_errors_of_all_files_are_reported(folder: Path, tdint: Command) -> N
 
 
 @pytest.mark.parametrize(
-    ("words", "schema"),
+    ("arguments", "schema"),
     [((), model_schema), (("model",), model_schema), (("campaign",), campaign_schema)],
 )
 def test_check_writes_the_schemas(
-    tdint: Command, words: tuple[str, ...], schema: Callable[[], object]
+    tdint: Command, arguments: tuple[str, ...], schema: Callable[[], object]
 ) -> None:
-    assert json.loads(tdint("check", "--schema", *words, code=0).stdout) == schema()
+    assert json.loads(tdint("check", "--schema", *arguments, code=0).stdout) == schema()
 
 
 def test_an_unusual_peak_causes_one_warning_for_a_model_or_campaign(
@@ -312,25 +321,26 @@ def test_an_unusual_peak_causes_one_warning_for_a_model_or_campaign(
 
 
 def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> None:
-    def check(models: str, rest: str) -> tuple[str, list[str]]:
-        (folder / "study.yaml").write_text(f"buildings: {{models: [{models}]}}\n{rest}\n")
+    def check(models: str, sections: str) -> tuple[str, list[str]]:
+        (folder / "study.yaml").write_text(f"buildings: {{models: [{models}]}}\n{sections}\n")
         done = tdint("check", "study.yaml")
-        said = [
+        # The floors of 10 kg cause warnings.
+        messages = [
             line for line in done.stderr.splitlines(True) if not line.startswith("Warning: ")
-        ]  # floors of 10 kg
-        return "".join(said), [row["model"] for row in rows(done.stdout)]
+        ]
+        return "".join(messages), [row["model"] for row in rows(done.stdout)]
 
     (folder / "bad.yaml").write_text("stories: []\n")
-    told = (
+    expected = (
         "study.yaml: valid campaign file\nError: bad.yaml:1:10: stories: must contain at "
         "least one story\n"
     )
     assert check("bad.yaml, shaken.yaml", "records: {files: [motion.mseed]}") == (
-        told,
+        expected,
         ["shaken.yaml"],
     )
-    said, _ = check("shaken.yaml", "recrods: {files: []}")
-    assert "study.yaml:2:1: recrods: unknown key; did you mean 'records'?" in said
+    messages, _ = check("shaken.yaml", "recrods: {files: []}")
+    assert "study.yaml:2:1: recrods: unknown key; did you mean 'records'?" in messages
     assert check("shaken.yaml, forced.yaml", "records: {files: [a]}")[1] == [
         "shaken.yaml",
         "forced.yaml",
@@ -344,7 +354,7 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("arguments", "message"),
     [
         *((["-", "--period", period], "") for period in ("nan", "1e-300")),
         *(([name], "is not a valid file name; use") for name in ("", " .yaml", "..", "m.yaml.gz")),
@@ -352,6 +362,6 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
     ],
 )
 def test_invalid_names_and_periods_are_refused(
-    here: Path, tdint: Command, words: list[str], message: str
+    working_directory: Path, tdint: Command, arguments: list[str], message: str
 ) -> None:
-    tdint.refused(message, "init", *words)
+    tdint.refused(message, "init", *arguments)

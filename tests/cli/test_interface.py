@@ -1,5 +1,5 @@
-"""Each command has its function in Python, which gives what the command prints; results show
-themselves and travel."""
+"""Each command has a function in Python that returns the printed table. Results have a short text
+and can be pickled."""
 
 import csv
 import io
@@ -33,7 +33,7 @@ RECORD = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
 
 @pytest.fixture
 def study(folder):
-    """The folder with tables and a campaign beside models and records."""
+    """Directory with tables and a campaign in addition to models and records."""
     for name, text in (
         ("stripes.csv", STRIPES),
         ("buildings.csv", BUILDINGS),
@@ -43,12 +43,12 @@ def study(folder):
     return folder
 
 
-def motion(**more):
-    return package.read_record("motion.mseed", component="HNE", units="m/s^2", **more)
+def motion(**options):
+    return package.read_record("motion.mseed", component="HNE", units="m/s^2", **options)
 
 
-def same(result, printed):
-    """Whether columns are those of CSV, to its digits."""
+def check_columns(result, printed):
+    """Check that columns equal the columns of a CSV text, within its digits."""
     header, *lines = csv.reader(io.StringIO(printed))
     assert list(result) == header
     for name, cells in zip(header, zip(*lines, strict=True), strict=True):
@@ -156,18 +156,18 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_functions_return_the_printed_tables(name, study, tdint):
-    words, call = CASES[name]
-    printed = tdint(*words, code=0)
+    arguments, call = CASES[name]
+    printed = tdint(*arguments, code=0)
     text = (
         (study / "out" / "runs.csv").read_text(encoding="utf-8")
         if name == "campaign"
         else printed.stdout
     )
     result = call()
-    same(package.to_dict(result), text)
+    check_columns(package.to_dict(result), text)
     again = pickle.loads(pickle.dumps(result))
     assert repr(again) == repr(result) and len(repr(result)) < 250
-    same(package.to_dict(again), text)
+    check_columns(package.to_dict(again), text)
 
 
 @pytest.mark.parametrize(
@@ -205,13 +205,14 @@ def test_columns_equal_the_attributes_of_the_result(name, pairs, study):
 
 
 def test_the_examples_and_the_chart(study, tdint):
-    """Ranks and times are of a whole table, and of a clock."""
+    """The ranks of the examples need all methods of a call, and times of the chart are not
+    compared."""
     examples = package.to_dict(package.paper_examples([1], ["newmark-linear", "wilson"]))
-    same(examples, tdint("examples", "1", "--method", "newmark-linear,wilson").stdout)
+    check_columns(examples, tdint("examples", "1", "--method", "newmark-linear,wilson").stdout)
     methods = ["impulse4", "newmark-average"]
     chart = package.chart("shaken.yaml", motion(), method=methods, dt=[0.01], repeats=1).to_dict()
-    words = ("--method", ",".join(methods), "--dt", "0.01", "--repeat", "1")
-    table = rows(tdint("chart", "shaken.yaml", "--record", *RECORD, *words).stdout)
+    options = ("--method", ",".join(methods), "--dt", "0.01", "--repeat", "1")
+    table = rows(tdint("chart", "shaken.yaml", "--record", *RECORD, *options).stdout)
     assert [row["method"] for row in table] == chart["method"]
     np.testing.assert_allclose(
         [float(row["drift_error"]) for row in table], chart["drift_error"], rtol=1e-11
@@ -222,24 +223,22 @@ def test_a_model_template_and_its_compiled_kernels():
     model = package.load_model(io.StringIO(package.model_template(3, period=0.4)))
     assert 2.0 * np.pi / package.modes(model).omega[0] == pytest.approx(0.4, rel=1e-8)
     package.compile_model(model)
-    assert package.compile_model(model) == []  # all of it is there now
+    assert package.compile_model(model) == []  # All kernels of the model are compiled now.
 
 
 def test_every_command_has_a_function_and_help_lists_them():
-    named = {
+    function_names = {
         "compile": "compile_model",
         "examples": "paper_examples",
         "info": "record_info",
         "init": "model_template",
     }
-    named |= {
-        "law": "cyclic_test"
-    }  # no name of Python's own, and none that says too little, at the top
-    of_tables = {"rerun"}  # what stands in a file of command lines
+    function_names |= {"law": "cyclic_test"}  # `law` would not describe the function.
+    without_function = {"rerun"}  # repeats a command line, not a function call
     names = {
-        named.get(command, command.replace("-", "_"))
+        function_names.get(command, command.replace("-", "_"))
         for command in COMMANDS
-        if command not in of_tables
+        if command not in without_function
     }
     assert names <= set(package.__all__)
     for name in names | {"plot", "run_many", "to_dict"}:
@@ -255,7 +254,7 @@ def test_every_command_has_a_function_and_help_lists_them():
 
 
 def test_importing_loads_no_heavy_package():
-    """And a function no more than its own: `run` neither pictures nor the command line."""
+    """A function imports only its requirements: `run` imports neither matplotlib nor click."""
     code = (
         "import sys, tdint\nloaded = lambda: [m for m in ('numpy', 'matplotlib', 'click') if m in "
         "sys.modules]\n"
@@ -266,15 +265,22 @@ def test_importing_loads_no_heavy_package():
 
 
 def test_an_interrupted_campaign_continues(study):
-    half = package.campaign("campaign.yaml", "kept", max_runs=1, jobs=1)
-    whole = package.campaign("campaign.yaml", "kept", jobs=2)
-    assert sum(half.statuses.values()) <= sum(whole.statuses.values()) == whole.asked == 4
-    at_once = package.campaign("campaign.yaml").to_dict()
-    np.testing.assert_array_equal(whole.to_dict()["peak_drift_m"], at_once["peak_drift_m"])
+    interrupted = package.campaign("campaign.yaml", "kept", max_runs=1, jobs=1)
+    continued = package.campaign("campaign.yaml", "kept", jobs=2)
+    assert (
+        sum(interrupted.statuses.values())
+        <= sum(continued.statuses.values())
+        == continued.asked
+        == 4
+    )
+    uninterrupted = package.campaign("campaign.yaml").to_dict()
+    np.testing.assert_array_equal(
+        continued.to_dict()["peak_drift_m"], uninterrupted["peak_drift_m"]
+    )
 
 
 @pytest.mark.parametrize(
-    ("call", "kind", "message"),
+    ("call", "error", "message"),
     [
         (lambda: package.order("hth"), UsageError, "hth"),
         (lambda: package.order("hht", load="wind"), UsageError, "wind"),
@@ -310,7 +316,7 @@ def test_an_interrupted_campaign_continues(study):
         (lambda: package.to_dict([motion(), package.methods()]), UsageError, "different columns"),
     ],
 )
-def test_invalid_arguments_are_refused_in_one_line(call, kind, message, study):
-    with pytest.raises(kind, match=message) as caught:
+def test_invalid_arguments_are_refused_in_one_line(call, error, message, study):
+    with pytest.raises(error, match=message) as caught:
         call()
     assert len(str(caught.value).splitlines()) == 1

@@ -10,7 +10,7 @@ import pytest
 
 from tdint_cli.terminal import Settings, exit_code_of
 
-# A file is being written, and the writer is in LAPACK for ten seconds and more.
+# The process writes a file and spends more than ten seconds in LAPACK.
 STUCK = """
 import sys
 from pathlib import Path
@@ -39,10 +39,10 @@ OTHERS = [
 ]
 
 
-def started(ends, *words):
+def started(ends, *arguments):
     """Start Python processes that have printed their marker line, one per expected outcome; they
     mostly wait."""
-    command = [sys.executable, *words]
+    command = [sys.executable, *arguments]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     processes = {subprocess.Popen(command, **pipes): end for end in ends}
     assert all(process.stdout.readline() == "ready\n" for process in processes)
@@ -51,18 +51,18 @@ def started(ends, *words):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_a_signal_ends_the_command_inside_a_library(tmp_path):
-    """The signals are Ctrl-C and the hang-up of a terminal, one command for each."""
+    """The signals are Ctrl-C and the hang-up of a terminal, sent to separate commands."""
     ends = started([ASKED[0], *OTHERS[:1]], "-c", STUCK, str(tmp_path))
-    time.sleep(0.1)  # into LAPACK
+    time.sleep(0.1)  # The process enters LAPACK.
     for process, (number, _, _) in ends.items():
         process.send_signal(number)
     for process, (number, code, word) in ends.items():
-        _, said = process.communicate(timeout=30)
-        assert (process.returncode, said) == (code, f"{word}\n"), number
+        _, messages = process.communicate(timeout=30)
+        assert (process.returncode, messages) == (code, f"{word}\n"), number
     assert list(tmp_path.iterdir()) == []
 
 
-# Ctrl-C while the module of the signals itself is being loaded.
+# Ctrl-C occurs during the import of the module `signal`.
 EARLY = """
 import sys
 
@@ -105,7 +105,7 @@ finally:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_repeated_signals_are_reported_once():
-    """The signal is sent once and three times, to one command each."""
+    """The signal is sent once to a command and three times to other commands."""
     ends = started(zip([*ASKED, *OTHERS[-1:]], (1, 3, 3), strict=False), "-c", LINGERING)
     for again, pause in enumerate((0.1, 0.1, 0.05)):
         time.sleep(pause)
@@ -113,8 +113,8 @@ def test_repeated_signals_are_reported_once():
             if again < times:
                 process.send_signal(number)
     for process, ((_, code, word), times) in ends.items():
-        _, said = process.communicate(timeout=15)
-        assert (process.returncode, said) == (code, f"{word}\n"), times
+        _, messages = process.communicate(timeout=15)
+        assert (process.returncode, messages) == (code, f"{word}\n"), times
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

@@ -1,5 +1,5 @@
-"""Isolator stories: displacements in place of drift ratios, P-delta by their height, and no
-Rayleigh damping; and the warning of stories that P-delta pushes over."""
+"""Isolator stories: displacements instead of drift ratios, P-delta with their height, and no
+Rayleigh damping; warnings of stories that become unstable by P-delta."""
 
 from pathlib import Path
 
@@ -19,16 +19,16 @@ UPPER = "  - {repeat: 3, mass: 20, height: 3, stiffness: 9000}\n"
 RAYLEIGH = "damping: {rayleigh: {mass: 0.3, stiffness: 0.004}}\n"
 
 
-def model(tmp_path: Path, first: str, rest: str = UPPER, more: str = ""):
+def model(tmp_path: Path, first: str, upper: str = UPPER, sections: str = ""):
     file = tmp_path / "model.yaml"
-    file.write_text(f"stories:\n  - {{{first}}}\n{rest}{more}")
+    file.write_text(f"stories:\n  - {{{first}}}\n{upper}{sections}")
     return load_model(file)
 
 
 @pytest.mark.parametrize("below", [0, 2])
 def test_rayleigh_damping_excludes_isolators(tmp_path, below):
-    """What moves as a block on an isolator is not damped; the floors above are damped as on a fixed
-    base."""
+    """A rigid-body motion above the isolator is not damped. Relative motions of the floors above
+    are damped as on a fixed base."""
     first = "mass: 20, height: 3, stiffness: 9000"
     fixed = assemble(model(tmp_path, first, UPPER, RAYLEIGH)).damping_matrix()
     under = "mass: 30, height: 4, stiffness: 8000"
@@ -42,36 +42,41 @@ def test_rayleigh_damping_excludes_isolators(tmp_path, below):
     assert damping[below + 1 :, below + 1 :] == pytest.approx(fixed, rel=1e-12, abs=1e-12)
     assert damping == pytest.approx(damping.T, rel=1e-12, abs=1e-12)
     if below:
-        alone = assemble(model(tmp_path, under, f"  - {{{under}}}\n", RAYLEIGH)).damping_matrix()
-        assert damping[:below, :below] == pytest.approx(alone, abs=1e-12)
+        lower_part = assemble(
+            model(tmp_path, under, f"  - {{{under}}}\n", RAYLEIGH)
+        ).damping_matrix()
+        assert damping[:below, :below] == pytest.approx(lower_part, abs=1e-12)
 
 
 def test_rayleigh_damping_includes_isolators_on_request(tmp_path):
-    plain = assemble(model(tmp_path, "mass: 25, stiffness: 300", more=RAYLEIGH)).damping_matrix()
-    asked = assemble(
-        model(tmp_path, "mass: 25, stiffness: 300, isolator: rayleigh", more=RAYLEIGH)
+    plain = assemble(
+        model(tmp_path, "mass: 25, stiffness: 300", sections=RAYLEIGH)
     ).damping_matrix()
-    assert (asked == plain).all()
+    included = assemble(
+        model(tmp_path, "mass: 25, stiffness: 300, isolator: rayleigh", sections=RAYLEIGH)
+    ).damping_matrix()
+    assert (included == plain).all()
 
 
 @pytest.mark.parametrize("damping", [RAYLEIGH, "damping: 3%\n"])
 def test_a_report_states_that_rayleigh_damping_excludes_isolators(tmp_path, damping):
-    """The ratio of the first mode is not the one given then."""
-    said = {
-        how: damping_text(
-            model(tmp_path, f"mass: 25, stiffness: 300, isolator: {how}", more=damping)
+    """The damping ratio of the first mode differs from the specified ratio if isolators are
+    excluded."""
+    texts = {
+        isolator: damping_text(
+            model(tmp_path, f"mass: 25, stiffness: 300, isolator: {isolator}", sections=damping)
         )
-        for how in ("true", "rayleigh", "false")
+        for isolator in ("true", "rayleigh", "false")
     }
     assert (
-        said["rayleigh"] == said["false"]
-        and said["true"] == said["false"] + ", without the share of the isolators"
+        texts["rayleigh"] == texts["false"]
+        and texts["true"] == texts["false"] + ", without the share of the isolators"
     )
 
 
 def test_p_delta_uses_weight_over_height_of_an_isolator(tmp_path):
-    """Its modes are those of springs softer by W/h, of which the isolator has no other use of its
-    height."""
+    """The modes equal those of stories with stiffnesses reduced by W/h. The height of the isolator
+    has no other effect."""
     weights = STANDARD_GRAVITY * np.array([85.0, 60.0, 40.0, 20.0])
     first = "mass: 25, height: 2.5, stiffness: 3000, isolator: true"
     isolated = assemble(model(tmp_path, first, UPPER, "p_delta: true\n"))
@@ -82,11 +87,11 @@ def test_p_delta_uses_weight_over_height_of_an_isolator(tmp_path):
     assert np.isnan(isolated.heights).tolist() == [True, False, False, False]
     assert isolated.height_contributions.tolist() == [0.0, 3.0, 3.0, 3.0]
     with pytest.raises(ModelError, match="p_delta needs the height"):
-        model(tmp_path, "mass: 25, stiffness: 3000, isolator: true", more="p_delta: true\n")
+        model(tmp_path, "mass: 25, stiffness: 3000, isolator: true", sections="p_delta: true\n")
 
 
 def test_isolator_drift_is_a_displacement_and_no_collapse(folder, tdint):
-    """0.3 m on bearings of half a meter is no drift ratio of 60 %."""
+    """A displacement of 0.3 m of bearings with a height of 0.5 m is not a drift ratio of 60 %."""
     text = "name: {name}\nstories:\n  - {{mass: 25, stiffness: 50, {isolator}}}\n"
     for name, isolator in (("yes", "isolator: rayleigh, height: 0.5"), ("no", "height: 0.5")):
         Path(f"{name}.yaml").write_text(
@@ -99,11 +104,11 @@ def test_isolator_drift_is_a_displacement_and_no_collapse(folder, tdint):
     )
     assert "Status collapsed" in without.stderr and "collapsed" not in with_isolator.stderr
     assert "drift ratio" in with_isolator.stderr and "in story 1, roof" in with_isolator.stderr
-    first, *others = rows(with_isolator.stdout)
-    plain, *plain_others = rows(without.stdout)
+    first, *upper_rows = rows(with_isolator.stdout)
+    plain, *plain_upper_rows = rows(without.stdout)
     assert (first["height_m"], first["peak_drift_ratio"]) == ("", "")
     assert first["peak_drift_m"] == plain["peak_drift_m"] and float(plain["peak_drift_ratio"]) > 0.1
-    assert others == plain_others
+    assert upper_rows == plain_upper_rows
     several = tdint(
         "run", "yes.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--limit", "10%"
     )
@@ -122,13 +127,13 @@ def test_a_story_that_becomes_unstable_by_p_delta_causes_a_warning(folder, tdint
     single = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
     several = ("motion.mseed", "other.mseed", "--units", "m/s^2")
     kip_in = 4448.2216152605 / 0.0254
-    for words, unit in (
+    for arguments, unit in (
         (single, 1e6),
         (several, 1e6),
         ((*single, "--output-units", "kip,in"), kip_in),
     ):
-        told = f": story 1: {weight / unit:.4g} of {stiffness / unit:.4g}"
-        assert told in tdint("run", "falls.yaml", *words).stderr, words
+        message = f": story 1: {weight / unit:.4g} of {stiffness / unit:.4g}"
+        assert message in tdint("run", "falls.yaml", *arguments).stderr, arguments
     Path("stands.yaml").write_text(text % 0.07)
     assert "P-delta reduces" not in tdint("run", "stands.yaml", *single).stderr
     assert unstable_after_yield(load_model("shaken.yaml")) == ()
@@ -155,7 +160,8 @@ def test_the_stiffness_after_yield(tmp_path, law, stiffness):
 
 
 def test_the_report_contains_the_period_of_the_secant_stiffness(folder, tdint):
-    """A rigid block on one isolator: 2 pi sqrt(m d / V), before it yields 2 pi sqrt(m / k)."""
+    """The period of a rigid block on an isolator is 2 pi sqrt(m / k) before yielding and
+    2 pi sqrt(m d / V) with the secant stiffness."""
     Path("block.yaml").write_text(
         "stories:\n  - {mass: 25, stiffness: 3000, isolator: true, law: {type: bilinear, "
         "yield_force: 5, hardening: 0.1}}\n"
@@ -164,11 +170,11 @@ def test_the_report_contains_the_period_of_the_secant_stiffness(folder, tdint):
     row = rows(tdint("run", "block.yaml", *motion, "--report", "block.html").stdout)[0]
     secant = float(row["peak_shear_N"]) / float(row["peak_drift_m"])
     before, at_peak = (2.0 * np.pi * np.sqrt(25.0 / k) for k in (3000.0, secant))
-    told = (
+    text = (
         f"first period {before:.4g} s (before the isolators yield; {at_peak:.4g} s with their "
         "secant stiffness"
     )
-    assert told in Page(Path("block.html").read_text("utf-8")).text and at_peak > 1.5 * before
+    assert text in Page(Path("block.html").read_text("utf-8")).text and at_peak > 1.5 * before
     assert "for the initial stiffness of the isolators" in tdint("modes", "block.yaml").stderr
 
 
@@ -180,14 +186,14 @@ def test_plausibility_off_suppresses_warnings_with_a_reason(folder, tdint):
     )
     assert "unusual collapse_drift: 0.5; " in tdint("check", "odd.yaml").stderr
     for command in ("check", "run"):
-        told = tdint(command, "meant.yaml").stderr
-        assert "usual" not in told and "not shown: test rig in the laboratory" in told
+        messages = tdint(command, "meant.yaml").stderr
+        assert "usual" not in messages and "not shown: test rig in the laboratory" in messages
     Path("bare.yaml").write_text(text + "plausibility: off\n")
     assert "plausibility: must be `off`" in tdint("check", "bare.yaml", code=3).stderr
 
 
 def test_a_note_about_many_files_is_one_line(capsys):
-    """Behind what is said of single ones, which changes a number more often."""
+    """Notes about single files are first, because they affect values more often."""
     note(
         *(f"{name}.csv: the inventory is not used" for name in "abcd"),
         "a.csv: mean 9.83 m/s^2",

@@ -1,4 +1,4 @@
-"""`tdint law`: rows, words, pictures, exit codes."""
+"""`tdint law`: rows, messages, figures, exit codes."""
 
 from pathlib import Path
 
@@ -11,9 +11,8 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def test_one_cycle(folder, tdint):
-    """A bilinear story, k = 8000, Fy = 50, hardening 0.1, height 3: at a drift ratio of 1 % the
-    force is 50 + 800 (0.03
-    - 0.00625) = 69 N."""
+    """The story is bilinear with k = 8000 N/m, Fy = 50 N, hardening 0.1 and height 3 m. At a drift
+    ratio of 1 %, the force is 50 + 800 (0.03 - 0.00625) = 69 N."""
     result = tdint("law", "shaken.yaml", "--story", "2", "--drift", "0.01", "--points", "4", code=0)
     table = rows(result.stdout)
     assert [row["step"] for row in table] == [str(i) for i in range(17)]
@@ -69,8 +68,8 @@ def test_a_linear_story_from_standard_input(folder, tdint):
 
 @pytest.mark.parametrize("units", ["m", "dy"])
 def test_a_drift_path_from_a_file(folder, tdint, units):
-    """To 0.03 m, where the force is 69 N, back by 0.01 m along k = 8000 N/m, and on: one row for
-    each."""
+    """The path reaches 0.03 m with a force of 69 N, returns by 0.01 m along k = 8000 N/m, and
+    continues. Each drift has a row."""
     scale = 1.0 if units == "m" else 1.0 / 0.00625
     drifts = [0.03, 0.02, 0.03, 0.0425]
     text = "".join(f"{i},{drift * scale!r}\n" for i, drift in enumerate(drifts))

@@ -33,7 +33,7 @@ def write(limits: str) -> None:
     Path("model.yaml").write_text(MODEL + f"limits: {limits}\n")
 
 
-def test_one_motion_alone_and_in_a_suite_give_the_same_result(study: Path, tdint: Command) -> None:
+def test_limits_apply_to_peaks_of_a_run_and_means_of_a_suite(study: Path, tdint: Command) -> None:
     """`run` of one record compares its peaks, `run` of two records the means; both equal the values
     of the tables, and --require ends with code 5 exactly if a value exceeds its limit."""
     write("{isolator_displacement: 0.5}")
@@ -59,7 +59,7 @@ def test_one_motion_alone_and_in_a_suite_give_the_same_result(study: Path, tdint
                 assert f"(story 1, {top})" in line and entry["motion"] == top
 
 
-def test_the_governing_quantity_comes_first_in_terminal_report_and_table(
+def test_the_governing_quantity_is_first_in_terminal_report_and_table(
     study: Path, tdint: Command
 ) -> None:
     write("{drift_ratio: 90%, isolator_displacement: 1 mm, floor_acceleration: 100 g}")
@@ -91,8 +91,8 @@ def test_a_campaign_and_its_export_check_the_limits(study: Path, tdint: Command)
         "buildings: {models: [model.yaml]}\nrecords: {files: [motion.mseed, other.mseed], units: "
         "m/s^2, component: HNE}\nintensity: {scales: [1]}\n"
     )
-    asked = ("--require", "--report", "page.html")
-    result = tdint("campaign", "study.yaml", "-o", "out", *asked, code=5)
+    options = ("--require", "--report", "page.html")
+    result = tdint("campaign", "study.yaml", "-o", "out", *options, code=5)
     assert "Limits exceeded: mean isolator displacement" in result.stderr
     assert "not met: isolated" in result.stderr
     assert 'class="v broken">Limits exceeded: mean isolator' in Path("page.html").read_text()
@@ -113,8 +113,8 @@ def test_a_collapse_does_not_meet_any_limit(study: Path, tdint: Command) -> None
     text = MODEL.replace("name: isolated", "name: isolated\ncollapse_drift: 0.0001%")
     Path("model.yaml").write_text(text + "limits: {isolator_displacement: 99}\n")
     run = ("run", "model.yaml", MOTIONS[0], *UNITS)
-    one = tdint(*run, "--require", "--report", "page.html", code=5)
-    assert "Limits exceeded, status collapsed: " in one.stderr
+    single = tdint(*run, "--require", "--report", "page.html", code=5)
+    assert "Limits exceeded, status collapsed: " in single.stderr
     body = Path("page.html").read_text().partition("<body>")[2]
     verdicts = re.findall(r'<p class="v ?(\w*)">(.*?)</p>', body)
     assert verdicts[0][0] == "broken" and "collapsed" in verdicts[0][1]
@@ -125,9 +125,9 @@ def test_a_collapse_does_not_meet_any_limit(study: Path, tdint: Command) -> None
 
 def test_the_isolator_displacement_is_reported_without_a_limit(study: Path, tdint: Command) -> None:
     Path("model.yaml").write_text(MODEL)
-    one = tdint("run", "model.yaml", MOTIONS[0], *UNITS, code=0)
-    moved = float(rows(one.stdout)[0]["peak_drift_m"])
-    assert f"isolator displacement {moved:.4g} m in story 1" in one.stderr
+    single = tdint("run", "model.yaml", MOTIONS[0], *UNITS, code=0)
+    moved = float(rows(single.stdout)[0]["peak_drift_m"])
+    assert f"isolator displacement {moved:.4g} m in story 1" in single.stderr
     tdint("run", "model.yaml", *MOTIONS, *UNITS, "--report", "page.html", code=0)
     body = Path("page.html").read_text().partition("<body>")[2]
     assert '<p class="v">Mean isolator displacement ' in body

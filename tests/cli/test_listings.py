@@ -25,7 +25,7 @@ def test_modes(folder, tdint):
 
 
 def test_each_mode_has_its_own_ratio_of_coupled_damping(folder, tdint):
-    """As the first one in the summary of a run."""
+    """The first ratio equals the ratio that `tdint check` reports."""
     result = tdint("modes", "forced.yaml", code=0)
     first, second = (float(row["damping"]) for row in rows(result.stdout))
     checked = rows(tdint("check", "forced.yaml").stdout)

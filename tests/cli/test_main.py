@@ -1,5 +1,5 @@
-"""The group: help and version without heavy imports, one table of commands, every option
-explained."""
+"""The command group: help and version without heavy imports, the list of commands, help of every
+option."""
 
 import subprocess
 import sys
@@ -14,8 +14,8 @@ HEAVY = ("numpy", "scipy", "numba", "obspy", "matplotlib", "yaml", "pkg_resource
 
 
 def test_help_and_version_import_only_click():
-    """One after the other in one process: the first that loads more is named. The group imports no
-    command."""
+    """The calls run in a single process, which reports the first call with other imports. The group
+    imports no command."""
     calls = [["--help"], ["-h"], ["--version"], *([name, "-h"] for name in COMMANDS)]
     code = (
         "import sys\nfrom tdint_cli.main import main\n"
@@ -46,12 +46,11 @@ def test_the_command_list_matches_the_command_help_and_every_option_has_help(nam
 @pytest.mark.parametrize("arguments", [["--help"], ["-h"], []])
 def test_help_lists_all_commands_in_order(tdint, arguments):
     result = tdint(*arguments)
-    assert (
-        result.exit_code == 0 or not arguments
-    )  # without words it is a usage error since click 8.2
-    said = result.stdout + result.stderr
-    places = [said.index(f"\n{heading}:\n") for heading in GROUPS]
-    assert places == sorted(places) and all(name in said for name in COMMANDS)
+    # Without arguments, click 8.2 and later end with a usage error.
+    assert result.exit_code == 0 or not arguments
+    output = result.stdout + result.stderr
+    positions = [output.index(f"\n{heading}:\n") for heading in GROUPS]
+    assert positions == sorted(positions) and all(name in output for name in COMMANDS)
     context = click.Context(cli)
     assert cli.list_commands(context) == list(COMMANDS)
     assert cli.get_command(context, "unknown") is None

@@ -36,15 +36,15 @@ CARRIED = [
 
 
 @pytest.fixture
-def region(here: Path) -> Path:
-    """Write campaign.yaml with three buildings (one of them without coordinates), a pair and two
+def region(working_directory: Path) -> Path:
+    """Write campaign.yaml with three buildings (the third without coordinates), a pair and two
     scales."""
     Path("campaign.yaml").write_text(CAMPAIGN)
     Path("buildings.csv").write_text(BUILDINGS)
     Path("motion.mseed").write_bytes(
         (Path(__file__).parents[2] / "records" / "near-fault.mseed").read_bytes()
     )
-    return here
+    return working_directory
 
 
 @pytest.fixture
@@ -124,27 +124,30 @@ def test_a_map_follows_the_geojson_specification(
     """RFC 7946: a FeatureCollection without a crs, positions as longitude and latitude, only finite
     numbers. The properties contain the larger component of runs.csv, in the units of the tables."""
     assert all(
-        set(one) == {"type", "geometry", "properties"} and one["type"] == "Feature"
-        for one in mapped
+        set(feature) == {"type", "geometry", "properties"} and feature["type"] == "Feature"
+        for feature in mapped
     )
-    assert [positions(one["geometry"]) for one in mapped[::2]] == [
+    assert [positions(feature["geometry"]) for feature in mapped[::2]] == [
         [-122.27, 37.8],
         [-122.26, 37.81],
         None,
     ]
-    properties = [one["properties"] for one in mapped]
-    assert [(one["building"], one["scale"], one["runs"]) for one in properties] == [
+    properties = [feature["properties"] for feature in mapped]
+    assert [(feature["building"], feature["scale"], feature["runs"]) for feature in properties] == [
         (name, scale, 1) for name in "abc" for scale in (0.5, 1.0)
     ]
     table = rows("out/runs.csv")
-    for one in properties:
-        largest = max(float(row["peak_drift_ratio"]) for row in of_building(table, one))
-        mean = None if one["collapsed"] else one["max_peak_drift_ratio"]
-        assert one["mean_peak_drift_ratio"] == mean
-        assert one["collapsed"] or mean == pytest.approx(largest, rel=1e-11)
-    assert {(one["Cost"], one["zip"], one["YearBuilt"], one["status"]) for one in properties} == {
-        (1e6, "02138", 1931, "good"), (None, "94110", 1968, "bad"), (5, "94110", 1968, ""),
-    }  # fmt: skip
+    for feature in properties:
+        largest = max(float(row["peak_drift_ratio"]) for row in of_building(table, feature))
+        mean = None if feature["collapsed"] else feature["max_peak_drift_ratio"]
+        assert feature["mean_peak_drift_ratio"] == mean
+        assert feature["collapsed"] or mean == pytest.approx(largest, rel=1e-11)
+    columns = ("Cost", "zip", "YearBuilt", "status")
+    assert {tuple(feature[name] for name in columns) for feature in properties} == {
+        (1e6, "02138", 1931, "good"),
+        (None, "94110", 1968, "bad"),
+        (5, "94110", 1968, ""),
+    }
     tdint("campaign", "export", "out", "--geojson", "--output-units", "kip,in,g", code=0)
     first, table = features()[0]["properties"], rows("out/runs.csv")
     largest = max(float(row["peak_absolute_acceleration_g"]) for row in of_building(table, first))
@@ -152,7 +155,7 @@ def test_a_map_follows_the_geojson_specification(
 
 
 @pytest.mark.parametrize(
-    ("change", "more", "message"),
+    ("change", "options", "message"),
     [
         (
             ("Latitude,Longitude", "North,East"),
@@ -167,10 +170,10 @@ def test_a_map_follows_the_geojson_specification(
     ],
 )
 def test_invalid_maps_are_refused(
-    region: Path, tdint: Command, change: tuple[str, str], more: tuple[str, ...], message: str
+    region: Path, tdint: Command, change: tuple[str, str], options: tuple[str, ...], message: str
 ) -> None:
     Path("buildings.csv").write_text(BUILDINGS.replace(*change, 1))
-    tdint("campaign", "campaign.yaml", "-o", "out", *more, code=0)
+    tdint("campaign", "campaign.yaml", "-o", "out", *options, code=0)
     result = tdint.refused(message, "campaign", "export", "out", "--geojson")
     assert result.stderr.count("\n") == 1 and not Path("out/buildings.geojson").exists()
 
@@ -200,8 +203,8 @@ def test_parquet_has_the_rows_of_the_tables(tdint: Command) -> None:
         check_parquet(f"out/{name}.parquet", rows(f"out/{name}.csv"))
         for name in ("stories", "runs")
     )
-    kinds = {field.name: str(field.type) for field in found.schema}
-    assert (kinds["Cost"], kinds["zip"], kinds["steps"], kinds["note"]) == (
+    types = {field.name: str(field.type) for field in found.schema}
+    assert (types["Cost"], types["zip"], types["steps"], types["note"]) == (
         "double",
         "string",
         "int64",

@@ -1,4 +1,4 @@
-"""`tdint stability`, `tdint overshoot` and `tdint order`: rows, words, pictures, exit codes."""
+"""`tdint stability`, `tdint overshoot` and `tdint order`: rows, messages, figures, exit codes."""
 
 import json
 import math
@@ -34,13 +34,14 @@ def test_all_methods_with_default_parameters(tdint, name):
 
 
 def test_a_repeated_method_is_evaluated_once(tdint):
-    words = ("overshoot", *SMALL["overshoot"], "--method", "newmark")
-    once, twice = tdint(*words), tdint(*words, "--method", "newmark:beta=1/4:gamma=0.5", code=0)
+    call = ("overshoot", *SMALL["overshoot"], "--method", "newmark")
+    once, twice = tdint(*call), tdint(*call, "--method", "newmark:beta=1/4:gamma=0.5", code=0)
     assert twice.stdout == once.stdout
 
 
-def test_a_label_is_the_typed_specification(here, tdint, folder):
-    """Parameters by colons; those by commas are read with a line that says how to write them."""
+def test_a_label_is_the_typed_specification(working_directory, tdint, folder):
+    """Parameters are separated by colons. Commas are accepted with a note about the recommended
+    notation."""
     typed = "newmark:beta=1/4:gamma=0.50"
     assert set(
         column(
@@ -55,19 +56,22 @@ def test_a_label_is_the_typed_specification(here, tdint, folder):
     assert set(column(old, "method")) == {typed}
     assert old.stderr.count(f"recommended notation is {typed}") == 1
     tdint("run", "shaken.yaml", "-q", "--method", typed, "-o", "out", code=0)
-    told = json.loads((here / "out" / "summary.json").read_text())
-    assert (told["method"], told["method_parameters"]) == (typed, {"beta": 0.25, "gamma": 0.5})
+    summary = json.loads((working_directory / "out" / "summary.json").read_text())
+    assert (summary["method"], summary["method_parameters"]) == (
+        typed,
+        {"beta": 0.25, "gamma": 0.5},
+    )
     (row,) = rows(tdint("methods", typed, code=0).stdout)
     assert row["parameters"] == "beta=0.25 in [0 to 1]; gamma=0.5 in [0.5 to 1]"
 
 
-def test_a_table_with_the_suffix_of_a_workbook_causes_a_warning(here, tdint):
+def test_a_table_with_the_suffix_of_a_workbook_causes_a_warning(working_directory, tdint):
     command = ("stability", *SMALL["stability"], "--method", "newmark")
     assert (
         "Warning: -o x.xlsx: the table is written as CSV"
         in tdint(*command, "-o", "x.xlsx", code=0).stderr
     )
-    assert (here / "x.xlsx").read_text() == tdint(*command).stdout
+    assert (working_directory / "x.xlsx").read_text() == tdint(*command).stdout
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -94,7 +98,7 @@ def test_a_table_with_the_suffix_of_a_workbook_causes_a_warning(here, tdint):
         ),
     ],
 )
-def test_invalid_arguments_are_refused(here, tdint, name, arguments, code, message):
+def test_invalid_arguments_are_refused(working_directory, tdint, name, arguments, code, message):
     tdint.refused(message, name, *SMALL[name], *arguments, code=code)
 
 
@@ -132,7 +136,8 @@ def test_the_default_steps(tdint):
 
 
 def test_critical_steps_are_reported(tdint):
-    """Of each method at each damping, whatever the steps of the table."""
+    """The critical steps of each method and damping ratio do not depend on the steps of the
+    table."""
     methods = ("--method", "central-difference,newmark-average,rk5", "--damping", "0,0.05")
     result = tdint("stability", *SMALL["stability"], *methods)
     none = "none up to omega dt 1e4"
@@ -144,10 +149,10 @@ def test_critical_steps_are_reported(tdint):
     ]  # fmt: skip
 
 
-def test_beta_scan(here, tdint):
-    """Beside 1/144 the impulse method is unstable in a narrow band beside √12; its steps stand in
-    the table, too."""
-    words = (
+def test_beta_scan(working_directory, tdint):
+    """If beta differs slightly from 1/144, the impulse method is unstable in a narrow band near
+    √12. The table contains steps within this band."""
+    call = (
         "stability",
         "--method",
         "gauss4",
@@ -157,7 +162,7 @@ def test_beta_scan(here, tdint):
         "--plot",
         "x.svg",
     )
-    result = tdint(*words, code=0)
+    result = tdint(*call, code=0)
     critical = dict(line.split(maxsplit=2)[::2] for line in result.stderr.splitlines()[1:])
     none = "none up to omega dt 1e4"
     expected = {
@@ -170,29 +175,29 @@ def test_beta_scan(here, tdint):
     labels = {beta: parse(f"impulse:beta={beta}").label for beta in expected}
     assert critical == {"gauss4": none} | {labels[beta]: limit for beta, limit in expected.items()}
     for beta in ("1/143", "1/145"):
-        beside = [
+        radii = [
             float(row["spectral_radius"])
             for row in rows(result.stdout)
             if row["method"] == labels[beta] and 3.4 < 2.0 * math.pi * float(row["dt_over_t"]) < 3.5
         ]
-        assert max(beside) == pytest.approx(1.004, abs=5e-4)
+        assert max(radii) == pytest.approx(1.004, abs=5e-4)
     steps = [float(row["dt_over_t"]) for row in rows(result.stdout) if row["method"] == "gauss4"]
     assert steps == sorted(steps)
-    picture = (here / "x.svg").read_text(encoding="utf-8")
+    picture = (working_directory / "x.svg").read_text(encoding="utf-8")
     assert "impulse:beta=1/145" in picture and "√12" in picture
 
 
 @pytest.mark.parametrize("steps", ["1e6", "1e-6:1e-5:3"])
-def test_figures_of_any_steps(here, tdint, steps, drawn):
+def test_figures_of_any_steps(working_directory, tdint, steps, drawn):
     tdint("stability", "--method", "exact,rk5", "--dt-over-t", steps, "--plot", "x.png", code=0)
-    assert (here / "x.png").exists()
+    assert (working_directory / "x.png").exists()
 
 
-def test_similar_names_remain_distinct_in_a_figure(here, tdint):
+def test_similar_names_remain_distinct_in_a_figure(working_directory, tdint):
     methods = ("impulse:beta=0.0069444", "impulse:beta=0.00694441", "impulse", "wilson:theta=1.4")
     options = [part for method in methods for part in ("--method", method)]
     tdint("stability", *SMALL["stability"], *options, "--plot", "x.svg", code=0)
-    picture = (here / "x.svg").read_text(encoding="utf-8")
+    picture = (working_directory / "x.svg").read_text(encoding="utf-8")
     assert [
         label for label in (parse(method).label for method in methods) if label not in picture
     ] == []
@@ -216,18 +221,17 @@ def test_overshoot_messages(tdint):
     assert "zero" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
 
 
-def test_an_unstable_motion_has_empty_cells(here, tdint, drawn):
+def test_an_unstable_motion_has_empty_cells(working_directory, tdint, drawn):
     last = rows(
         tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png", code=0).stdout
     )[-1]
     assert (last["step"], last["displacement"], last["velocity"]) == ("60", "", "")
 
 
-def test_overshoot_in_nonlinear_motion(here, tdint):
-    """The rows are those of the function; the words tell what is passed, of whom, and who is left
-    out."""
-    words = ("--method", "newmark-average,moment4,exact", "--law", "softening", "--plot", "x.png")
-    result = tdint("overshoot", *words, code=0)
+def test_overshoot_in_nonlinear_motion(working_directory, tdint):
+    """The messages contain the maximum overshoot of each method and the omitted methods."""
+    options = ("--method", "newmark-average,moment4,exact", "--law", "softening", "--plot", "x.png")
+    result = tdint("overshoot", *options, code=0)
     table = rows(result.stdout)
     assert {(row["law"], row["displacement_power"], row["velocity_power"]) for row in table} == {
         ("softening", "", "")
@@ -237,27 +241,29 @@ def test_overshoot_in_nonlinear_motion(here, tdint):
     )
     lines = result.stderr.splitlines()
     assert states(lines[0], "note: exact is omitted: ... linear buildings only")
-    told = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
-    assert told["newmark-average"] == [
+    cells = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
+    assert cells["newmark-average"] == [
         "1",
         "0.391",
         f"{largest:.3g}",
         "1.63",
         "displacement and velocity",
     ]
-    assert told["moment4"][-1] == "none"
+    assert cells["moment4"][-1] == "none"
 
 
 # ---- order
 
 
-def test_order_over_the_frequency_ratio(here, tdint, monkeypatch):
-    """At fifteen ratios unless told otherwise; the picture is a curve over them. Beside errors
-    above 1e-5 a reference of 1e-8 is exact."""
+def test_order_over_the_frequency_ratio(working_directory, tdint, monkeypatch):
+    """The order is computed at fifteen frequency ratios by default. A reference solution with a
+    tolerance of 1e-8 suffices, because the errors exceed 1e-5."""
     solve = scipy.integrate.solve_ivp
     coarse = {"rtol": 1e-8, "atol": 1e-9}
     monkeypatch.setattr(
-        scipy.integrate, "solve_ivp", lambda *given, **more: solve(*given, **more | coarse)
+        scipy.integrate,
+        "solve_ivp",
+        lambda *arguments, **options: solve(*arguments, **options | coarse),
     )
     result = tdint("order", "--method", "central-difference", "--plot", "x.png", code=0)
     assert result.stderr == ""
@@ -295,22 +301,24 @@ def test_a_single_ratio_and_loads_without_a_ratio(tdint):
     ("command", "law"), [("order --load free", "polynomial"), ("overshoot", "hardening")]
 )
 def test_methods_that_do_not_support_the_law_are_reported(tdint, command, law):
-    words = (*command.split(), "--law", law, "--method")
-    result = tdint(*words, "exact,newmark-average", code=0)
+    call = (*command.split(), "--law", law, "--method")
+    result = tdint(*call, "exact,newmark-average", code=0)
     assert set(column(result, "method")) == {"newmark-average"}
     assert states(
         result.stderr.splitlines()[0], "note: exact is omitted: ... linear buildings only"
     )
-    tdint.refused(f"Error: exact ... linear buildings only ... --law {law}\n", *words, "exact")
+    tdint.refused(f"Error: exact ... linear buildings only ... --law {law}\n", *call, "exact")
 
 
-def test_rounding_errors_are_reported_as_the_reason_of_a_missing_order(here, tdint, drawn):
+def test_rounding_errors_are_reported_as_the_reason_of_a_missing_order(
+    working_directory, tdint, drawn
+):
     result = tdint(
         "order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg"
     )
     assert each_states(result.stderr.splitlines(), ["note: exact: no order, ... rounding errors"])
     assert column(result, "displacement_order")[0] == ""
-    assert "errors are rounding" in (here / "x.svg").read_text(encoding="utf-8")
+    assert "errors are rounding" in (working_directory / "x.svg").read_text(encoding="utf-8")
 
 
 def test_a_failing_method_does_not_prevent_the_others(tdint, monkeypatch):
@@ -328,8 +336,8 @@ def test_a_failing_method_does_not_prevent_the_others(tdint, monkeypatch):
     result = tdint("order", "--load", "free", "--method", "houbolt", "--method", "park", code=5)
     assert column(result, "method") == ["park"]
     assert result.stderr == "Error: houbolt failed with dt 0.02 s\n"
-    alone = tdint("order", "--load", "free", "--method", "houbolt")
-    assert (alone.exit_code, alone.stdout) == (5, "")
+    failed = tdint("order", "--load", "free", "--method", "houbolt")
+    assert (failed.exit_code, failed.stdout) == (5, "")
 
 
 def test_the_choices_equal_the_options_of_the_library():
@@ -346,11 +354,14 @@ def test_the_choices_equal_the_options_of_the_library():
     [("stability", "--dt-over-t", "0.1"), pytest.param(("overshoot",), marks=pytest.mark.slow)],
     ids=" ".join,
 )
-def test_figures_show_a_selection_of_the_methods(here, tdint, command):
-    """The table has all; the picture has the selection, or all with --all."""
+def test_figures_show_a_selection_of_the_methods(working_directory, tdint, command):
+    """The table contains all methods; the figure contains a selection, or all methods with
+    --all."""
     table = tdint(*command, "--plot=few.svg").stdout
     tdint(*command, "--plot=all.svg", "--all")
-    few, every = ((here / f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all"))
+    selection, all_methods = (
+        (working_directory / f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all")
+    )
     for name in ("houbolt", "wilson"):
-        assert name in table and name in every and name not in few
-    assert "newmark-average" in few
+        assert name in table and name in all_methods and name not in selection
+    assert "newmark-average" in selection

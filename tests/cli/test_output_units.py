@@ -1,5 +1,5 @@
-"""`--output-units`: every table, summary and sentence in other units, and back; histories packed
-and thinned."""
+"""`--output-units`: tables, summaries and messages in other units and converted back; compressed
+and thinned histories."""
 
 import csv
 import gzip
@@ -24,7 +24,7 @@ SUFFIXES = {suffix(unit): unit for unit in ("m", "s", "N", "J", "m/s", "m/s^2", 
 
 
 def unit_of(name: str) -> str:
-    """The unit that the end of a column's name says."""
+    """Return the unit at the end of the name of a column."""
     ends = [end for end in SUFFIXES if name.removesuffix("_error").endswith(end)]
     return SUFFIXES[max(ends, key=len)] if ends else "1"
 
@@ -35,12 +35,12 @@ def table(text: str) -> tuple[list[str], list[list[str]]]:
 
 
 def check_round_trip(si: str, us: str) -> None:
-    """The table in US units, times the units' values, is the one in SI to the digits of both; names
-    say the units."""
-    (names, rows), (renamed, others) = table(si), table(us)
+    """Check that a table in US units, converted to SI, equals the table in SI units within the
+    digits of both, and that the column names contain the units."""
+    (names, rows), (renamed, converted_rows) = table(si), table(us)
     found = [US.column(name, unit_of(name)) for name in names]
     assert renamed == [name for name, _ in found] and renamed != names
-    for row, other in zip(rows, others, strict=True):
+    for row, other in zip(rows, converted_rows, strict=True):
         for cell, converted, (_, factor) in zip(row, other, found, strict=True):
             if factor == 1.0 or not cell:
                 assert converted == cell
@@ -99,7 +99,7 @@ def test_the_files_of_a_run_in_other_units_convert_back(folder: Path, tdint: Com
         and us["settings"]["output_units"] == "kip,in,kg,g"
     )
     assert set(us["meanings"]) == {
-        US.column(name, said.get("unit", "1"))[0] for name, said in si["meanings"].items()
+        US.column(name, meaning.get("unit", "1"))[0] for name, meaning in si["meanings"].items()
     }
     assert " kip." in done.stderr and " in, base shear" in done.stderr and " g)" in done.stderr
 
@@ -120,7 +120,7 @@ def test_the_files_of_a_run_in_other_units_convert_back(folder: Path, tdint: Com
     ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
 )
 def test_figures_have_no_si_units(folder: Path, tdint: Command, arguments: tuple[Any, ...]) -> None:
-    """No label, name or legend in a picture is in SI units any more."""
+    """No label, name or legend of a figure contains SI units."""
     in_si = re.compile(r"[( ](m|m/s|m/s²|[kM]?N|[kM]?J)(\)|$)")
     tdint(*arguments, "--plot=us.svg", "--output-units", "kip,in,g", code=0)
     us = re.findall("<text>(.*?)</text>", Path("us.svg").read_text(), re.DOTALL)
@@ -152,11 +152,11 @@ def test_columns_of_a_spectrum_in_other_units(folder: Path, tdint: Command) -> N
     )
     tdint(*spectrum, "--output-units", "cm,g", code=0)
     assert sorted(path.name for path in (folder / "a").iterdir()) == ["s.csv.gz", "s.json", "s.png"]
-    told = json.loads((folder / "a" / "s.json").read_text())
+    about = json.loads((folder / "a" / "s.json").read_text())
     header, _ = table(gzip.decompress((folder / "a" / "s.csv.gz").read_bytes()).decode())
-    assert list(told["columns"]) == header
-    assert told["columns"]["psa_g"]["unit"] == "g" and told["columns"]["sd_cm"]["unit"] == "cm"
-    assert "pga_g" in told["records"][0]
+    assert list(about["columns"]) == header
+    assert about["columns"]["psa_g"]["unit"] == "g" and about["columns"]["sd_cm"]["unit"] == "cm"
+    assert "pga_g" in about["records"][0]
 
 
 def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Command) -> None:
@@ -179,17 +179,16 @@ def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Command) -> 
 def test_a_history_is_compressed_and_thinned(folder: Path, tdint: Command) -> None:
     run = ("run", "forced.yaml")
     tdint(*run, "--history", "-o", "out", code=0)
-    whole = (folder / "out" / "history.csv").read_text().splitlines(keepends=True)
-    assert len(whole) == 102
+    lines = (folder / "out" / "history.csv").read_text().splitlines(keepends=True)
+    assert len(lines) == 102
     tdint(*run, "--history", "new/h.csv.gz", "--history-every", 7, code=0)
-    packed = (folder / "new" / "h.csv.gz").read_bytes()
-    assert gzip.decompress(packed).decode() == "".join([whole[0], *whole[1::7]])
+    compressed = (folder / "new" / "h.csv.gz").read_bytes()
+    assert gzip.decompress(compressed).decode() == "".join([lines[0], *lines[1::7]])
     tdint(*run, "--history=new/h.csv.gz", "--history-every", 7, "--overwrite", code=0)
-    assert (
-        folder / "new" / "h.csv.gz"
-    ).read_bytes() == packed  # the same bytes, whenever they are written
+    # The compressed bytes do not depend on the time of writing.
+    assert (folder / "new" / "h.csv.gz").read_bytes() == compressed
     tdint(*run, "--history=plain.csv", code=0)
-    assert (folder / "plain.csv").read_text() == "".join(whole)
+    assert (folder / "plain.csv").read_text() == "".join(lines)
 
 
 @pytest.mark.parametrize(
@@ -215,8 +214,7 @@ def test_invalid_arguments_are_refused(
 
 
 def test_a_thinned_history_is_a_view(folder: Path) -> None:
-    """Of a long history no second one is made. The numbers:
-    tests/analysis/run/test_history_pieces.py."""
+    """A long history is not copied. tests/analysis/run/test_history_pieces.py tests the values."""
     from tdint import load_model, run
 
     history = run(load_model("forced.yaml"), history=True).history

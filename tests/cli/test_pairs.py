@@ -1,4 +1,4 @@
-"""The two components of a recording count as one ground motion in every command."""
+"""The two components of a recording count as a single ground motion in every command."""
 
 import json
 import re
@@ -26,11 +26,11 @@ def write_pair(folder, name="RSN1_EQ_GIL", event="Loma Prieta", seed=0, sizes=(1
         write_at2(folder / f"{name}{direction}.AT2", description, values)
 
 
-@pytest.mark.parametrize("kind", ["mseed", "at2", "csv"])
-def test_commands_recognize_a_matched_pair(folder, tdint, kind):
+@pytest.mark.parametrize("suffix", ["mseed", "at2", "csv"])
+def test_commands_recognize_a_matched_pair(folder, tdint, suffix):
     write_pair(folder)
-    tdint(*MATCH.split(), *TARGET.split(), "--format", kind, "-o", "m", code=0)
-    files = [f"m/RSN1_EQ_GIL{direction}.{kind}" for direction in ("337", "067")]
+    tdint(*MATCH.split(), *TARGET.split(), "--format", suffix, "-o", "m", code=0)
+    files = [f"m/RSN1_EQ_GIL{direction}.{suffix}" for direction in ("337", "067")]
     rotd = rows(tdint("spectrum", *files, "--rotd", "100", "--period", "0.3", code=0).stdout)
     assert [row["component"] for row in rotd] == ["337+67"]
     assert float(rotd[0]["rotd100_psa_m_s2"]) == pytest.approx(9.80665, rel=0.02)
@@ -81,7 +81,9 @@ def test_components_that_do_not_belong_together_are_refused(folder, tdint, old, 
         ("match", "in", "--pairs", "rotd100", *TARGET.split(), "-o", "m"),
     ):
         result = tdint.refused(message, *call, code=4)
-        assert all(f"in/RSN1_EQ_GIL{of}.AT2" in result.stderr for of in ("067", "337"))
+        assert all(
+            f"in/RSN1_EQ_GIL{direction}.AT2" in result.stderr for direction in ("067", "337")
+        )
     tdint("run", "one.yaml", "in", "--pair-demand", "separate", code=0)
 
 
@@ -119,8 +121,8 @@ def matched_files():
 
 @pytest.fixture
 def suite(folder, tdint, matched_files):
-    """Change to a directory with three matched pairs and a one-story building. The pairs are
-    matched once, because this takes seconds."""
+    """Change to a directory with three matched pairs and a building with a single story. The pairs
+    are matched for the first test and reused, because matching needs seconds."""
     (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")
     (folder / "in").mkdir()
     for seed, (name, event) in enumerate((("A", "Loma Prieta"), ("B", "Kobe"), ("C", "Duzce"))):
@@ -143,7 +145,10 @@ def test_a_limit_of_matched_pairs_uses_the_specified_demand(suite, tdint, demand
     runs = rows(tdint("run", "one.yaml", "m", code=0).stdout)
     assert len(runs) == 6
     expected = drift_means(runs, combine or np.mean)
-    means = {name: drift_means(runs, of) for name, of in (("larger", max), ("mean", np.mean))}
+    means = {
+        name: drift_means(runs, combination)
+        for name, combination in (("larger", max), ("mean", np.mean))
+    }
     between = 100.0 * np.mean(list(means.values()))
     assert means["larger"] > 1.05 * means["mean"]
     result = tdint("run", "one.yaml", "m", "--limit", f"{between}%", "--pair-demand", demand)
@@ -187,7 +192,9 @@ def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeyp
     drawn = []
     draw = figures.collapse.suite_picture
     monkeypatch.setattr(
-        figures.collapse, "suite_picture", lambda *given: drawn.append(given[0]) or draw(*given)
+        figures.collapse,
+        "suite_picture",
+        lambda *arguments: drawn.append(arguments[0]) or draw(*arguments),
     )
     scale = "scale m --pairs rotd100 --rule ec8 --target ec8:type=1,soil=B,ag=0.25g --at 1"
     tdint(*scale.split(), "-o", "factors.csv", code=0)

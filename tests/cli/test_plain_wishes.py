@@ -1,5 +1,5 @@
-"""Small things that users asked for: factors of spectra, names apart, where to go with two
-buildings."""
+"""Small requests of users: scale factors of spectra, distinct record names, advice for several
+models or methods, titles and labels."""
 
 import math
 
@@ -14,14 +14,16 @@ from tdint.units import parse_output_units
 
 
 def test_a_spectrum_of_a_scaled_record(folder, tdint):
-    words = ("spectrum", "motion.mseed", "--units", "m/s^2", "--period", "0.3,1")
-    plain, scaled = (rows(tdint(*words, *more).stdout) for more in ((), ("--scale", "-1.7")))
-    for one, other in zip(plain, scaled, strict=True):
-        assert math.isclose(1.7 * float(one["psa_m_s2"]), float(other["psa_m_s2"]), rel_tol=1e-10)
+    call = ("spectrum", "motion.mseed", "--units", "m/s^2", "--period", "0.3,1")
+    plain, scaled = (rows(tdint(*call, *options).stdout) for options in ((), ("--scale", "-1.7")))
+    for plain_row, scaled_row in zip(plain, scaled, strict=True):
+        assert math.isclose(
+            1.7 * float(plain_row["psa_m_s2"]), float(scaled_row["psa_m_s2"]), rel_tol=1e-10
+        )
 
 
 @pytest.mark.parametrize(
-    ("words", "advice"),
+    ("arguments", "advice"),
     [
         (("shaken.yaml", "forced.yaml", "motion.mseed"), "models: [shaken.yaml, forced.yaml]"),
         (
@@ -31,25 +33,25 @@ def test_a_spectrum_of_a_scaled_record(folder, tdint):
     ],
 )
 def test_several_models_point_to_campaigns_and_several_methods_to_the_chart(
-    folder, tdint, words, advice
+    folder, tdint, arguments, advice
 ):
-    tdint.refused(advice, "run", *words)
+    tdint.refused(advice, "run", *arguments)
 
 
 @pytest.mark.parametrize(
-    ("sources", "wanted"),
+    ("sources", "expected"),
     [
         (["a/x.at2", "b/y.at2"], ["x.at2", "y.at2"]),
         (["a/x.at2", "b/x.at2", "c.at2"], ["a/x.at2", "b/x.at2", "c.at2"]),
         (["1/a/x.at2", "2/a/x.at2"], ["1/a/x.at2", "2/a/x.at2"]),
     ],
 )
-def test_records_with_equal_names_get_distinct_names(sources, wanted):
-    assert [record_names(sources)[source] for source in sources] == wanted
+def test_records_with_equal_names_get_distinct_names(sources, expected):
+    assert [record_names(sources)[source] for source in sources] == expected
 
 
 class Line:
-    """A result of a component."""
+    """Result of a component."""
 
     def __init__(self, component: str) -> None:
         self.record = Record(np.zeros(4), 0.01, "", "", component, "file")
@@ -73,7 +75,7 @@ def test_titles_contain_the_scale():
 
 
 def test_large_numbers_of_other_units_have_their_power_in_the_label():
-    """Not above the panel, where it is under a legend."""
+    """Above the panel, the power of ten would be hidden by a legend."""
     units = parse_output_units("kN,mm")
     factor, label = scaled_unit(2.3e6, "J", units)  # 2.3e6 kN mm
     assert (label, factor * 2.3e6) == ("10⁶ kN·mm", pytest.approx(2.3))

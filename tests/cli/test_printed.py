@@ -23,12 +23,12 @@ STABILITY = ("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", 
 
 
 def test_a_pdf_has_the_requested_width_truetype_fonts_and_text_of_six_to_eight_points(
-    here, tdint, drawn
+    working_directory, tdint, drawn
 ):
     """The font size is read from the page streams: `/F1 8 Tf`."""
     line = ("overshoot", "--method", "impulse4", "--steps", "3")
     tdint(*line, "--style", "90mm", "--plot=a.pdf", code=0)
-    data = (here / "a.pdf").read_bytes()
+    data = (working_directory / "a.pdf").read_bytes()
     box = [float(number) for number in re.search(rb"/MediaBox \[ ([^\]]*) \]", data)[1].split()]
     assert abs(box[2] - 90.0 * POINTS) < 0.1
     assert b"/FontFile2" in data and b"/Type3" not in data
@@ -39,25 +39,24 @@ def test_a_pdf_has_the_requested_width_truetype_fonts_and_text_of_six_to_eight_p
                 float(size) for size in re.findall(rb"/F\S+ ([0-9.]+) Tf", zlib.decompress(stream))
             ]
     assert len(sizes) > 20
-    assert set(sizes) <= {6.0, 7.0, 8.0} | {
-        0.7 * size for size in (6.0, 7.0, 8.0)
-    }  # exponents are smaller
+    # Exponents are smaller.
+    assert set(sizes) <= {6.0, 7.0, 8.0} | {0.7 * size for size in (6.0, 7.0, 8.0)}
 
 
-def test_labels_and_styles_can_be_replaced(here, tdint, drawn):
+def test_labels_and_styles_can_be_replaced(working_directory, tdint, drawn):
     """Titles and labels can be replaced; a style sheet is applied."""
-    (here / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
+    (working_directory / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
     style = ("--style", "own.mplstyle,width=7in,label:impulse4='present, method',title=no")
     tdint(*STABILITY, *style, "--plot=a.svg", code=0)
-    text = (here / "a.svg").read_text()
+    text = (working_directory / "a.svg").read_text()
     assert "present, method" in text and "impulse4" not in text
     assert "Δt/T" in text and "dt/T" not in text and "α=-0.1" in text
     assert "stroke-width: 4.5" in text and 'width="504pt"' in text
-    assert PRINTED.get() == PrintedAs()  # what was asked for is over
+    assert PRINTED.get() == PrintedAs()  # The style applies only to its command.
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("style", "message"),
     [
         ("90", "--style '90': unknown key; ... width, font, title, label:NAME, file"),
         ("width=90", "--style: width ... 30 to 600 mm, such as 90mm or 3.5in, got '90'"),
@@ -72,14 +71,14 @@ def test_labels_and_styles_can_be_replaced(here, tdint, drawn):
         ("none.mplstyle", "style sheet none.mplstyle: "),
     ],
 )
-def test_invalid_styles_are_refused_in_one_line(here, tdint, words, message):
-    assert states(tdint(*STABILITY, "--style", words, "--plot=a.svg", code=2).stderr, message)
-    assert not (here / "a.svg").exists()
+def test_invalid_styles_are_refused_in_one_line(working_directory, tdint, style, message):
+    assert states(tdint(*STABILITY, "--style", style, "--plot=a.svg", code=2).stderr, message)
+    assert not (working_directory / "a.svg").exists()
 
 
 @pytest.mark.usefixtures("laid_out")
 def test_panels_without_room_are_refused(folder, tdint):
-    words = (
+    call = (
         "modes",
         "shaken.yaml",
         "--target",
@@ -90,7 +89,7 @@ def test_panels_without_room_are_refused(folder, tdint):
         "--style",
         "30mm",
     )
-    assert "a width of 30 mm" in tdint(*words, code=2).stderr
+    assert "a width of 30 mm" in tdint(*call, code=2).stderr
     assert not list((folder / "out").glob("*.png"))
 
 
@@ -100,15 +99,15 @@ def test_symbols():
 
 
 def test_a_campaign_keeps_the_style_of_its_file(folder, tdint, monkeypatch):
-    """The command line takes precedence over the campaign file. The path of a style sheet is
-    relative to the campaign file, for any working directory."""
-    asked = []
+    """The command line overrides the campaign file. The path of a style sheet is relative to the
+    campaign file, for any working directory."""
+    applied = []
 
-    def noted(self, stream):
-        asked.append(PRINTED.get())
+    def record_style(self, stream):
+        applied.append(PRINTED.get())
         stream.write(b"a picture")
 
-    monkeypatch.setattr(Picture, "__call__", noted)
+    monkeypatch.setattr(Picture, "__call__", record_style)
     (folder / "sub").mkdir()
     (folder / "sub" / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
     for name in ("shaken.yaml", "motion.mseed", "other.mseed"):
@@ -119,14 +118,14 @@ def test_a_campaign_keeps_the_style_of_its_file(folder, tdint, monkeypatch):
     tdint(*run, code=0)
     tdint(*export, code=0)
     sheet = str((folder / "sub" / "own.mplstyle").absolute())
-    assert asked == [PrintedAs(width=0.09, title=False, style=sheet)] * 2
+    assert applied == [PrintedAs(width=0.09, title=False, style=sheet)] * 2
     tdint(*export, "--style", "120mm", code=0)
-    assert asked[-1] == PrintedAs(width=0.12, title=False, style=sheet)
-    # The runs do not depend on them.
+    assert applied[-1] == PrintedAs(width=0.12, title=False, style=sheet)
+    # The runs do not depend on the style.
     (folder / "sub" / "study.yaml").write_text(STUDY + "style: 60mm\n")
     tdint(*run, code=0)
     tdint(*export, code=0)
-    assert {looks.width for looks in asked[-2:]} == {0.06}
+    assert {style.width for style in applied[-2:]} == {0.06}
 
 
 @pytest.mark.parametrize(
@@ -143,7 +142,7 @@ def test_invalid_styles_of_a_campaign_are_reported_before_the_runs(folder, tdint
     assert len(result.stderr.splitlines()) == 1
 
 
-# ---- Nothing lies beyond the page or over something else
+# ---- Texts are within the page and do not overlap
 
 RECORDED = """\
 base: {file: motion.mseed, component: HNE}
@@ -190,18 +189,18 @@ DRAWN = {
     "chart": "chart shaken.yaml --method impulse4,newmark-average,hht",
     "chart of several": "chart shaken.yaml forced.yaml --method impulse4,newmark-average,hht",
 }
-AT_ONCE = {"run": (0.09,), "law": (0.09, 0.18)}
-"""Not slow; at 180 mm one of them: words are of one size, so that a figure with half of the width
-is the harder one."""
+FAST = {"run": (0.09,), "law": (0.09, 0.18)}
+"""Widths (m) of the tests that are not slow. All texts have the same size, so that the narrow
+figure is the more difficult layout."""
 
 
-def words_of(figure):
+def text_boxes(figure):
     """Return the visible texts and their boxes, in points; hidden tick labels are excluded."""
     figure.draw_without_rendering()
-    axes = [panel for whole in figure.axes for panel in (whole, *whole.child_axes)]
-    every, shown = set(), set()
-    for axis in (axis for panel in axes for axis in (panel.xaxis, panel.yaxis)):
-        every |= {
+    panels = [member for axes in figure.axes for member in (axes, *axes.child_axes)]
+    tick_labels, shown = set(), set()
+    for axis in (axis for member in panels for axis in (member.xaxis, member.yaxis)):
+        tick_labels |= {
             label
             for tick in (*axis.majorTicks, *axis.minorTicks)
             for label in (tick.label1, tick.label2)
@@ -213,22 +212,22 @@ def words_of(figure):
     seen = [
         (text, text.get_window_extent().extents)
         for text in texts
-        if text not in every or text in shown
+        if text not in tick_labels or text in shown
     ]
     return [(text, box * 72.0 / figure.dpi) for text, box in seen if box[2] > box[0]]
 
 
-def faults(figure):
-    """Return the texts that exceed the page by more than half a point, and texts that overlap
-    others by more than a point in both directions."""
-    words, (wide, high) = words_of(figure), 72.0 * figure.get_size_inches()
+def layout_errors(figure):
+    """Return texts that exceed the page by more than half a point, and pairs of texts that overlap
+    by more than a point in both directions."""
+    boxes, (wide, high) = text_boxes(figure), 72.0 * figure.get_size_inches()
     beyond = [
-        text.get_text() for text, box in words if min(*box[:2], wide - box[2], high - box[3]) < -0.5
+        text.get_text() for text, box in boxes if min(*box[:2], wide - box[2], high - box[3]) < -0.5
     ]
-    upright = [(text.get_text(), box) for text, box in words if text.get_rotation() % 90.0 == 0.0]
+    upright = [(text.get_text(), box) for text, box in boxes if text.get_rotation() % 90.0 == 0.0]
     over = [
-        (one, other)
-        for (one, a), (other, b) in itertools.combinations(upright, 2)
+        (text_a, text_b)
+        for (text_a, a), (text_b, b) in itertools.combinations(upright, 2)
         if min(a[2], b[2]) - max(a[0], b[0]) > 1.0 and min(a[3], b[3]) - max(a[1], b[1]) > 1.0
     ]
     return beyond + over
@@ -254,32 +253,31 @@ def studied(folder, tdint, request):
 
 @pytest.mark.usefixtures("laid_out", "studied")
 @pytest.mark.parametrize(
-    "line", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in DRAWN]
+    "line", [pytest.param(entry, marks=[pytest.mark.slow] * (entry not in FAST)) for entry in DRAWN]
 )
 def test_texts_are_within_the_page_and_do_not_overlap(tdint, monkeypatch, line):
     found = []
 
     def measured(self, stream):
-        for width in AT_ONCE.get(line, (0.09,)):
+        for width in FAST.get(line, (0.09,)):
             before = PRINTED.set(PrintedAs(width=width))
-            found.append((width, faults(self.figure())))
+            found.append((width, layout_errors(self.figure())))
             PRINTED.reset(before)
         stream.write(b"a picture")
 
     monkeypatch.setattr(Picture, "__call__", measured)
-    monkeypatch.setattr(
-        Picture, "save", lambda self, figure, stream: measured(self, stream)
-    )  # of a page
-    words = shlex.split(DRAWN[line])
-    tdint(*words, *["--plot=a.png"] * (not {"examples", "--report"} & set(words)), code=0)
-    assert found and [one for one in found if one[1]] == []
+    # Figures of a report
+    monkeypatch.setattr(Picture, "save", lambda self, figure, stream: measured(self, stream))
+    arguments = shlex.split(DRAWN[line])
+    tdint(*arguments, *["--plot=a.png"] * (not {"examples", "--report"} & set(arguments)), code=0)
+    assert found and [entry for entry in found if entry[1]] == []
 
 
 def test_texts_beyond_the_page_and_overlaps_are_detected():
     figure = Figure(figsize=(2.0, 2.0))
     FigureCanvasAgg(figure)
     figure.text(0.1, 0.5, "within")
-    assert faults(figure) == []
+    assert layout_errors(figure) == []
     figure.text(0.12, 0.5, "over")
     figure.text(0.9, 0.1, "beyond the page")
-    assert faults(figure) == ["beyond the page", ("within", "over")]
+    assert layout_errors(figure) == ["beyond the page", ("within", "over")]

@@ -1,5 +1,5 @@
-"""The options that change a record: the same in all commands, told on standard error and in the
-JSON file."""
+"""Options for the processing of records: equal in all commands, reported on standard error and in
+the JSON file."""
 
 import json
 
@@ -62,11 +62,13 @@ def processed(folder):
         (("info",), "pga_m_s2"),
     ],
 )
-def test_results_equal_those_of_the_processed_record(folder, tdint, processed, command, column):
-    """What was done is told on standard error and in the JSON file."""
-    name, *words = command
+def test_results_equal_the_results_of_the_processed_record(
+    folder, tdint, processed, command, column
+):
+    """The processing steps are reported on standard error and in the JSON file."""
+    name, *options = command
     result = tdint(
-        name, "other.mseed", *words, *OPTIONS, "--units", "m/s^2", "-o", "out.csv", code=0
+        name, "other.mseed", *options, *OPTIONS, "--units", "m/s^2", "-o", "out.csv", code=0
     )
     (row,) = rows(folder / "out.csv")
     sd = spectrum(processed, np.array([0.5])).sd[0]
@@ -79,8 +81,9 @@ def test_results_equal_those_of_the_processed_record(folder, tdint, processed, c
         values[column], rel=1e-9 if "drift" in column else 5.1e-12
     )
     assert notes(result) == [f"other.mseed: {step}" for step in processed.processing]
-    told = "; ".join(processed.notes).replace(",", ";")  # no comma stands in a cell of ours
-    assert told in row.get("notes", told)
+    # Cells of the tables contain no comma.
+    expected_notes = "; ".join(processed.notes).replace(",", ";")
+    assert expected_notes in row.get("notes", expected_notes)
     about = json.loads((folder / "out.json").read_text())
     assert about["settings"]["processing"] == {**STEPS, "trim": [0.5, 2.5], "pad": [1.0, 2.0]}
     (record,) = about["records"]
@@ -89,9 +92,9 @@ def test_results_equal_those_of_the_processed_record(folder, tdint, processed, c
 
 
 def test_notes_name_the_component_of_files_with_several(folder, tdint):
-    told = notes(tdint("info", "motion.mseed", *OPTIONS))
-    assert states(told[0], "motion.mseed: trimmed ... 0.5 to 2.5 s")
-    assert [line for line in told if "a line from" in line][1].startswith("motion.mseed: HNN: ")
+    messages = notes(tdint("info", "motion.mseed", *OPTIONS))
+    assert states(messages[0], "motion.mseed: trimmed ... 0.5 to 2.5 s")
+    assert [line for line in messages if "a line from" in line][1].startswith("motion.mseed: HNN: ")
 
 
 def test_records_are_unchanged_by_default(folder, tdint):
@@ -136,12 +139,12 @@ def test_usage_errors(folder, tdint, command, options, message):
     tdint.refused(message, *command.split(), *options.split())
 
 
-# tdint run
+# Processing in `tdint run`
 
 
 def test_model_command_line_and_library_agree(folder, tdint):
-    """The record of a model is processed by its own entries, by options in their place, or before
-    it is given."""
+    """The record is processed by entries of the model, by options, or before it is passed to
+    `run`, with equal results."""
     entries = (
         "trim: 0.5:2.5, baseline: linear, pad: 1:2, highpass: 0.5, lowpass: 30, filter_order: 2, "
         "resample: 0.005"
@@ -168,10 +171,10 @@ def test_an_option_replaces_the_same_step_of_the_model(folder, tdint):
         .replace("component: HNE", "component: HNE, highpass: 1, lowpass: 20")
     )
     (folder / "shaken.yaml").write_text(text)
-    told = [
+    steps = [
         note.partition(" Hz")[0] for note in notes(tdint("run", "shaken.yaml", "--lowpass", "10"))
     ]
-    assert {"highpass 1", "lowpass 10"} <= set(told) and "lowpass 20" not in told
+    assert {"highpass 1", "lowpass 10"} <= set(steps) and "lowpass 20" not in steps
     other = tdint(
         "run", "shaken.yaml", "--record", "other.mseed", "--units", "m/s^2", "--lowpass", "10"
     )

@@ -47,9 +47,9 @@ def study(folder: Path, make_record: Callable[..., None]) -> Path:
 def fractile(values: list[float], part: float) -> float:
     """Return a fractile by linear interpolation between the sorted values; the first value is at 0,
     the last at 1."""
-    ordered, place = sorted(values), part * (len(values) - 1)
-    below = min(int(place), len(values) - 2)
-    return ordered[below] + (place - below) * (ordered[below + 1] - ordered[below])
+    ordered, position = sorted(values), part * (len(values) - 1)
+    below = min(int(position), len(values) - 2)
+    return ordered[below] + (position - below) * (ordered[below + 1] - ordered[below])
 
 
 def by_hand(stories: list[dict[str, str]], column: str, which: dict[str, str]) -> list[float]:
@@ -63,7 +63,7 @@ def by_hand(stories: list[dict[str, str]], column: str, which: dict[str, str]) -
 
 
 QUANTITIES = ("mean", "median", "p16", "p84", "max")
-OF = (
+STATISTICS = (
     statistics.fmean,
     statistics.median,
     lambda values: fractile(values, 0.16),
@@ -91,11 +91,13 @@ def test_profiles_equal_statistics_of_the_stories(study: Path, tdint: Command) -
     }
     for row in profiles:
         if row["quantity"] == "ductility" and not row["mean"]:
-            continue  # of a story that does not yield
+            continue  # This story does not yield.
         which = {name: row[name] for name in ("building", "scale", "story")}
         values = by_hand(stories, columns[row["quantity"]], which)
-        told = [float(row[name]) for name in QUANTITIES]
-        assert told == pytest.approx([of(values) for of in OF], rel=1e-11, abs=1e-300), row
+        cells = [float(row[name]) for name in QUANTITIES]
+        assert cells == pytest.approx(
+            [statistic(values) for statistic in STATISTICS], rel=1e-11, abs=1e-300
+        ), row
         assert (row["runs"], row["collapsed"], row["failed"]) == ("3", "0", "0")
 
 
@@ -106,13 +108,13 @@ def test_errors_of_the_runs_are_propagated_to_the_statistics(study: Path, tdint:
     )
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     stories, profiles = rows("out/stories.csv"), rows("out/profiles.csv")
-    behind = [*(f"{name}_error" for name in QUANTITIES), "pair_demand"]
-    assert list(profiles[0])[-len(behind) :] == behind
+    error_columns = [*(f"{name}_error" for name in QUANTITIES), "pair_demand"]
+    assert list(profiles[0])[-len(error_columns) :] == error_columns
     for row in stories:
         for name in ("peak_drift_m", "peak_absolute_acceleration_m_s2"):
             value, error = float(row[name]), float(row[f"{name}_error"])
             row[f"{name}_up"], row[f"{name}_down"] = str(value + error), str(value - error)
-    told = 0
+    nonzero_errors = 0
     for row in profiles:
         if row["quantity"] not in ("peak_drift", "peak_absolute_acceleration"):
             continue
@@ -121,13 +123,13 @@ def test_errors_of_the_runs_are_propagated_to_the_statistics(study: Path, tdint:
         up, middle, down = (
             by_hand(stories, f"{column}{end}", which) for end in ("_up", "", "_down")
         )
-        for name, of in zip(QUANTITIES, OF, strict=True):
-            change = max(of(up) - of(middle), of(middle) - of(down))
+        for name, statistic in zip(QUANTITIES, STATISTICS, strict=True):
+            change = max(statistic(up) - statistic(middle), statistic(middle) - statistic(down))
             assert float(row[f"{name}_error"]) == pytest.approx(
-                change, rel=1e-6, abs=1e-11 * of(middle)
+                change, rel=1e-6, abs=1e-11 * statistic(middle)
             )
-            told += change > 1e-9 * of(middle)
-    assert told > 40
+            nonzero_errors += change > 1e-9 * statistic(middle)
+    assert nonzero_errors > 40
     summary = json.loads(Path("out/summary.json").read_text())
     assert list(summary["profiles"]["columns"])[-1] == "max_error"
 
@@ -176,11 +178,10 @@ def test_the_limit_applies_to_the_mean_in_the_governing_story(study: Path, tdint
 def test_a_requirement_is_not_met_before_all_runs_are_completed(
     study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
-    """The limit is so large that the complete study meets it. Parts of the study nevertheless cause
-    exit code 5 with --require; without --require, exit code 0 and a warning that --quiet does
-    not suppress."""
-    make_record(study / "third.mseed", "HNE", peak=2.0, samples=12000)  # more than one chunk
-    gate = ("--limit", "90%", "--require")
+    """The complete study meets the large limit. Parts of the study nevertheless cause exit code 5
+    with --require; without --require, exit code 0 and a warning that --quiet does not suppress."""
+    make_record(study / "third.mseed", "HNE", peak=2.0, samples=12000)  # several chunks
+    requirement = ("--limit", "90%", "--require")
     parts = {
         "first": (
             ("campaign", "study.yaml", "-o", "first", "--max-runs", "1"),
@@ -188,28 +189,31 @@ def test_a_requirement_is_not_met_before_all_runs_are_completed(
         ),
         "half": (("campaign", "study.yaml", "-o", "half", "--shard", "1/2"),),
     }
-    for folder, words in ((folder, words) for folder, calls in parts.items() for words in calls):
-        required = tdint("-q", *words, *gate, code=5)
+    for folder, call in ((folder, call) for folder, calls in parts.items() for call in calls):
+        required = tdint("-q", *call, *requirement, code=5)
         done = len(rows(f"{folder}/runs.csv"))
         assert 0 < done < 16
         last = required.stderr.splitlines(keepends=True)[-1]
-        assert states(last, f"Error: ... 90 % is not checked: {done} of 16 runs"), words
-    assert "is not checked" in tdint("-q", "campaign", "export", "first", *gate[:2], code=0).stderr
+        assert states(last, f"Error: ... 90 % is not checked: {done} of 16 runs"), call
     assert (
         "is not checked"
-        in tdint("campaign", "merge", "half", "-o", "all", *gate, "--partial", code=5).stderr
+        in tdint("-q", "campaign", "export", "first", *requirement[:2], code=0).stderr
     )
-    assert "met" in tdint("campaign", "study.yaml", "-o", "first", *gate, code=0).stderr
+    assert (
+        "is not checked"
+        in tdint("campaign", "merge", "half", "-o", "all", *requirement, "--partial", code=5).stderr
+    )
+    assert "met" in tdint("campaign", "study.yaml", "-o", "first", *requirement, code=0).stderr
     Path("broken.mseed").write_bytes(b"no record at all")
     Path("study.yaml").write_text(STUDY.replace("motion.mseed,", "motion.mseed, broken.mseed,"))
-    tdint("campaign", "study.yaml", "-o", "lost", *gate, code=4)
-    again = tdint("campaign", "export", "lost", *gate, code=5)
+    tdint("campaign", "study.yaml", "-o", "lost", *requirement, code=4)
+    again = tdint("campaign", "export", "lost", *requirement, code=5)
     assert states(again.stderr, "not met: 1 record")
 
 
 def test_collapsed_runs_are_counted_and_excluded_from_means(study: Path, tdint: Command) -> None:
-    """One of three motions causes collapse. The mean is over the other two motions, and no limit is
-    met."""
+    """One of three ground motions causes collapse. The mean includes only the other two motions,
+    and no limit is met."""
     factors = {"motion.mseed": "40", "other.mseed": "0.5", "third.mseed": "0.6"}
     lines = [
         "record,component,factor",
@@ -229,15 +233,17 @@ def test_collapsed_runs_are_counted_and_excluded_from_means(study: Path, tdint: 
     assert (row["scale"], row["runs"], row["collapsed"], row["failed"]) == ("", "3", "1", "0")
     peaks = []
     for record in ("other.mseed", "third.mseed"):
-        alone = tdint("run", "weak.yaml", record, "--units", "m/s^2", "--scale", factors[record])
-        peaks.append(float(rows(alone.stdout)[0]["peak_drift_m"]))
+        single_run = tdint(
+            "run", "weak.yaml", record, "--units", "m/s^2", "--scale", factors[record]
+        )
+        peaks.append(float(rows(single_run.stdout)[0]["peak_drift_m"]))
     assert float(row["mean"]) == pytest.approx(statistics.fmean(peaks), rel=1e-11)
 
 
 def test_at_most_ten_of_many_buildings_are_listed(study: Path, tdint: Command) -> None:
     """A building that is listed twice is reported. The table states the number of excluded motions
     of each mean."""
-    names = [f"weak-{place}.yaml" for place in range(7)]
+    names = [f"weak-{index}.yaml" for index in range(7)]
     for name in names:
         Path(name).write_text(
             STIFF.replace("name: stiff", f"name: {name[:-5]}") + "collapse_drift: 1e-6\n"
@@ -248,15 +254,16 @@ def test_at_most_ten_of_many_buildings_are_listed(study: Path, tdint: Command) -
     )
     result = tdint("campaign", "study.yaml", "-o", "out", code=0)
     assert states(result.stderr, "note: ... more than once, ... weak-0.yaml")
-    told = [line for line in result.stderr.splitlines() if "no mean can be computed" in line]
-    lost = {
+    messages = [line for line in result.stderr.splitlines() if "no mean can be computed" in line]
+    collapsed = {
         (row["building"], row["scale"]) for row in rows("out/profiles.csv") if int(row["collapsed"])
     }
+    # 7 names at two levels; one is run twice.
     assert (
-        len(told) == 1
-        and "and 9 more: of 3 ground motions, 3 collapsed" in told[0]
-        and len(lost) == 14
-    )  # 7 names at two levels; one is run twice
+        len(messages) == 1
+        and "and 9 more: of 3 ground motions, 3 collapsed" in messages[0]
+        and len(collapsed) == 14
+    )
     assert states(result.stderr, "6 more buildings ... collapsed and failed of profiles.csv")
 
 
@@ -303,9 +310,7 @@ def test_output_units_change_numbers_and_units(study: Path, tdint: Command) -> N
 def test_profiles_are_written_after_all_runs_are_completed(
     study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
-    make_record(
-        study / "motion.mseed", "HNE", "HNN", samples=6000
-    )  # so long that there are several chunks
+    make_record(study / "motion.mseed", "HNE", "HNN", samples=6000)  # The runs need several chunks.
     for part, name in ((1, "part"), (2, "rest")):
         tdint("campaign", "study.yaml", "-o", name, "--shard", f"{part}/2", code=0)
         assert not Path(name, "profiles.csv").exists()
@@ -321,12 +326,13 @@ def test_profiles_can_be_disabled(study: Path, tdint: Command) -> None:
     tdint(*campaign, code=0)
     assert not Path("out/profiles.csv").exists()
     assert "outputs: {profiles: true}" in tdint(*campaign, "--plot", code=5).stderr
-    new = tdint("campaign", "study.yaml", "-o", "new", "--plot", code=5)  # known before the runs
+    # In a new directory, the error is reported before the runs.
+    new = tdint("campaign", "study.yaml", "-o", "new", "--plot", code=5)
     assert "outputs: {profiles: true}" in new.stderr and not Path("new").exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("call", "message"),
     [
         (("run", "shaken.yaml", "motion.mseed", "other.mseed", "--require"), "--limit"),
         (("campaign", "study.yaml", "-o", "out", "--baseline", "shakn"), "shaken"),
@@ -337,9 +343,9 @@ def test_profiles_can_be_disabled(study: Path, tdint: Command) -> None:
     ],
 )
 def test_invalid_arguments_are_refused(
-    study: Path, tdint: Command, words: tuple[str, ...], message: str
+    study: Path, tdint: Command, call: tuple[str, ...], message: str
 ) -> None:
-    assert message in tdint(*words, code=2).stderr
+    assert message in tdint(*call, code=2).stderr
 
 
 def test_ratios_equal_quotients_of_the_profiles(study: Path, tdint: Command) -> None:
@@ -350,10 +356,10 @@ def test_ratios_equal_quotients_of_the_profiles(study: Path, tdint: Command) -> 
 
     def largest(building: str, ratio: dict[str, str], name: str) -> float:
         keys = ("scale", "quantity", "story") if ratio["story"] else ("scale", "quantity")
-        of_building = (row for row in profiles if row["building"] == building)
+        building_rows = (row for row in profiles if row["building"] == building)
         return max(
             float(row[name] or 0.0)
-            for row in of_building
+            for row in building_rows
             if all(row[key] == ratio[key] for key in keys)
         )
 

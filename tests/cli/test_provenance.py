@@ -1,5 +1,5 @@
-"""What the JSON file beside a table says of its options and of the sources (that each has one:
-test_files.py)."""
+"""Options and versions of the sources in JSON summaries; test_files.py tests that each output has a
+summary."""
 
 import hashlib
 import json
@@ -13,8 +13,8 @@ from tdint.system import __version__, version_of_sources
 
 def test_options_and_units_are_recorded(folder, tdint):
     model = (folder / "shaken.yaml").read_bytes()
-    words = ("--story", 2, "--drift", "1%,5mm", "--output-units", "kN,mm", "-o", "law.csv.gz")
-    tdint("law", "-", *words, stdin=model, code=0)
+    options = ("--story", 2, "--drift", "1%,5mm", "--output-units", "kN,mm", "-o", "law.csv.gz")
+    tdint("law", "-", *options, stdin=model, code=0)
     about = json.loads((folder / "law.json").read_text())
     assert about["settings"]["story"] == 2 and about["settings"]["drifts"] == ["1%", "5mm"]
     assert about["settings"]["output_units"] == "kN,mm,kg"
@@ -23,8 +23,8 @@ def test_options_and_units_are_recorded(folder, tdint):
 
 
 def test_a_changed_checkout_is_not_reported_as_a_release(tmp_path, monkeypatch):
-    """Nor does a package with an edited file; the hash is that of its sources, wherever they
-    are."""
+    """A package with an edited file also has a version with a hash. The hash depends only on the
+    sources, not on their directory."""
     own = Path(tdint.__file__).parent
     system, digest = version_of_sources()
     assert system in (__version__, f"{__version__}+sources.{digest[:8]}")
@@ -41,8 +41,7 @@ def test_a_changed_checkout_is_not_reported_as_a_release(tmp_path, monkeypatch):
 
 
 def _packed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """tdint as an installed package would be, with two files, and the record of its
-    installation."""
+    """Create an installed package tdint with two files and the RECORD of its installation."""
     from base64 import urlsafe_b64encode
     from importlib.metadata import Distribution
 

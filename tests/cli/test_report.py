@@ -1,5 +1,5 @@
-"""The page of --report: one well-formed file without external resources, with the numbers of the
-tables."""
+"""The page of --report: a single well-formed file without external resources, with the values of
+the tables."""
 
 import base64
 import hashlib
@@ -41,14 +41,14 @@ class Page(HTMLParser):
         assert self.open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
-        assert not {"href", "onload", "action"} & set(given) and tag not in (
+        attributes = dict(attrs)
+        assert not {"href", "onload", "action"} & set(attributes) and tag not in (
             "script",
             "link",
             "iframe",
         )
-        if "src" in given:
-            self.sources.append(given["src"] or "")
+        if "src" in attributes:
+            self.sources.append(attributes["src"] or "")
         if tag not in EMPTY:
             self.open.append(tag)
         if tag == "table":
@@ -73,9 +73,9 @@ def page(file: str) -> Page:
     assert text.startswith("<!DOCTYPE html>") and "@page { size: A4" in text
     parsed = Page(text)
     for source in parsed.sources:
-        kind, _, data = source.partition(";base64,")
+        media_type, _, data = source.partition(";base64,")
         content = base64.b64decode(data, validate=True)
-        assert (kind, content[:5]) in (
+        assert (media_type, content[:5]) in (
             ("data:image/svg+xml", b"<?xml"),
             ("data:image/png", b"\x89PNG\r"),
         )
@@ -87,7 +87,7 @@ def page(file: str) -> Page:
 
 
 def table_with(found: Page, heading: str) -> list[dict[str, str]]:
-    (table,) = [one for one in found.tables if heading in one[0]]
+    (table,) = [rows_of_table for rows_of_table in found.tables if heading in rows_of_table[0]]
     return [dict(zip(table[0], cells, strict=True)) for cells in table[1:]]
 
 
@@ -97,31 +97,32 @@ def test_the_page_of_a_run(folder: Path, tdint: Command, drawn: None) -> None:
     result = tdint("run", "shaken.yaml", "--check", "--report", "page.html", code=0)
     found = page("page.html")
     stories = rows(result.stdout)
-    of_peaks, of_errors = (table_with(found, f"peak drift{name} (%)") for name in (" ratio", ""))
-    for told, errors, row in zip(of_peaks, of_errors, stories, strict=True):
+    peak_rows, error_rows = (table_with(found, f"peak drift{name} (%)") for name in (" ratio", ""))
+    for shown, errors, row in zip(peak_rows, error_rows, stories, strict=True):
         drift = float(row["peak_drift_m"])
-        assert told["peak drift (m)"] == f"{drift:.4g}"
-        assert told["peak drift ratio (%)"] == f"{100.0 * float(row['peak_drift_ratio']):.4g}"
+        assert shown["peak drift (m)"] == f"{drift:.4g}"
+        assert shown["peak drift ratio (%)"] == f"{100.0 * float(row['peak_drift_ratio']):.4g}"
         assert errors["story"] == row["story"]
         for name in ("peak_drift", "residual_drift"):
             percent = 100.0 * float(row[f"{name}_m_error"]) / drift
+            # The table has two digits.
             assert float(errors[f"{name.replace('_', ' ')} (%)"]) == pytest.approx(
                 percent, rel=0.06
-            )  # two digits
+            )
     mode = rows(tdint("modes", "shaken.yaml").stdout)[0]
     period, damping = float(mode["period_s"]), float(mode["damping"])
     assert f"first period {period:.4g} s with {100.0 * damping:.3g} % damping" in found.text
     for file in ("shaken.yaml", "motion.mseed"):
         assert hashlib.sha256(Path(file).read_bytes()).hexdigest() in found.text
     assert len(found.sources) == 2
-    for words in (
+    for text in (
         "Torsion, floor flexibility",
         "Time integration",
         "newmark-average",
         "tdint 0.",
         '<script>alert(1)</script> & "co"',
     ):
-        assert words in found.text, words
+        assert text in found.text, text
 
 
 def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
@@ -156,40 +157,40 @@ def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
     ]
     # A row for each motion, the largest drift first.
     runs = sorted(rows("out/runs.csv"), key=lambda row: -float(row["peak_drift_ratio"]))
-    for told, row in zip(table_with(found, "status"), runs, strict=True):
-        assert (told["record"], told["component"], told["status"]) == (
+    for shown, row in zip(table_with(found, "status"), runs, strict=True):
+        assert (shown["record"], shown["component"], shown["status"]) == (
             row["record"],
             row["component"],
             "done",
         )
-        assert told["peak drift ratio (%)"] == f"{100.0 * float(row['peak_drift_ratio']):.4g}"
+        assert shown["peak drift ratio (%)"] == f"{100.0 * float(row['peak_drift_ratio']):.4g}"
 
 
 def test_the_verdict_of_a_run_is_the_first_result(folder: Path, tdint: Command) -> None:
-    """The result with limit, value and story is in words and in color. With --require, it also
-    determines the exit code of one run."""
+    """The verdict contains limit, value and story, and has a color. With --require, it also
+    determines the exit code of a single run."""
     drifts = [
         float(row["peak_drift_ratio"]) for row in rows(tdint("run", "shaken.yaml", code=0).stdout)
     ]
-    largest, place = max(drifts), drifts.index(max(drifts)) + 1
-    for limit, kept in ((1.01 * largest, True), (0.99 * largest, False)):
-        asked = (
+    largest, story = max(drifts), drifts.index(max(drifts)) + 1
+    for limit, is_met in ((1.01 * largest, True), (0.99 * largest, False)):
+        call = (
             "run",
             "shaken.yaml",
             "--limit",
             f"{limit:.8f}",
             "--require",
             "--report",
-            f"{kept}.html",
+            f"{is_met}.html",
         )
-        result = tdint(*asked, code=0 if kept else 5)
-        drift = f"{100.0 * largest:.3g} % (story {place})"
-        said = f"Maximum drift ratio {drift}, limit {100.0 * limit:g} %: "
-        assert said + ("met" if kept else "exceeded") in result.stderr
-        body = Path(f"{kept}.html").read_text().partition("<body>")[2]
+        result = tdint(*call, code=0 if is_met else 5)
+        drift = f"{100.0 * largest:.3g} % (story {story})"
+        message = f"Maximum drift ratio {drift}, limit {100.0 * limit:g} %: "
+        assert message + ("met" if is_met else "exceeded") in result.stderr
+        body = Path(f"{is_met}.html").read_text().partition("<body>")[2]
         verdict = body[body.index('<p class="v ') : body.index("<h2")]
-        assert ("Limit kept." if kept else "Limit NOT kept.") in verdict
-        assert f'class="v {"kept" if kept else "broken"}"' in verdict
+        assert ("Limit kept." if is_met else "Limit NOT kept.") in verdict
+        assert f'class="v {"kept" if is_met else "broken"}"' in verdict
 
 
 def test_a_collapse_is_the_headline(folder: Path, tdint: Command) -> None:
@@ -201,10 +202,11 @@ def test_a_collapse_is_the_headline(folder: Path, tdint: Command) -> None:
     tdint("run", "weak.yaml", "--limit", "90%", "--report", "weak.html", code=0)
     body = Path("weak.html").read_text().partition("<body>")[2]
     verdicts = re.findall(r'<p class="v ?(\w*)">(.*?)</p>', body)
+    # A limit is not met after collapse.
     assert [color for color, _ in verdicts] == [
         "broken",
         "broken",
-    ]  # a limit is not met after collapse
+    ]
     assert "collapsed" in verdicts[0][1] and "Limit" not in verdicts[0][1]
     assert re.search(r"story \d .* [0-9.]+\ss", verdicts[0][1])
 
@@ -222,7 +224,7 @@ def test_targets_are_printed_with_the_symbols_of_the_code() -> None:
 
 
 def test_the_page_of_a_scaled_suite_shows_the_scaled_motions(folder: Path, tdint: Command) -> None:
-    given = (
+    call = (
         "run",
         "shaken.yaml",
         "motion.mseed",
@@ -234,12 +236,14 @@ def test_the_page_of_a_scaled_suite_shows_the_scaled_motions(folder: Path, tdint
         "0.5,2",
         "-o",
     )
-    tdint(*given, "out", "--report", "page.html", code=0)
+    tdint(*call, "out", "--report", "page.html", code=0)
     found = page("page.html")
-    told = [dict(zip(*table[:2], strict=True)) for table in found.tables if "scale" in table[0]]
-    assert [row["scale"] for row in told] == ["0.5", "2"]
+    record_rows = [
+        dict(zip(*table[:2], strict=True)) for table in found.tables if "scale" in table[0]
+    ]
+    assert [row["scale"] for row in record_rows] == ["0.5", "2"]
     peaks = [float(row["pga_m_s2"]) / 9.80665 for row in rows("out/runs.csv")]
-    assert [row["pga (g)"] for row in told] == [f"{peak:.4g}" for peak in peaks]
+    assert [row["pga (g)"] for row in record_rows] == [f"{peak:.4g}" for peak in peaks]
     assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text
 
 
@@ -260,8 +264,8 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
     assert [
         row["peak total shear (kN)"] for row in table_with(found, "peak total shear (kN)")
     ] == shears
-    # The base shear of the restoring forces, and that of equilibrium, which Rayleigh damping is
-    # part of.
+    # Base shear of the restoring forces, and base shear from equilibrium, which includes Rayleigh
+    # damping
     restoring = float(stories[0]["peak_shear_N"]) / 1e3
     assert (
         f"base shear {shears[0]} kN with viscous forces ({restoring:.4g} kN without)" in found.text
@@ -317,8 +321,8 @@ def test_the_figure_of_a_collapse_states_the_peak_of_the_record(
     )
     assert "analysis stopped" in result.stderr
     (pga,) = re.findall(r"PGA (\S+) m/s", result.stderr)
-    (said,) = [text for text in notes if "PGA" in text]
-    peaks = re.fullmatch(r"peak (\S+) g at \S+ s, PGA (\S+) g later", said)
+    (note,) = [text for text in notes if "PGA" in text]
+    peaks = re.fullmatch(r"peak (\S+) g at \S+ s, PGA (\S+) g later", note)
     assert peaks
     early, late = map(float, peaks.groups())
     assert late == pytest.approx(float(pga) / 9.80665, rel=2e-3) and early < 0.9 * late
@@ -351,7 +355,7 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
         "buildings: {models: [shaken.yaml, stiff.yaml]}\nintensity: {factors: factors.csv}\n"
         "records: {files: [motion.mseed], units: m/s^2, pairs: true}\nanalysis: {check: true}\n"
     )
-    asked = (
+    call = (
         "campaign",
         "study.yaml",
         "--limit",
@@ -361,11 +365,11 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
         "--floor-spectra",
         "roof",
     )
-    asked = (*asked, "--floor-period", "0.5")
+    call = (*call, "--floor-period", "0.5")
     tdint.refused(
-        "NAME: TEXT", *asked, "-o", "out", "--report", "page.html", "--report-head", "no name"
+        "NAME: TEXT", *call, "-o", "out", "--report", "page.html", "--report-head", "no name"
     )
-    tdint(*asked, "-o", "out", "--report", "page.html", "--report-head", "Date: 2026-01-31", code=0)
+    tdint(*call, "-o", "out", "--report", "page.html", "--report-head", "Date: 2026-01-31", code=0)
     found = page("page.html")
     assert "Date: 2026-01-31" in found.text
     for text in (
@@ -388,7 +392,7 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
         assert [row["SHA-256"] for row in table_with(found, "SHA-256") if row["file"] == file] == [
             digest
         ], file
-    assert len(found.sources) == 3  # profiles, floors, motions beside the target
+    assert len(found.sources) == 3  # profiles, floor spectra, ground motions with the target
     # The same building twice: all ratios are 1.
     assert {row["mean ratio"] for row in table_with(found, "mean ratio")} == {"1"}
     errors = [table for table in found.tables if "mean peak drift (%)" in table[0]]
@@ -396,23 +400,25 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
         0.0 < float(row[1]) < 5.0 for table in errors for row in table[1:]
     )
     assert found.text.count("Torsion, floor flexibility") == 1
-    # Factors that were changed by hand: what `scale` told is not told of them.
+    # The report does not repeat the statements of `scale` for factors that were edited.
     with Path("factors.csv").open("a") as stream:
         stream.write("another.mseed,,2\n")
-    tdint(*asked, "-o", "changed", "--report", "changed.html", code=0)
+    tdint(*call, "-o", "changed", "--report", "changed.html", code=0)
     assert "the method of scaling is unknown" in page("changed.html").text
 
 
 def test_the_page_of_a_pushover_reports_unmet_targets(folder: Path, tdint: Command) -> None:
     target = "ec8:type=1,soil=C,ag=0.35g"
-    asked = ("pushover", CONFIGS / "collapse-prone-frame.yaml", "--target", target, "-o", "t.csv")
-    tdint(*asked, "--report", "page.html", code=0)
+    call = ("pushover", CONFIGS / "collapse-prone-frame.yaml", "--target", target, "-o", "t.csv")
+    tdint(*call, "--report", "page.html", code=0)
     found = page("page.html")
     drifts = [f"{1e2 * float(row['drift_ratio']):.4g}" for row in rows("t.csv")]
     assert [row["drift ratio (%)"] for row in table_with(found, "ductility")] == drifts
     (n2, coefficients) = json.loads(Path("t.json").read_text())["targets"]
-    told = [row["yield force (kN)"] for row in table_with(found, "yield force (kN)")]
-    assert told == [f"{made['yield_force_N'] / 1e3:.4g}" for made in (n2, coefficients)]
+    yield_forces = [row["yield force (kN)"] for row in table_with(found, "yield force (kN)")]
+    assert yield_forces == [
+        f"{target_values['yield_force_N'] / 1e3:.4g}" for target_values in (n2, coefficients)
+    ]
     body = Path("page.html").read_text().partition("<body>")[2]
     assert (
         body.count('class="v broken"') == 2 and "and cannot be met; do not use the computed" in body
@@ -423,7 +429,7 @@ def test_the_page_of_a_pushover_reports_unmet_targets(folder: Path, tdint: Comma
 def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(
     folder: Path, tdint: Command
 ) -> None:
-    asked = (
+    call = (
         "modes",
         CONFIGS / "ten-story-bilinear.yaml",
         "--target",
@@ -431,15 +437,14 @@ def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(
         "-o",
         "m.csv",
     )
-    result = tdint(*asked, "--report", "page.html", code=0)
+    result = tdint(*call, "--report", "page.html", code=0)
     assert "5 % in the first mode, is ignored" in result.stderr
     found, peaks = page("page.html"), rows("m.csv")
-    told = table_with(found, "overturning moment cqc (kN·m)")
-    assert [row["overturning moment cqc (kN·m)"] for row in told] == [
+    shown = table_with(found, "overturning moment cqc (kN·m)")
+    assert [row["overturning moment cqc (kN·m)"] for row in shown] == [
         str(round(float(f"{float(row['overturning_moment_cqc_Nm']) / 1e3:.4g}"))) for row in peaks
     ]
-    # Of the first mode alone the moments are those of its shears; the roof's force is what its
-    # story carries.
+    # The force of the roof is the shear of the top story, and its moment is shear times height.
     assert float(peaks[-1]["floor_force_cqc_N"]) == pytest.approx(
         float(peaks[-1]["shear_cqc_N"]), rel=1e-9
     )
@@ -472,7 +477,7 @@ def test_the_page_of_a_comparison_states_the_requirements(folder: Path, tdint: C
         "base: {file: out/history.csv, column: ground_acceleration_m_s2}\n"
         "floors: {roof: {file: out/history.csv, column: floor_2_absolute_acceleration_m_s2}}\n"
     )
-    asked = (
+    call = (
         "compare",
         "shaken.yaml",
         "--recorded",
@@ -480,10 +485,10 @@ def test_the_page_of_a_comparison_states_the_requirements(folder: Path, tdint: C
         "--require",
         "correlation=0.9",
     )
-    table = rows(tdint(*asked, "--report", "page.html", code=0).stdout)
+    table = rows(tdint(*call, "--report", "page.html", code=0).stdout)
     found = page("page.html")
-    (told,) = table_with(found, "correlation")
-    assert told["correlation"] == f"{float(table[0]['correlation']):.4g}"
+    (shown,) = table_with(found, "correlation")
+    assert shown["correlation"] == f"{float(table[0]['correlation']):.4g}"
     assert "Required of every floor: correlation 0.9. Met." in found.text
 
 
@@ -512,7 +517,7 @@ def check_fullness(file: str) -> None:
 
 
 def printed(file: str) -> list[tuple[str, float, float]]:
-    """Return the lines of text on paper, with the positions of their first and last letters in
+    """Return the printed lines of text, with the positions of their first and last characters in
     points from the left."""
     command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
     where = (
@@ -531,21 +536,21 @@ def printed(file: str) -> list[tuple[str, float, float]]:
     pages = [body for body in objects.values() if re.search(rb"/Type /Page\b", body)]
     for body in pages:
         size = re.search(rb"/MediaBox \[0 0 (\S+) (\S+)\]", body)
-        assert size and [float(one) for one in size.groups()] == pytest.approx(A4, abs=1.0)
+        assert size and [float(length) for length in size.groups()] == pytest.approx(A4, abs=1.0)
     return [line for body in pages for line in lines_of_page(body, objects)]
 
 
 def stream(body: bytes) -> bytes:
-    head, _, rest = body.partition(b"stream\n")
-    content = rest.rpartition(b"endstream")[0]
+    head, _, body_part = body.partition(b"stream\n")
+    content = body_part.rpartition(b"endstream")[0]
     return zlib.decompress(content) if b"FlateDecode" in head else content
 
 
 def letters(font: bytes, objects: dict[bytes, bytes]) -> dict[bytes, str]:
     """Return the characters for the codes of a font, from its table ToUnicode."""
-    place = re.search(rb"/ToUnicode (\d+) 0 R", font)
-    assert place
-    table, found = stream(objects[place[1]]).decode("ascii"), {}
+    reference = re.search(rb"/ToUnicode (\d+) 0 R", font)
+    assert reference
+    table, found = stream(objects[reference[1]]).decode("ascii"), {}
     for block in re.findall(r"beginbfchar(.*?)endbfchar", table, re.DOTALL):
         for code, to in re.findall(r"<(\w+)> *<(\w+)>", block):
             found[bytes.fromhex(code)] = bytes.fromhex(to).decode("utf-16-be")
@@ -561,39 +566,41 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
     and the text."""
     named = re.search(rb"/Font <<(.*?)>>", body, re.DOTALL)
     fonts = {
-        name: letters(objects[place], objects)
-        for name, place in re.findall(rb"/(\w+) (\d+) 0 R", named[1])
+        name: letters(objects[reference], objects)
+        for name, reference in re.findall(rb"/(\w+) (\d+) 0 R", named[1])
     }
     content = re.search(rb"/Contents (\d+) 0 R", body)
     assert content
     word = rb"<[0-9A-Fa-f]+>|\((?:\\.|[^\\)])*\)|/[^\s<>\[\]/()]+|[-+]?[0-9.]+|[A-Za-z*]+"
-    page_of, kept, given = np.eye(3), [], []
-    text, places, table, at = "", [], {}, np.eye(3)
+    page_of, saved, operands = np.eye(3), [], []
+    text, positions, table, at = "", [], {}, np.eye(3)
     for token in re.findall(word, stream(objects[content[1]])):
         if not re.fullmatch(rb"[A-Za-z*]+", token):
-            given.append(token)
+            operands.append(token)
             continue
         if token in (b"cm", b"Tm"):
-            a, b, c, d, e, f = map(float, given[-6:])
+            a, b, c, d, e, f = map(float, operands[-6:])
             matrix = np.array([[a, b, 0.0], [c, d, 0.0], [e, f, 1.0]])
             page_of, at = (matrix @ page_of, at) if token == b"cm" else (page_of, matrix)
         elif token == b"Td":
-            at = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [*map(float, given[-2:]), 1.0]]) @ at
+            at = (
+                np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [*map(float, operands[-2:]), 1.0]]) @ at
+            )
         elif token == b"q":
-            kept.append(page_of)
+            saved.append(page_of)
         elif token == b"Q":
-            page_of = kept.pop()
+            page_of = saved.pop()
         elif token == b"BT":
-            text, places, at = "", [], np.eye(3)
+            text, positions, at = "", [], np.eye(3)
         elif token == b"Tf":
-            table = fonts[given[-2][1:]]
+            table = fonts[operands[-2][1:]]
         elif token == b"Tj":
-            codes = bytes.fromhex(given[-1][1:-1].decode())
+            codes = bytes.fromhex(operands[-1][1:-1].decode())
             text += "".join(table.get(codes[i : i + 2], "?") for i in range(0, len(codes), 2))
-            places.append(float((at @ page_of)[2, 0]))
-        elif token == b"ET" and places:
-            yield text, places[0], places[-1]
-        given = []
+            positions.append(float((at @ page_of)[2, 0]))
+        elif token == b"ET" and positions:
+            yield text, positions[0], positions[-1]
+        operands = []
 
 
 @pytest.mark.slow
@@ -601,7 +608,7 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
     CHROMIUM is None or not shutil.which("pdftoppm"), reason="no Chromium or pdftoppm to print with"
 )
 @pytest.mark.parametrize(
-    "asked",
+    "arguments",
     [
         ("pushover", "collapse-prone-frame.yaml", "--target", "ec8:type=1,soil=C,ag=0.35g"),
         ("modes", "ten-story-bilinear.yaml", "--target", "ec8:type=1,soil=C,ag=0.35g"),
@@ -620,11 +627,13 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
     ],
 )
 def test_every_page_except_the_last_is_three_quarters_full(
-    folder: Path, tdint: Command, drawn: None, asked: tuple[str, ...]
+    folder: Path, tdint: Command, drawn: None, arguments: tuple[str, ...]
 ) -> None:
     """Printed on A4, the content of each page reaches the lowest quarter of the printable area, and
     the last page is at least a quarter full."""
-    tdint(asked[0], CONFIGS / asked[1], *asked[2:], "-q", "--report", "page.html", code=0)
+    tdint(
+        arguments[0], CONFIGS / arguments[1], *arguments[2:], "-q", "--report", "page.html", code=0
+    )
     check_fullness("page.html")
 
 
@@ -633,7 +642,7 @@ def test_every_page_except_the_last_is_three_quarters_full(
 def test_a_page_prints_complete_numbers_within_its_margins(
     folder: Path, tdint: Command, drawn: None
 ) -> None:
-    """Every cell with a number is one piece of text in the PDF, and no text exceeds the paper."""
+    """Every cell with a number is a single text in the PDF, and no text exceeds the paper."""
     assert (
         tdint("run", "shaken.yaml", "--method", "moment4", "--report", "page.html").exit_code == 0
     )
@@ -664,6 +673,5 @@ def test_a_page_prints_complete_numbers_within_its_margins(
             if re.fullmatch(r"[-+.\de]+", cell)
         }
         assert len(numbers) > 20 and numbers <= pieces, numbers - pieces
-        assert all(
-            left > 30.0 and last < A4[0] - 30.0 for _, left, last in lines
-        )  # margins of 15 mm, 42 points
+        # Margins of 15 mm, 42 points
+        assert all(left > 30.0 and last < A4[0] - 30.0 for _, left, last in lines)

@@ -1,4 +1,4 @@
-"""Each kind of report: its printed pages, the facts that it states, and its numbers."""
+"""All types of reports: printed pages, stated facts, and values."""
 
 import json
 import math
@@ -28,13 +28,14 @@ from tdint.output.spectrum_text import spectrum_text
 from tdint.units import STANDARD_GRAVITY
 
 
-def made(name: str, tdint: Command) -> str:
-    """Write the report of a kind to page.html in the working directory and return its messages."""
-    kind = KINDS[name]
+def write_report(name: str, tdint: Command) -> str:
+    """Write a report of the given type to page.html in the working directory and return the
+    messages."""
+    report = KINDS[name]
     write_inputs(Path())
-    for line in kind.before:
+    for line in report.before:
         tdint(*shlex.split(line), code=0)
-    return tdint(*shlex.split(kind.line), "--report", "page.html", code=kind.code).stderr
+    return tdint(*shlex.split(report.line), "--report", "page.html", code=report.code).stderr
 
 
 @pytest.mark.slow
@@ -42,9 +43,9 @@ def made(name: str, tdint: Command) -> str:
     CHROMIUM is None or not shutil.which("pdftoppm"), reason="no Chromium or pdftoppm to print with"
 )
 @pytest.mark.parametrize("name", KINDS)
-def test_pages_are_full(here: Path, tdint: Command, drawn: None, name: str) -> None:
+def test_pages_are_full(working_directory: Path, tdint: Command, drawn: None, name: str) -> None:
     """On A4, each page except the last is full to 75 %, and the last page to 25 %."""
-    made(name, tdint)
+    write_report(name, tdint)
     check_fullness("page.html")
 
 
@@ -53,7 +54,7 @@ UNCHECKED = ("Assumptions", "Methods and assumptions", "Inputs", "Notes")
 
 
 def sentences_and_cells(text: str) -> list[tuple[str, str, float]]:
-    """Return the numbers of a report with their units, and the maximum of their column."""
+    """Return the printed values of a report with their units, and the maximum of their column."""
     text = re.sub(
         r"<style>.*?</style>|<title>.*?</title>|<img[^>]*>|<p class=\"w\">.*?</p>",
         "",
@@ -77,16 +78,16 @@ def sentences_and_cells(text: str) -> list[tuple[str, str, float]]:
                 values = [cell for cell in cells if re.fullmatch(r"-?[\d.]+", cell)]
                 largest = max((abs(float(cell)) for cell in values), default=0.0)
                 found += [(cell, unit, largest) for cell in values]
-                others = (cell for cell in cells if cell not in values)
-                found += [(*pair, 0.0) for cell in others for pair in numbers_of(cell)]
-        rest = re.sub(r"<table.*?</table>", "", chapter, flags=re.DOTALL)
-        words = re.sub(r"<[^>]+>", " ", rest).replace("&#x27;", "'").replace("&quot;", '"')
-        found += [(*pair, 0.0) for pair in numbers_of(words)]
+                other_cells = (cell for cell in cells if cell not in values)
+                found += [(*pair, 0.0) for cell in other_cells for pair in numbers_of(cell)]
+        text_part = re.sub(r"<table.*?</table>", "", chapter, flags=re.DOTALL)
+        sentences = re.sub(r"<[^>]+>", " ", text_part).replace("&#x27;", "'").replace("&quot;", '"')
+        found += [(*pair, 0.0) for pair in numbers_of(sentences)]
     return found
 
 
 def figure_texts(figure: Figure) -> list[str]:
-    """Return titles, notes and labels of a figure without the numbers of its axes."""
+    """Return titles, notes and labels of a figure without the tick labels."""
     ticks = set()
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
@@ -97,7 +98,7 @@ def figure_texts(figure: Figure) -> list[str]:
 
 @pytest.fixture
 def drawn_texts(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The texts of all figures of a report, filled while they are drawn."""
+    """Texts of all figures of a report; the list is filled when the figures are rendered."""
     texts: list[str] = []
     save = Picture.save
 
@@ -110,7 +111,7 @@ def drawn_texts(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def known_numbers(name: str) -> Known:
-    """Return the numbers of the outputs, the models and the records of a kind."""
+    """Return the values in the outputs, the models and the records of a type of report."""
     outputs = [*Path("out").rglob("*"), *Path().glob("out.*"), *Path("ida").glob("*.json")]
     models = [*(Path(f"{model}.yaml") for model in KINDS[name].models), *Path("models").glob("*")]
     known = Known(sorted(outputs), models)
@@ -129,8 +130,8 @@ def known_numbers(name: str) -> Known:
     return known
 
 
-AT_ONCE = ("bilinear", "kip", "suite")
-WORDS = {
+FAST = ("bilinear", "kip", "suite")
+EXCEPTIONS = {
     "suite of many": {"16"},  # fractile, %
     "scaled suite": {"84"},
     "ida": {"16"},
@@ -141,19 +142,19 @@ WORDS = {
     "isolated": {"2.395", "0.0001"},  # period with the secant stiffness; "below 0.0001 %"
     "suite of isolated": {"5"},  # damping ratio of the spectra
 }
-"""Numbers that are in no table."""
+"""Printed numbers that are not values of a table, by type of report."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in KINDS]
+    "name", [pytest.param(kind, marks=[pytest.mark.slow] * (kind not in FAST)) for kind in KINDS]
 )
 def test_numbers_equal_the_numbers_of_the_tables(
-    here: Path, tdint: Command, drawn_texts: list[str], name: str
+    working_directory: Path, tdint: Command, drawn_texts: list[str], name: str
 ) -> None:
     """Headline, verdict, sentences, tables and texts of figures within their printed digits.
 
     Whole numbers below 100 without unit are numbers of stories, modes and runs."""
-    made(name, tdint)
+    write_report(name, tdint)
     if name == "region":
         # The models of the buildings, which the campaign generates.
         rules = "--rules capacity --classes classes.csv --units m"
@@ -166,13 +167,13 @@ def test_numbers_equal_the_numbers_of_the_tables(
         number
         for number in (*numbers, *drawn)
         if not known.holds(*number)
-        and number[0].lstrip("-") not in WORDS.get(name, ())
+        and number[0].lstrip("-") not in EXCEPTIONS.get(name, ())
         and not (number[1] == "" and re.fullmatch(r"\d\d?", number[0]))
     ]
     assert unknown == []
 
 
-def test_a_number_that_is_in_no_table_is_detected(here: Path) -> None:
+def test_a_number_that_is_in_no_table_is_detected(working_directory: Path) -> None:
     Path("out").mkdir()
     Path("out/stories.csv").write_text("story,peak_shear_N,peak_drift_m\n1,8897123,0.54312\n")
     known = Known(Path("out").iterdir(), ())
@@ -180,21 +181,21 @@ def test_a_number_that_is_in_no_table_is_detected(here: Path) -> None:
     assert [known.holds(*number) for number in found] == [True, False, True, False]
 
 
-def test_thresholds_of_a_study_are_drift_ratios(here: Path, tdint: Command) -> None:
-    """Those of a table from elsewhere can have any unit."""
-    assert "Drift ratio 1 %: ida" in made("fragility of ida", tdint)
+def test_thresholds_of_a_study_are_drift_ratios(working_directory: Path, tdint: Command) -> None:
+    """Thresholds of a table of another program can have any unit."""
+    assert "Drift ratio 1 %: ida" in write_report("fragility of ida", tdint)
     shutil.copy("ida/capacities.csv", "table.csv")
     assert "Threshold 0.01: ida" in tdint("fragility", "table.csv", code=0).stderr
 
 
-# ---- Questions that the printed pages answer
+# ---- Facts that the printed pages state
 
 WITHOUT_MOTION = ("pushover", "modes under a target")
 FROM_ELSEWHERE = "fragility"
 """Kind whose table states neither building nor ground motions."""
 
 
-def listed(found: Page, *names: str) -> list[dict[str, str]]:
+def matching_rows(found: Page, *names: str) -> list[dict[str, str]]:
     """Return the rows of all tables with these columns."""
     tables = [table for table in found.tables if set(names) <= set(table[0])]
     return [dict(zip(table[0], row, strict=False)) for table in tables for row in table[1:]]
@@ -210,7 +211,7 @@ def check_building(found: Page, name: str) -> None:
         assert f"first period {number_text(2.0 * math.pi / omega)} s" in found.text
         if not name.startswith("fragility"):
             assert f"{100.0 * damping:.3g} % damping" in found.text
-            stories = [row["story"] for row in listed(found, "story", "law")]
+            stories = [row["story"] for row in matching_rows(found, "story", "law")]
             assert {str(story) for story in range(1, len(model.stories) + 1)} <= set(stories)
     if name == "region":
         buildings = {row["building"] for row in rows("out/runs.csv")}
@@ -221,7 +222,7 @@ def check_motions(found: Page, name: str) -> None:
     """File, component and scale factor of each ground motion."""
     stated = {
         (row["record"], row["component"], row.get("scale", row.get("factor", "")))
-        for row in listed(found, "record", "component")
+        for row in matching_rows(found, "record", "component")
     }
     runs = Path("out/runs.csv")
     if runs.exists():
@@ -240,20 +241,22 @@ def check_motions(found: Page, name: str) -> None:
         assert (file, "HN1", scale) in stated
     else:
         expected = [item["file"] for item in json.loads(summary_of(name))["records"]]
-        assert expected and {Path(file).name for file in expected} <= {one[0] for one in stated}
+        assert expected and {Path(file).name for file in expected} <= {
+            motion[0] for motion in stated
+        }
 
 
 def summary_of(name: str) -> str:
     """Return the summary of a run, of a study, or of the study that a fit reads."""
-    places = ("out/summary.json", "out/ida.json", "ida/ida.json")
-    (file,) = [Path(place) for place in places if Path(place).exists()]
+    candidates = ("out/summary.json", "out/ida.json", "ida/ida.json")
+    (file,) = [Path(candidate) for candidate in candidates if Path(candidate).exists()]
     return file.read_text(encoding="utf-8")
 
 
 def check_limits(found: Page) -> None:
     """Each limit with its demand, its ratio and whether it is met."""
     limits = json.loads(summary_of(""))["limits"]
-    stated = listed(found, "demand/limit", "result")
+    stated = matching_rows(found, "demand/limit", "result")
     assert len(stated) == len(limits) > 0
     for limit in limits:
         quantity = limit["quantity"]
@@ -289,18 +292,18 @@ def check_method(found: Page, name: str) -> None:
     estimated = "Estimated errors of the time integration" in found.text
     assert not methods or estimated != ("was not estimated" in found.text)
     if name == "pushover":
-        assert all(words in found.text for words in ("N2, EN 1998-1 annex B", "ASCE 41-17"))
+        assert all(text in found.text for text in ("N2, EN 1998-1 annex B", "ASCE 41-17"))
 
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in KINDS],
+    [pytest.param(kind, marks=[pytest.mark.slow] * (kind not in FAST)) for kind in KINDS],
 )
 def test_the_pages_answer_the_questions_of_a_checking_engineer(
-    here: Path, tdint: Command, drawn: None, name: str
+    working_directory: Path, tdint: Command, drawn: None, name: str
 ) -> None:
     """Building, motions and factors, limits and demands, method and error, assumptions."""
-    made(name, tdint)
+    write_report(name, tdint)
     found = page("page.html")
     if name == FROM_ELSEWHERE:
         assert "not known to this report" in found.text
@@ -315,5 +318,5 @@ def test_the_pages_answer_the_questions_of_a_checking_engineer(
         )
     check_method(found, name)
     assert all(text.split(". ")[-1] in found.text for text in MODEL_LIMITS)
-    # A report begins with its result.
+    # The first paragraph of a report is its result.
     assert re.search(r'</h1>\s*<p class="v', found.source)

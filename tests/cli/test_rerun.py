@@ -43,9 +43,9 @@ def contents(folder):
 def rerun(folder, tdint):
     """Run `tdint rerun WORDS`, and check that existing files are unchanged."""
 
-    def run(*words, code=None):
+    def run(*arguments, code=None):
         before = contents(folder)
-        result = tdint("rerun", *words, code=code)
+        result = tdint("rerun", *arguments, code=code)
         now = contents(folder)
         assert {file: now.get(file) for file in before} == before
         return result
@@ -54,7 +54,7 @@ def rerun(folder, tdint):
 
 
 @pytest.mark.parametrize(
-    ("words", "table"),
+    ("arguments", "table"),
     [
         (
             (
@@ -78,12 +78,12 @@ def rerun(folder, tdint):
     ],
     ids=["files of all kinds", "sequence", "spectra"],
 )
-def test_a_directory_is_reproduced_elsewhere_and_compared(folder, tdint, rerun, words, table):
+def test_a_directory_is_reproduced_elsewhere_and_compared(folder, tdint, rerun, arguments, table):
     """All tables are compared, including tables in other directories. test_files.py tests a call of
     each command."""
-    tdint(*words, "-o", "some/study/", code=0)
-    told = next(file for file in sorted(Path("some/study").glob("*.json")))
-    assert f"{table}: the same, byte for byte" in rerun(told, code=0).stderr
+    tdint(*arguments, "-o", "some/study/", code=0)
+    summary = next(file for file in sorted(Path("some/study").glob("*.json")))
+    assert f"{table}: the same, byte for byte" in rerun(summary, code=0).stderr
 
 
 def test_different_cells_are_reported_as_a_table(folder, tdint, rerun):
@@ -115,9 +115,8 @@ def test_changed_inputs_are_refused_without_the_option_changed(
     folder, tdint, rerun, changed, make_record
 ):
     """Changed models, records and plug-ins are refused; with --changed they are listed and used."""
-    plugin = (
-        () if changed != "of_a_run.py" else ("--plugin", changed)
-    )  # one version is executed in a process
+    # A process executes only one version of a plug-in.
+    plugin = () if changed != "of_a_run.py" else ("--plugin", changed)
     if plugin:
         (folder / changed).write_text("METHODS = ()\n")
     tdint(*ONE_RUN, *plugin, code=0)
@@ -145,21 +144,21 @@ def test_standard_input_is_read_again(folder, tdint):
 def test_a_missing_input_is_reported(folder, tdint, rerun):
     tdint("modes", "forced.yaml", "-o", "out/modes.csv", code=0)
     (folder / "out").rename(folder / "elsewhere")
-    rerun("elsewhere/modes.json", code=0)  # seen from the working directory
+    rerun("elsewhere/modes.json", code=0)  # The input is found from the working directory.
     os.chdir(folder / "elsewhere")
     assert re.search(r"forced\.yaml: .*modes\.json.*found", rerun("modes.json", code=2).stderr)
 
 
 def test_different_versions_are_reported(folder, tdint, rerun):
     tdint("modes", "forced.yaml", "-o", "modes.csv", code=0)
-    told = json.loads((folder / "modes.json").read_text())
-    told["versions"]["numpy"] = "1.0"
-    (folder / "modes.json").write_text(json.dumps(told))
+    content = json.loads((folder / "modes.json").read_text())
+    content["versions"]["numpy"] = "1.0"
+    (folder / "modes.json").write_text(json.dumps(content))
     assert re.search(r"note: .*numpy.* 1\.0, ", rerun("modes.json", code=0).stderr)
 
 
 @pytest.mark.parametrize(
-    ("schema", "arguments", "more", "message"),
+    ("schema", "arguments", "entries", "message"),
     [
         ("another", None, {}, "must be a JSON file that tdint wrote"),
         ("tdint modes", None, {}, "contains no command line"),
@@ -190,8 +189,10 @@ def test_different_versions_are_reported(folder, tdint, rerun):
         ("tdint x", ["modes", "-o", "a.csv"], {"versions": 1}, "must be a JSON file"),
     ],
 )
-def test_files_without_a_command_line_are_refused(folder, tdint, schema, arguments, more, message):
-    about = {"schema": {"name": schema}} | ({"arguments": arguments} if arguments else {}) | more
+def test_files_without_a_command_line_are_refused(
+    folder, tdint, schema, arguments, entries, message
+):
+    about = {"schema": {"name": schema}} | ({"arguments": arguments} if arguments else {}) | entries
     (folder / "a.json").write_text(json.dumps(about))
     assert "Traceback" not in tdint.refused(message, "rerun", "a.json").stderr
 
@@ -203,25 +204,26 @@ def test_empty_and_missing_files_are_refused(folder, tdint):
 
 
 def test_a_campaign_of_several_calls_is_reproduced(folder, tdint, rerun):
-    """A campaign of several calls with an export is repeated in one call. Merged shards are merged
-    again."""
+    """A campaign of several calls with an export is repeated in a single call. Merged shards are
+    merged again."""
     pytest.importorskip("pyarrow")
     (folder / "campaign.yaml").write_text(CAMPAIGN)
-    for more in (["--max-runs", "1"], ["--max-runs", "1000"]):
-        tdint("campaign", "campaign.yaml", "-o", "study", *more, code=0)
+    for options in (["--max-runs", "1"], ["--max-runs", "1000"]):
+        tdint("campaign", "campaign.yaml", "-o", "study", *options, code=0)
     tdint("campaign", "export", "study", "--simcenter", "--output-units", "kip", code=0)
-    told = json.loads((folder / "study/summary.json").read_text())
-    assert told["arguments"] == [
+    summary = json.loads((folder / "study/summary.json").read_text())
+    # --max-runs is not recorded.
+    assert summary["arguments"] == [
         "campaign",
         "campaign.yaml",
         "-o",
         "study",
-    ]  # how many at a time is not kept
-    words = rerun("study", code=0).stderr
+    ]
+    messages = rerun("study", code=0).stderr
     assert (
-        "runs.csv: the same" in words
-        and "runs.parquet: the same" in words
-        and "simcenter.csv: the same" in words
+        "runs.csv: the same" in messages
+        and "runs.parquet: the same" in messages
+        and "simcenter.csv: the same" in messages
     )
     (folder / "study/runs.parquet").unlink()
     assert "runs.parquet: not compared, " in rerun("study", code=5).stderr
@@ -243,13 +245,13 @@ def test_parquet_is_compared(folder, tdint, rerun):
     tdint("modes", "forced.yaml", "-o", "a.parquet", code=0)
     assert "a.parquet: the same" in rerun("a.json", code=0).stderr
     file = folder / "a.parquet"
-    whole = file.read_bytes()
+    content = file.read_bytes()
     change("forced.yaml", ("stiffness: 600", "stiffness: 601"))
     tdint("modes", "forced.yaml", "-o", "b.parquet", code=0)
     change("forced.yaml", ("stiffness: 601", "stiffness: 600"))
     file.write_bytes((folder / "b.parquet").read_bytes())
     assert "period_s" in rerun("a.json", code=5).stdout
-    file.write_bytes(whole[:-9])
+    file.write_bytes(content[:-9])
     assert "cannot be read as Parquet" in rerun("a.json", code=6).stderr
     file.unlink()
     assert "the original file is missing" in rerun("a.json", code=5).stderr
@@ -285,10 +287,10 @@ def test_plugins_are_executed_only_on_request(folder, tdint, rerun):
     assert hashlib.sha256(b"METHODS = ()\n").hexdigest() in refused and "--trust" in refused
     rerun("out", "--trust", code=0)
     (folder / "evil.py").write_text("open('executed', 'w')\n")
-    told = json.loads((folder / "out/summary.json").read_text())
-    for word in (["--plugin", "evil.py"], ["--plugin=evil.py"]):
+    summary = json.loads((folder / "out/summary.json").read_text())
+    for plugin in (["--plugin", "evil.py"], ["--plugin=evil.py"]):
         (folder / "out/summary.json").write_text(
-            json.dumps(told | {"arguments": [*ONE_RUN, *word]})
+            json.dumps(summary | {"arguments": [*ONE_RUN, *plugin]})
         )
         assert re.search(r"evil\.py: .*\bnot\b", rerun("out", "--trust", code=2).stderr)
         assert "--trust" in rerun("out", "--changed", code=2).stderr
@@ -304,17 +306,17 @@ def test_plugins_are_executed_only_on_request(folder, tdint, rerun):
     ],
 )
 def test_style_sheets_are_used_only_on_request(folder, tdint, rerun, sheet):
-    """A style sheet is accepted only with --trust, whatever it contains."""
+    """A style sheet with any content is accepted only with --trust."""
     (folder / "a.mplstyle").write_text("lines.linewidth: 2\n")
-    words = ["modes", "forced.yaml", "-o", "modes.csv", "--plot", "--style", "a.mplstyle"]
-    tdint(*words, code=0)
+    call = ["modes", "forced.yaml", "-o", "modes.csv", "--plot", "--style", "a.mplstyle"]
+    tdint(*call, code=0)
     rerun("modes.json", "--trust", code=0)
     (folder / "a.mplstyle").write_text(f"{sheet}\n")
     assert "a.mplstyle (SHA-256 " in rerun("modes.json", code=2).stderr
 
 
 @pytest.mark.parametrize(
-    "words",
+    "options",
     [
         ["--dask", "{address}"],
         ["--dask={address}", "--tls-ca", "a.pem", "--tls-cert", "a.pem", "--tls-key", "a.pem"],
@@ -324,9 +326,9 @@ def test_style_sheets_are_used_only_on_request(folder, tdint, rerun, sheet):
         ["-q"],
         ["--help"],
     ],
-    ids=lambda words: words[0].partition("=")[0],
+    ids=lambda options: options[0].partition("=")[0],
 )
-def test_options_that_select_hosts_or_jobs_are_refused(folder, tdint, rerun, words):
+def test_options_that_select_hosts_or_jobs_are_refused(folder, tdint, rerun, options):
     """A forged command line contains an option that tdint never records; no connection is
     opened."""
     (folder / "campaign.yaml").write_text(CAMPAIGN)
@@ -336,7 +338,7 @@ def test_options_that_select_hosts_or_jobs_are_refused(folder, tdint, rerun, wor
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(0.2)
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-        forged = [word.format(address=address) for word in words]
+        forged = [option.format(address=address) for option in options]
         export = ["campaign", "export", "study", *forged]
         lines = ({"arguments": [*honest["arguments"], *forged]}, {"export": export})
         for line in lines:
@@ -349,7 +351,7 @@ def test_options_that_select_hosts_or_jobs_are_refused(folder, tdint, rerun, wor
 
 
 def test_options_that_do_not_affect_results_are_not_recorded(folder, tdint):
-    """The list of these options is complete; a new option must be added to it deliberately."""
+    """The list of these options is complete; a new option must be added deliberately."""
     group = click.Context(cli)
     unrecorded = {
         name
@@ -359,8 +361,8 @@ def test_options_that_do_not_affect_results_are_not_recorded(folder, tdint):
         for name in option.opts
     }
     remote = {"--dask", "--tls-ca", "--tls-cert", "--tls-key"}
-    of_call = {"--jobs", "--max-runs", "--overwrite", "--quiet", "-q", "--debug", "--help-all"}
-    assert unrecorded == remote | of_call
+    call_options = {"--jobs", "--max-runs", "--overwrite", "--quiet", "-q", "--debug", "--help-all"}
+    assert unrecorded == remote | call_options
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     typed = ["-q", "campaign", "campaign.yaml", "--jobs", "1", "--max-runs=1000", "-qo", "study"]
     tdint(*typed, "--overwrite", "--debug", code=0)
@@ -393,7 +395,12 @@ def test_differences_of_two_files(tmp_path):
         Difference("now.csv.gz", 2, "b", "", "w"),
         Difference("now.csv.gz", None, "", "3 rows", "2 rows"),
     ]
-    assert [one.column for one in differences(before, now, but=("a",))] == ["d", "c", "b", ""]
+    assert [difference.column for difference in differences(before, now, but=("a",))] == [
+        "d",
+        "c",
+        "b",
+        "",
+    ]
     assert (
         Difference("", 1, "a", "-2", "2").relative == 2.0
         and Difference("", 1, "a", "x", "2").relative != 0.0
@@ -406,10 +413,10 @@ def test_differences_of_two_files(tmp_path):
 # ---- Every file that the command wrote
 
 
-def in_another_process(kernels, *words):
+def in_another_process(kernels, *arguments):
     """Run a command in another process with TDINT_KERNELS=kernels ("python": interpreted loops)."""
     environment = os.environ | {"TDINT_KERNELS": kernels}
-    line = [sys.executable, "-m", "tdint_cli", *words]
+    line = [sys.executable, "-m", "tdint_cli", *arguments]
     subprocess.run(line, env=environment, check=True, capture_output=True)
 
 
@@ -421,37 +428,37 @@ def test_interpreted_and_compiled_loops_are_equal_within_rounding(
     monkeypatch.setattr(sources, "CODE", {})
     in_another_process("python", *ONE_RUN, "--history", "--method", "impulse4")
     assert json.loads((folder / "out/summary.json").read_text())["time_loops"] == "interpreted"
-    said = rerun("out", code=0).stderr
+    messages = rerun("out", code=0).stderr
     for file in ("stories.csv", "history.csv", "summary.json"):
-        assert f"{file}: equal within rounding" in said or f"{file}: the same" in said
-    # A process of its own: an interpreted loop of an earlier test makes this one "interpreted".
+        assert f"{file}: equal within rounding" in messages or f"{file}: the same" in messages
+    # A separate process is used, because interpreted loops of earlier tests remain in this process.
     in_another_process(os.environ["TDINT_KERNELS"], "run", "shaken.yaml", "-o", "now")
     loops = json.loads((folder / "now/summary.json").read_text())["time_loops"]
     assert loops == ("interpreted" if os.environ["TDINT_KERNELS"] == "python" else "compiled")
 
 
 @pytest.mark.parametrize(
-    ("factor", "code", "words"),
+    ("factor", "code", "message"),
     [
         (1.0, 0, "stories.csv: the same, byte for byte"),
         (1.0 + 1e-10, 0, "stories.csv: equal within rounding: 1 number"),
         (1.0 + 1e-8, 5, "stories.csv: 1 difference"),
     ],
 )
-def test_last_digits_are_rounding(folder, tdint, rerun, factor, code, words):
+def test_last_digits_are_rounding(folder, tdint, rerun, factor, code, message):
     tdint(*ONE_RUN, code=0)
     file = folder / "out/stories.csv"
     cells = [line.split(",") for line in file.read_text().splitlines()]
     cells[2][2] = repr(factor * float(cells[2][2]))
     file.write_text("".join(",".join(line) + "\n" for line in cells))
     result = rerun("out", code=code)
-    assert words in result.stderr
+    assert message in result.stderr
     assert bool(result.stdout) == (code == 5)
 
 
 def test_rounding_is_relative_to_the_peak(tmp_path):
-    """Errors, residuals and numbers near a zero crossing have the rounding of the peak response;
-    counts have none."""
+    """The rounding of errors, residuals and values near a zero crossing is relative to the peak
+    response. Counts have no rounding."""
     before, now = tmp_path / "before.csv", tmp_path / "now.csv"
 
     def is_rounding(header, old, new):
@@ -476,36 +483,37 @@ def test_rounding_is_relative_to_the_peak(tmp_path):
 
 @pytest.mark.usefixtures("short_matching")
 def test_matched_motions_are_compared(folder, tdint, rerun):
-    """They are the result of the command: a changed byte and a deleted file are found."""
+    """Matched ground motions are results of the command: a changed byte and a deleted file are
+    reported."""
     design = "ec8:type=1,soil=B,ag=0.25g"
-    words = ["--units", "m/s^2", "--component", "HNE", "--range", "0.5:0.7", "--target", design]
-    tdint("match", "motion.mseed", *words, "--plot", "-o", "matched", code=0)
+    options = ["--units", "m/s^2", "--component", "HNE", "--range", "0.5:0.7", "--target", design]
+    tdint("match", "motion.mseed", *options, "--plot", "-o", "matched", code=0)
     assert "motion-HNE.mseed: the same" in rerun("matched/matched.json").stderr
     rerun("matched/matched.json", code=0)
     for name in ("motion-HNE.mseed", "matched.png"):
         file = folder / "matched" / name
-        whole = file.read_bytes()
-        file.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+        content = file.read_bytes()
+        file.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
         changed = rerun("matched/matched.json", code=5)
         assert f"{name}: not comparable: its bytes differ" in changed.stderr
         file.unlink()
         assert f"{name}: not compared, " in rerun("matched/matched.json", code=5).stderr
-        file.write_bytes(whole)
-    # A motion that the JSON file lists, and the command does not write now
-    told = json.loads((folder / "matched/matched.json").read_text())
-    told["motions"].append("another.mseed")
-    (folder / "matched/matched.json").write_text(json.dumps(told))
-    (folder / "matched/another.mseed").write_bytes(whole)
+        file.write_bytes(content)
+    # The JSON file lists a motion that the repeated command does not write.
+    summary = json.loads((folder / "matched/matched.json").read_text())
+    summary["motions"].append("another.mseed")
+    (folder / "matched/matched.json").write_text(json.dumps(summary))
+    (folder / "matched/another.mseed").write_bytes(content)
     assert "another.mseed: not compared" in rerun("matched/matched.json", code=5).stderr
 
 
 def test_numbers_of_the_json_file_are_compared(folder, tdint, rerun):
     tdint(*ONE_RUN, code=0)
     file = folder / "out/summary.json"
-    told = json.loads(file.read_text())
-    told["peaks"]["drift_m"] *= 0.9
-    told["wall_time_s"] *= 2.0
-    file.write_text(json.dumps(told))
+    summary = json.loads(file.read_text())
+    summary["peaks"]["drift_m"] *= 0.9
+    summary["wall_time_s"] *= 2.0
+    file.write_text(json.dumps(summary))
     result = rerun("out", code=5)
     assert result.stdout.splitlines()[1].startswith("summary.json,,peaks.drift_m,")
     assert len(result.stdout.splitlines()) == 2
@@ -515,8 +523,8 @@ def test_an_export_into_a_directory_named_export(folder, tdint, rerun):
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     tdint("campaign", "campaign.yaml", "-o", "export", code=0)
     tdint("campaign", "export", "export", "--simcenter", code=0)
-    said = rerun("export", code=0).stderr
-    assert "simcenter.csv: the same" in said
+    messages = rerun("export", code=0).stderr
+    assert "simcenter.csv: the same" in messages
     (folder / "export/simcenter.csv").write_text("forged\n")
     rerun("export", code=5)
 
@@ -527,19 +535,19 @@ def test_a_failing_command_is_a_failure(folder, tdint, rerun):
     tdint("campaign", "campaign.yaml", "-o", "study", code=0)
     tdint("campaign", "export", "study", "--simcenter", code=0)
     file = folder / "study/summary.json"
-    told = json.loads(file.read_text())
-    file.write_text(json.dumps(told | {"export": ["campaign", "export", "study", "--geojson"]}))
-    said = rerun("study", code=2).stderr
-    assert "exit code 2" in said
-    assert "simcenter.csv: not compared, " in said
+    summary = json.loads(file.read_text())
+    file.write_text(json.dumps(summary | {"export": ["campaign", "export", "study", "--geojson"]}))
+    messages = rerun("study", code=2).stderr
+    assert "exit code 2" in messages
+    assert "simcenter.csv: not compared, " in messages
 
 
 def test_a_missing_plugin_is_reported(folder, tdint, rerun):
     (folder / "absent.py").write_text("METHODS = ()\n")
     tdint(*ONE_RUN, "--plugin", "absent.py", code=0)
-    told = json.loads((folder / "out/summary.json").read_text())
-    told["inputs"] = [one for one in told["inputs"] if one["file"] != "absent.py"]
-    (folder / "out/summary.json").write_text(json.dumps(told))
+    summary = json.loads((folder / "out/summary.json").read_text())
+    summary["inputs"] = [entry for entry in summary["inputs"] if entry["file"] != "absent.py"]
+    (folder / "out/summary.json").write_text(json.dumps(summary))
     (folder / "absent.py").unlink()
     assert "absent.py: plug-in of" in rerun("out", "--trust", code=2).stderr
     assert "absent.py: plug-in of" in rerun("out", code=2).stderr
@@ -573,8 +581,8 @@ def test_the_directory_of_another_output_is_not_a_difference(folder, tdint, reru
         "id,NumberOfStories,YearBuilt,StructureType,PlanArea\na,2,1990,W1,2000\n"
     )
     tdint("inventory", "buildings.csv", "--units=ft", "-o", "i.csv", "--models", "models", code=0)
-    said = rerun("i.json", code=0).stderr
-    assert "i.json: the same" in said and "models/a.yaml: the same" in said
+    messages = rerun("i.json", code=0).stderr
+    assert "i.json: the same" in messages and "models/a.yaml: the same" in messages
     content = json.loads((folder / "i.json").read_text())
     content["settings"]["models"] = "elsewhere"
     (folder / "i.json").write_text(json.dumps(content))
@@ -587,7 +595,8 @@ def rows(text):
 
 
 def test_a_missing_key_is_a_difference(folder, tdint, rerun):
-    """Of results of the same version; another version may write other keys."""
+    """A missing key is a difference only for results of the same version, because another version
+    may write other keys."""
     tdint(*ONE_RUN, code=0)
     file = folder / "out/summary.json"
     content = json.loads(file.read_text())

@@ -1,5 +1,4 @@
-"""`tdint spectrum --rotd`: pairs in one file and in two, the table, the picture, and what is
-refused."""
+"""`tdint spectrum --rotd`: pairs in one or two files, table, figure, and errors."""
 
 import json
 from pathlib import Path
@@ -14,7 +13,7 @@ ROTD = ("spectrum", "--rotd", "0,50,100", "--period", "0.2", "--period", "1")
 
 
 def write_at2(file: Path, component: str, seed: int, samples: int = 200):
-    """A PEER file of noise."""
+    """Write a PEER file with noise."""
     values = np.random.default_rng(seed).standard_normal(samples) * 0.1
     file.write_text(format_files.at2(values).replace(", 067", f", {component}"), encoding="utf-8")
 
@@ -25,7 +24,8 @@ def test_two_components_of_a_file(folder, tdint):
     assert [(row["component"], row["damping"], row["period_s"]) for row in table] == [
         ("HNN+HNE", damping, period) for damping in ("0.02", "0.05") for period in ("0.2", "1")
     ]
-    # Both components of motion.mseed are one sine, of sizes 1 (HNE) and 2 (HNN): it lies on a line.
+    # Both components of motion.mseed are the same sine, with amplitudes 1 (HNE) and 2 (HNN), so
+    # that the motion is along a line.
     assert {row["rotd100_angle_deg"] for row in table} == {"27"}
 
 
@@ -62,12 +62,12 @@ def test_several_motions_have_separate_output_files(folder, tdint):
     tdint(*ROTD, *files, "motion.mseed", "-o", "out/", "--plot", code=0)
     stems = ("A000", "B000", "motion")
     assert {path.name for path in (folder / "out").iterdir()} == {
-        f"{stem}.{kind}" for stem in stems for kind in ("csv", "json", "png")
+        f"{stem}.{suffix}" for stem in stems for suffix in ("csv", "json", "png")
     }
     assert {row["record"] for row in rows(folder / "out" / "B000.csv")} == {"B000.AT2+B090.AT2"}
-    told = json.loads((folder / "out" / "A000.json").read_text())
-    assert told["settings"]["rotd"] == [0, 50, 100]
-    assert [record["component"] for record in told["records"]] == ["0", "90"]
+    about = json.loads((folder / "out" / "A000.json").read_text())
+    assert about["settings"]["rotd"] == [0, 50, 100]
+    assert [record["component"] for record in about["records"]] == ["0", "90"]
     parts = [row for stem in stems for row in rows(folder / "out" / f"{stem}.csv")]
     assert rows(tdint(*ROTD, *files, "motion.mseed", "--jobs", "2").stdout) == parts
 

@@ -53,7 +53,7 @@ def test_the_files_of_a_run(folder, tdint, drawn):
     assert len(history) == 300
     for row in rows(result.stdout):
         largest = max(abs(float(step[f"story_{row['story']}_drift_m"])) for step in history)
-        # The peak lies between two steps.
+        # The peak is between two time steps.
         assert largest <= float(row["peak_drift_m"]) < 1.01 * largest
     top, below = (
         max(abs(float(row[f"floor_{i}_displacement_m"])) for row in history) for i in (2, 1)
@@ -108,7 +108,7 @@ def test_the_summary(folder, tdint):
         "time_loops",
     ]
     assert summary["schema"] == {"name": "tdint run", "version": 1}
-    assert summary["record"]["scale"] == 2.0 and summary["settings"] == {}  # nothing was asked for
+    assert summary["record"]["scale"] == 2.0 and summary["settings"] == {}  # default settings
     assert summary["building"]["damping"] == {
         "type": "rayleigh",
         "ratios": [0.05, 0.05],
@@ -135,9 +135,8 @@ def test_the_summary(folder, tdint):
     assert summary["peaks"]["roof_displacement_m"] == float(table[1]["peak_displacement_m"])
     assert summary["peaks"]["base_shear_N"] == float(table[0]["peak_shear_N"])
     assert summary["record"]["component"] == "HNE"
-    versions = set(summary["versions"]) - {
-        "plugins"
-    }  # of a test before this one in the same process
+    # An earlier test in this process may have loaded plug-ins.
+    versions = set(summary["versions"]) - {"plugins"}
     assert versions == {"tdint", "numpy", "scipy", "numba", "obspy", "python", "sources"}
     assert [item["sha256"] for item in summary["inputs"]] == [
         hashlib.sha256((folder / name).read_bytes()).hexdigest()
@@ -148,7 +147,7 @@ def test_the_summary(folder, tdint):
 def test_scale_component_and_units_apply_to_the_record_of_the_model(folder, tdint):
     run = ("run", "shaken.yaml")
     plain = tdint(*run, "--scale", "2", code=0).stdout
-    assert plain == tdint(*run, "--component", "HNN").stdout  # written with twice the amplitude
+    assert plain == tdint(*run, "--component", "HNN").stdout  # HNN has twice the amplitude of HNE.
     assert plain == tdint(*run, "--units", "2 m/s^2").stdout
     assert plain != tdint(*run).stdout
 
@@ -157,8 +156,7 @@ def test_a_record_option_replaces_record_and_component_of_the_model(folder, tdin
     scaled = tdint("run", "shaken.yaml", "--record", "other.mseed", "--scale", "3", code=0)
     assert "other.mseed HNE" in scaled.stderr
     assert scaled.stdout == tdint("run", "shaken.yaml").stdout
-    # The model names a component, which does not belong to the new record: it has to be chosen
-    # again.
+    # The component of the model does not apply to the new record and must be selected again.
     message = "several components, choose one by --component: HNE, HNN"
     tdint.refused(message, "run", "shaken.yaml", "--record", "motion.mseed", code=4)
 
@@ -222,7 +220,7 @@ def test_units_on_the_command_line_replace_the_inventory_of_the_model(folder, td
 )
 def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     lines = tdint.refused(message, "run", *arguments, code=code).stderr.splitlines()
-    # A run that fails begins with the warnings on its building: floors of 10 kg.
+    # A failing run first reports the warnings about its building (floors of 10 kg).
     if code == 5:
         lines = [line for line in lines if not line.startswith("Warning: mass of a floor")]
     assert [line[:7] for line in lines if not line.startswith("note: ")] == ["Error: "]
@@ -256,8 +254,8 @@ def test_a_run_under_forces_and_a_diverged_run_write_a_summary(folder, tdint):
         first["ductility"] == first["ductility_error"] == ""
         and float(first["peak_drift_m_error"]) > 0.0
     )
-    words = ("run", "forced.yaml", *UNSTABLE, "-o", "out", "--overwrite", "--history")
-    result = tdint.refused("diverged after", *words, code=5)
+    call = ("run", "forced.yaml", *UNSTABLE, "-o", "out", "--overwrite", "--history")
+    result = tdint.refused("diverged after", *call, code=5)
     assert files(folder / "out") == ["summary.json"]
     summary = summary_of(folder)
     assert result.stderr.endswith(f"Error: {summary['message']}\n")
@@ -293,13 +291,13 @@ def test_a_run_reports_estimated_errors(folder, tdint, method):
     assert check["errors"]["roof_displacement_m_error"] == float(
         table[1]["peak_displacement_m_error"]
     )
-    told = (
+    message = (
         f"Maximum estimated error of a peak drift: {100 * max(relative):.2g} % (story "
         f"{check['drift_error_story']})"
     )
-    assert f"{told}, from a run of impulse4 with dt 0.005 s." in result.stderr
+    assert f"{message}, from a run of impulse4 with dt 0.005 s." in result.stderr
     assert "estimated" not in plain.stderr
-    # The peaks of that run are in the summary alone.
+    # The peaks of the run of impulse4 are only in the summary.
     finer = tdint(
         "run", "shaken.yaml", "--method", "impulse4", "--dt", "0.005", "--no-check"
     ).stdout
@@ -327,8 +325,8 @@ def test_a_history_contains_errors_on_request(folder, tdint):
     corrected = summary_of(folder)["check"]["corrected_peaks"]
     assert corrected["drift_story"] == 1
     assert 0.9 * corrected["drift_m"] < max(first) <= corrected["drift_m"] * (1.0 + 1e-9)
-    off = abs(float(table[-1]["story_2_drift_m_error"]))
-    assert 0.0 < off <= float(rows(result.stdout)[1]["residual_drift_m_error"]) * 1.001
+    final_error = abs(float(table[-1]["story_2_drift_m_error"]))
+    assert 0.0 < final_error <= float(rows(result.stdout)[1]["residual_drift_m_error"]) * 1.001
 
 
 IDA = "ida shaken.yaml motion.mseed --units m/s^2 --component HNE --max-im 1m/s^2"
@@ -339,7 +337,7 @@ def test_until_rest(folder, tdint):
     --until-rest, a note states the remaining motion."""
     plain = tdint("run", "shaken.yaml", "-o", "out")
     summaries = [summary_of(folder)]
-    rest = tdint("run", "shaken.yaml", "-o", "out", "--overwrite", "--until-rest")
+    rested = tdint("run", "shaken.yaml", "-o", "out", "--overwrite", "--until-rest")
     summaries.append(summary_of(folder))
     assert "still vibrates at the end" in plain.stderr and "--until-rest" in plain.stderr
     ends = [summary["at_end"] for summary in summaries]
@@ -347,8 +345,8 @@ def test_until_rest(folder, tdint):
         ends[0]["time_at_rest_s"] is None
         and ends[1]["time_at_rest_s"] == summaries[1]["duration_s"] > 2.99
     )
-    assert f"Free vibration has decayed at {ends[1]['time_at_rest_s']:.6g} s." in rest.stderr
-    assert "still moves" not in rest.stderr
+    assert f"Free vibration has decayed at {ends[1]['time_at_rest_s']:.6g} s." in rested.stderr
+    assert "still moves" not in rested.stderr
     assert ends[1]["residual_oscillation_m"] < 0.1 * ends[0]["residual_oscillation_m"]
     row = rows(tdint("run", "shaken.yaml", "--scale", "1,2", "--until-rest").stdout)[0]
     assert float(row["residual_drift_ratio"]) == pytest.approx(
@@ -362,13 +360,13 @@ def test_until_rest(folder, tdint):
 def test_a_run_shorter_than_its_record_is_reported(folder, tdint, command):
     """A duration of a third of the record, from the option or from the model (possibly intended for
     another record), causes a note."""
-    told = (
+    note = (
         "note: the analysis ends at 1 s and omits a part of the Arias intensity: motion.mseed HNE "
     )
     change("shaken.yaml", ("analysis: {", "analysis: {duration: 1, "))
-    words = command.split()
-    assert told in tdint(*words, code=0).stderr
-    assert told not in tdint(*words, "--duration", "10", code=0).stderr
+    arguments = command.split()
+    assert note in tdint(*arguments, code=0).stderr
+    assert note not in tdint(*arguments, "--duration", "10", code=0).stderr
 
 
 @pytest.mark.parametrize("tolerance", ["0.1%", "0.001", " 0.1 %"])
@@ -406,11 +404,11 @@ def test_a_collapse_is_reported_without_an_error(folder, tdint):
     result = tdint("run", "shaken.yaml", "--scale", "50", "-o", "out", "--history", code=0)
     collapse = summary_of(folder)["collapse"]
     assert summary_of(folder)["status"] == "collapsed" and collapse["run_ended"] is False
-    told = (
+    message = (
         f"Status collapsed: the drift ratio of story {collapse['story']} exceeds 10 % at "
         f"{collapse['time_s']:.6g} s."
     )
-    assert told in result.stderr
+    assert message in result.stderr
     history = rows(folder / "out" / "history.csv")
     drift = [abs(float(row[f"story_{collapse['story']}_drift_m"])) / 3.0 for row in history]
     at = round(collapse["time_s"] / 0.01)
@@ -473,7 +471,9 @@ def test_a_figure_of_a_long_run_is_thinned(folder, tdint, monkeypatch):
     shown = []
     draw = runs.run_picture
     monkeypatch.setattr(
-        runs, "run_picture", lambda response, *rest: shown.append(response) or draw(response, *rest)
+        runs,
+        "run_picture",
+        lambda response, *arguments: shown.append(response) or draw(response, *arguments),
     )
     monkeypatch.setattr("tdint_cli.commands.run._FIGURE_STEPS", 30)
     assert tdint("run", "forced.yaml", "--plot=r.svg").exit_code == 0

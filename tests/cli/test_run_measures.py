@@ -1,4 +1,4 @@
-"""`tdint campaign --im` and what `tdint fragility --im` makes of it."""
+"""`tdint campaign --im`, and the use of its measures by `tdint fragility --im`."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ def study(folder):
 
 
 def test_measures_of_runs_and_their_comparison(study, tdint):
-    """Also into a folder that is done; those that `tdint info` tells are the same."""
+    """The measures can be added to a completed campaign and equal the values of `tdint info`."""
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     assert not (study / "out/measures.csv").exists()
     tdint("campaign", "study.yaml", "-o", "out", "--im", "pgv,arias,cav5,sa:0.5,sdi:T1:5%", code=0)
@@ -32,11 +32,11 @@ def test_measures_of_runs_and_their_comparison(study, tdint):
         "sa_0p5_m_s2",
         "sdi_t1_0p05_m",
     ]
-    (told,) = rows(tdint("info", "motion.mseed", "--units", "m/s^2", "--component", "HNE").stdout)
+    (info,) = rows(tdint("info", "motion.mseed", "--units", "m/s^2", "--component", "HNE").stdout)
     motion = ("motion.mseed", "HNE", "1.5")
     (row,) = (row for row in measures if (row["record"], row["component"], row["scale"]) == motion)
     for name, power in (("pgv_m_s", 1), ("arias_intensity_m_s", 2)):
-        assert float(row[name]) == pytest.approx(1.5**power * float(told[name]), rel=1e-9)
+        assert float(row[name]) == pytest.approx(1.5**power * float(info[name]), rel=1e-9)
     result = tdint("fragility", "out", "--im", "sa,pgv,sdi:T1:5%", "-o", "best.csv", code=0)
     table = rows("best.csv")
     assert {row["im"] for row in table} == {"pgv", "sa", "sdi:T1:5%"}
@@ -61,7 +61,7 @@ def test_units_of_the_measures(study, tdint):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("call", "message"),
     [
         (("campaign", "study.yaml", "-o", "new", "--im", "pgx"), "unknown intensity measure 'pgx'"),
         (
@@ -75,6 +75,6 @@ def test_units_of_the_measures(study, tdint):
         ),
     ],
 )
-def test_invalid_measures_are_refused(study, tdint, words, said):
+def test_invalid_measures_are_refused(study, tdint, call, message):
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
-    tdint.refused(said, *words)
+    tdint.refused(message, *call)

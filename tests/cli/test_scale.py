@@ -18,8 +18,8 @@ TARGET = ("--target", CONFIGS / "design-spectrum.csv")
 
 
 def test_factors_to_a_value_of_a_measure(folder, tdint):
-    words = ("scale", "motion.mseed", "other.mseed", *UNITS, *PGA)
-    assert tdint(*words, "-o", "f/factors.csv", "--plot", code=0).stdout == ""
+    call = ("scale", "motion.mseed", "other.mseed", *UNITS, *PGA)
+    assert tdint(*call, "-o", "f/factors.csv", "--plot", code=0).stdout == ""
     infos, found = (
         rows(tdint("info", "motion.mseed", "other.mseed", *UNITS).stdout),
         rows(folder / "f" / "factors.csv"),
@@ -29,16 +29,14 @@ def test_factors_to_a_value_of_a_measure(folder, tdint):
         assert float(row["factor"]) * float(info["pga_m_s2"]) == pytest.approx(0.6 * 9.80665)
     summary = json.loads((folder / "f" / "factors.json").read_text())
     assert summary["settings"]["measure"] == "pga"
-    us = tdint(*words, "-o", "us.csv", "--output-units", "in,g", code=0)
+    us = tdint(*call, "-o", "us.csv", "--output-units", "in,g", code=0)
     assert "scaled to pga = 0.6 g:" in us.stderr
-    told = json.loads((folder / "us.json").read_text())["records"]
-    of_both = [
+    us_records = json.loads((folder / "us.json").read_text())["records"]
+    peaks = [
         (record["pga_g"], si["pga_m_s2"])
-        for record, si in zip(told, summary["records"], strict=True)
+        for record, si in zip(us_records, summary["records"], strict=True)
     ]
-    assert len(of_both) == 3 and all(
-        g == pytest.approx(si / 9.80665, rel=1e-11) for g, si in of_both
-    )
+    assert len(peaks) == 3 and all(g == pytest.approx(si / 9.80665, rel=1e-11) for g, si in peaks)
     assert (folder / "f" / "factors.png").exists()
 
 
@@ -47,17 +45,19 @@ def test_records_with_different_units_in_one_call(folder, tdint, make_record):
     each file in a separate call."""
     make_record(folder / "counts.mseed", "HNE", integer=True)
     (folder / "lab.txt").write_text("# dt = 0.02 s\n0\n0.11\n-0.07\n0.02\n0\n")
-    of_each = {"motion.mseed": "m/s^2", "counts.mseed": "1e-5 m/s^2", "lab.txt": "g"}
-    lines = ["record,units", *(",".join(each) for each in of_each.items())]
+    units_by_file = {"motion.mseed": "m/s^2", "counts.mseed": "1e-5 m/s^2", "lab.txt": "g"}
+    lines = ["record,units", *(",".join(item) for item in units_by_file.items())]
     (folder / "units.csv").write_text("\n".join(lines) + "\n")
     expected = [
         row
-        for file, units in of_each.items()
+        for file, units in units_by_file.items()
         for row in rows(tdint("scale", file, "--units", units, *PGA).stdout)
     ]
     for units in ("TEXT=g,counts.mseed=1e-5 m/s^2,*.mseed=m/s^2", "units.csv"):
-        assert rows(tdint("scale", *of_each, "--units", units, *PGA, code=0).stdout) == expected
-        records = f"records: {{files: [{', '.join(of_each)}], units: '{units}'}}"
+        assert (
+            rows(tdint("scale", *units_by_file, "--units", units, *PGA, code=0).stdout) == expected
+        )
+        records = f"records: {{files: [{', '.join(units_by_file)}], units: '{units}'}}"
         (folder / "study.yaml").write_text(f"buildings: {{models: [shaken.yaml]}}\n{records}\n")
         tdint("campaign", "study.yaml", "-o", units[:5], code=0)
         runs = zip(rows(folder / units[:5] / "runs.csv"), expected, strict=True)
@@ -69,8 +69,8 @@ def test_a_pair_has_one_factor(folder, tdint):
     result = tdint(
         "scale", "motion.mseed", *UNITS, "--sa", "2m/s^2", "--at", 0.5, "--pairs", "rotd50"
     )
-    one, other = rows(result.stdout)
-    assert one["factor"] == other["factor"]
+    first, second = rows(result.stdout)
+    assert first["factor"] == second["factor"]
     assert "1 pair scaled to sa(0.5) = 2 m/s^2" in result.stderr
 
 
@@ -79,24 +79,26 @@ def test_pairs_are_found_by_file_names(folder, tdint, make_record):
     motions are two pairs."""
     (folder / "named").mkdir()
     for peak, name in enumerate(("kobe", "taft"), start=1):
-        for channel, ending, more in (
+        for channel, ending, peak_difference in (
             ("HNE", "tran", 0.0),
             ("HNN", "long", 0.5),
             ("HNZ", "vert", 0.0),
         ):
-            make_record(folder / "named" / f"{name}_{ending}.mseed", channel, peak=peak + more)
+            make_record(
+                folder / "named" / f"{name}_{ending}.mseed", channel, peak=peak + peak_difference
+            )
     names = "{}_long.mseed,{}_tran.mseed"
     scale = ("scale", "named", *UNITS, "--pga", "0.1g", "--pairs")
-    told = [
+    messages = [
         line
         for line in tdint(*scale, "geometric-mean", code=4).stderr.splitlines()
         if "single" in line
     ]
-    assert len(told) == 1 and "4 files contain a single horizontal component" in told[0]
-    assert "--pairs '{}long.mseed,{}tran.mseed'" in told[0]
-    for given in (names, f"rotd50,{names}"):
-        said = tdint(*scale, given, code=0).stderr
-        assert "2 pairs scaled to pga" in said and "kobe_vert.mseed" in said
+    assert len(messages) == 1 and "4 files contain a single horizontal component" in messages[0]
+    assert "--pairs '{}long.mseed,{}tran.mseed'" in messages[0]
+    for pairs in (names, f"rotd50,{names}"):
+        stderr = tdint(*scale, pairs, code=0).stderr
+        assert "2 pairs scaled to pga" in stderr and "kobe_vert.mseed" in stderr
     assert "2 pairs" in tdint("scale", "named", *UNITS, "--p695", "--pairs", names).stderr
     spectra = ("spectrum", "named", *UNITS, "--pairs", names)
     assert len(rows(tdint(*spectra, "--rotd", "50", "--period", "1", code=0).stdout)) == 2
@@ -105,10 +107,10 @@ def test_pairs_are_found_by_file_names(folder, tdint, make_record):
 
 
 def test_a_failing_record_stops_a_set_but_not_single_records(folder, tdint):
-    words = ("scale", "motion.mseed", "none.mseed", *UNITS)
-    result = tdint(*words, "--pgv", "10cm/s", code=4)
+    call = ("scale", "motion.mseed", "none.mseed", *UNITS)
+    result = tdint(*call, "--pgv", "10cm/s", code=4)
     assert len(rows(result.stdout)) == 2 and "none.mseed" in result.stderr
-    tdint.refused("none.mseed", *words, "--p695", code=4)
+    tdint.refused("none.mseed", *call, "--p695", code=4)
     tdint.refused(
         "only one horizontal component",
         "scale",
@@ -130,17 +132,17 @@ def test_the_rule_of_asce7(folder, tdint, make_record):
             peak=1.0 + 0.2 * i,
             samples=100 + 10 * i,
         )
-    words = ("--rule", "asce7", "--range", "0.2:2:4", "-o", "f.csv", "--plot")
-    result = tdint("scale", "suite", *UNITS, *TARGET, *words, code=0)
+    options = ("--rule", "asce7", "--range", "0.2:2:4", "-o", "f.csv", "--plot")
+    result = tdint("scale", "suite", *UNITS, *TARGET, *options, code=0)
     factors = [row["factor"] for row in rows(folder / "f.csv")]
     assert len(factors) == 22 and factors[::2] == factors[1::2]
     assert "11 pairs scaled to" in result.stderr
-    said = float(
+    least_average = float(
         result.stderr.partition("maximum-direction spectra to the target is ")[2].partition(" %")[0]
     )
-    assert said >= 90.0
+    assert least_average >= 90.0
     settings = json.loads((folder / "f.json").read_text())["settings"]
-    assert 100.0 * settings["least_average_over_target"] == pytest.approx(said, abs=0.5)
+    assert 100.0 * settings["least_average_over_target"] == pytest.approx(least_average, abs=0.5)
     assert settings["pairs"] == "rotd100"
 
 
@@ -161,9 +163,9 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     grid = ("--periods", f"{first!r}:{last!r}:{count}")
     unscaled, (target,) = (
         np.array(
-            [float(row["psa_m_s2"]) for row in rows(tdint("spectrum", *words, *grid).stdout)]
+            [float(row["psa_m_s2"]) for row in rows(tdint("spectrum", *arguments, *grid).stdout)]
         ).reshape(-1, 100)
-        for words in ((*files, *UNITS), EC8)
+        for arguments in ((*files, *UNITS), EC8)
     )
     factors = np.array([float(row["factor"]) for row in rows(folder / "f.csv")])
     peaks = [float(row["pga_m_s2"]) for row in rows(tdint("info", *files, *UNITS).stdout)]
@@ -171,7 +173,8 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     ratios = scaled.mean(axis=0) / target
     zero = (factors * peaks).mean() / (0.25 * 1.2 * 9.80665)
     assert min(ratios) >= 0.9 * (1.0 - 1e-9) and zero >= 1.0 - 1e-9
-    assert min(min(ratios) / 0.9, zero) == pytest.approx(1.0)  # raised no further than needed
+    # The factor is not larger than necessary.
+    assert min(min(ratios) / 0.9, zero) == pytest.approx(1.0)
     assert settings["least_average_over_target"] == pytest.approx(min(ratios))
     written = rows(folder / "s.csv")
     assert [row["curve"] for row in written] == ["scaled"] * 300 + ["mean"] * 100 + ["target"] * 100
@@ -180,14 +183,14 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
 
 
 def test_factors_from_wrong_units_cause_a_warning(folder, tdint):
-    told = tdint(
+    messages = tdint(
         "-q", "scale", "motion.mseed", "--units", "1e3 m/s^2", "--pga", "0.1g", code=0
     ).stderr
-    assert "peak ground acceleration" in told and "factors outside 0.05 to 20" in told
+    assert "peak ground acceleration" in messages and "factors outside 0.05 to 20" in messages
 
 
 def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
-    words = (
+    call = (
         "scale",
         "motion.mseed",
         *UNITS,
@@ -196,11 +199,11 @@ def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
         "--range",
         "0.2:2",
     )
-    told = tdint(*words, code=0).stderr
-    assert states(told, "Warning: factors outside 0.25 to 4, ... motion.mseed HNE")
+    messages = tdint(*call, code=0).stderr
+    assert states(messages, "Warning: factors outside 0.25 to 4, ... motion.mseed HNE")
     tdint.refused(
         "larger than --max-factor 5: motion.mseed HNE",
-        *words,
+        *call,
         "--max-factor",
         5,
         "-o",
@@ -269,14 +272,14 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
     assert [(row["record"], row["component"], row["scale"]) for row in runs] == [
         (row["record"], row["component"], row["factor"]) for row in factors
     ]
-    alone = ("motion.mseed", *UNITS, "--component", "HNN", "--scale", factors[1]["factor"])
-    stories = rows(tdint("run", "shaken.yaml", *alone, code=0).stdout)
+    single_run = ("motion.mseed", *UNITS, "--component", "HNN", "--scale", factors[1]["factor"])
+    stories = rows(tdint("run", "shaken.yaml", *single_run, code=0).stdout)
     largest = max(float(story["peak_drift_ratio"]) for story in stories)
     assert float(runs[1]["peak_drift_ratio"]) == pytest.approx(largest, rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "said"),
+    ("arguments", "code", "message"),
     [
         (("--factors", "lost.csv"), 3, "lost.csv: records not found: gone.mseed, (empty)"),
         (
@@ -302,12 +305,12 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
         ),
     ],
 )
-def test_invalid_factor_tables_are_refused(folder, tdint, arguments, code, said):
+def test_invalid_factor_tables_are_refused(folder, tdint, arguments, code, message):
     Path("suite.csv").write_text("record,component,factor\nother.mseed,HNE,2\n")
     Path("lost.csv").write_text("record,component,factor\ngone.mseed,HNE,2\n,HNN,2\n")
     Path("component.csv").write_text("record,component,factor\nother.mseed,HNZ,2\n")
     Path("zero.csv").write_text("record,component,factor\nother.mseed,HNE,1\nother.mseed,HNN,0\n")
-    assert states(tdint("run", "shaken.yaml", *UNITS, *arguments, code=code).stderr, said)
+    assert states(tdint("run", "shaken.yaml", *UNITS, *arguments, code=code).stderr, message)
 
 
 @pytest.mark.usefixtures("short_matching")
@@ -329,39 +332,39 @@ def test_records_of_the_table_of_factors(folder, tdint, make_record):
     listed = [(row["record"], row["component"], row["factor"]) for row in factors]
     assert len(listed) == 3
 
-    # The same runs as with the records of the pool and factors by hand
+    # The runs equal separate runs with the records of the pool and the same factors.
     tdint("run", "shaken.yaml", *UNITS, "--factors", "factors.csv", "-o", "out", code=0)
     runs = rows("out/runs.csv")
     assert sorted((run["record"], run["component"], run["scale"]) for run in runs) == sorted(listed)
     for run in runs:
-        one = ("--component", run["component"], "--scale", run["scale"])
-        stories = rows(tdint("run", "shaken.yaml", run["record"], *UNITS, *one, code=0).stdout)
+        options = ("--component", run["component"], "--scale", run["scale"])
+        stories = rows(tdint("run", "shaken.yaml", run["record"], *UNITS, *options, code=0).stdout)
         largest = max(float(story["peak_drift_ratio"]) for story in stories)
         assert float(run["peak_drift_ratio"]) == pytest.approx(largest, rel=1e-9)
 
-    # A campaign, from another directory than that of the table
+    # The campaign file is in another directory than the table.
     (folder / "studies").mkdir()
     study = "buildings: {models: [../shaken.yaml]}\nrecords: {units: m/s^2}\n"
     (folder / "studies" / "a.yaml").write_text(study + "intensity: {factors: ../factors.csv}\n")
     tdint("campaign", "studies/a.yaml", "-o", "campaign", code=0)
-    of_campaign = rows("campaign/runs.csv")
-    assert [run["peak_drift_ratio"] for run in of_campaign] == [
+    campaign_runs = rows("campaign/runs.csv")
+    assert [run["peak_drift_ratio"] for run in campaign_runs] == [
         run["peak_drift_ratio"] for run in runs
     ]
 
     # IDA and match
-    words = ("ida", "shaken.yaml", *UNITS, "--factors", "factors.csv", "--max-im", "1m/s^2")
-    words += ("--pair-demand", "separate")
-    capacities = rows(tdint(*words, code=0).stdout)
+    call = ("ida", "shaken.yaml", *UNITS, "--factors", "factors.csv", "--max-im", "1m/s^2")
+    call += ("--pair-demand", "separate")
+    capacities = rows(tdint(*call, code=0).stdout)
     assert {(row["record"], row["component"]) for row in capacities} == {row[:2] for row in listed}
-    words = ("match", *UNITS, "--factors", "factors.csv", *target, "-o", "matched")
-    tdint(*words, "--suite", "mean", "--format", "csv", code=0)
+    call = ("match", *UNITS, "--factors", "factors.csv", *target, "-o", "matched")
+    tdint(*call, "--suite", "mean", "--format", "csv", code=0)
     matched = rows("matched/matched.csv")
     assert [(row["record"], row["component"]) for row in matched] == [row[:2] for row in listed]
     for command in (("match", *target, "-o", "m"), ("ida", "shaken.yaml")):
         tdint.refused("RECORD is required; specify either records", *command, code=2)
-        both = (*command, "pool", "--factors", "factors.csv")
-        tdint.refused("RECORD and --factors cannot be used together", *both, code=2)
+        conflicting = (*command, "pool", "--factors", "factors.csv")
+        tdint.refused("RECORD and --factors cannot be used together", *conflicting, code=2)
 
 
 def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
@@ -376,8 +379,8 @@ def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
             samples=300 + 40 * seed,
         )
     target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
-    words = ("scale", "study", *UNITS, *target, "--pairs", "rotd50", "--select", 2)
-    tdint(*words, "-o", "study/pairs.csv", code=0)
+    call = ("scale", "study", *UNITS, *target, "--pairs", "rotd50", "--select", 2)
+    tdint(*call, "-o", "study/pairs.csv", code=0)
     listed = rows("study/pairs.csv")
     relative = "".join(
         f"{Path(row['record']).name},{row['component']},{row['factor']}\n" for row in listed
@@ -394,7 +397,7 @@ def test_motions_are_selected(folder, tdint):
     """The best selection from three motions is printed with the omitted motions. The table has the
     format of `scale`. At most one motion of an earthquake is selected."""
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\nother.mseed,there\n")
-    words = (
+    call = (
         "scale",
         "motion.mseed",
         "other.mseed",
@@ -406,7 +409,7 @@ def test_motions_are_selected(folder, tdint):
         2,
     )
     result = tdint(
-        *words, "--per-event", 1, "--events", "events.csv", "-o", "chosen.csv", "--plot", code=0
+        *call, "--per-event", 1, "--events", "events.csv", "-o", "chosen.csv", "--plot", code=0
     )
     assert "Selected from 3: the mean of ln Sa" in result.stderr
     table = rows(folder / "chosen.csv")
@@ -415,10 +418,10 @@ def test_motions_are_selected(folder, tdint):
     assert len(settings["selected"]) == 2 and settings["left_out"]["duplicate"] == 0
     assert (folder / "chosen.png").exists()
     (folder / "scatter.csv").write_text("period_s,scatter\n0.1,0.2\n3,0.4\n")
-    tdint(*words[:-1], 3, "--target-std", "scatter.csv", "--factor-range", "0.001:1000", code=0)
-    tdint.refused("4 motions ... 3 of 3", *words[:-1], 4, code=2)
-    lone = ("scale", "motion.mseed", *UNITS, *TARGET, "--per-event", 1)
+    tdint(*call[:-1], 3, "--target-std", "scatter.csv", "--factor-range", "0.001:1000", code=0)
+    tdint.refused("4 motions ... 3 of 3", *call[:-1], 4, code=2)
+    without_selection = ("scale", "motion.mseed", *UNITS, *TARGET, "--per-event", 1)
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\n")
     unknown = "the event of 1 motion is unknown: other.mseed"
-    tdint.refused(unknown, *words, "--per-event", 1, "--events", "events.csv", code=2)
-    tdint.refused("has no effect without --select", *lone, code=2)
+    tdint.refused(unknown, *call, "--per-event", 1, "--events", "events.csv", code=2)
+    tdint.refused("has no effect without --select", *without_selection, code=2)

@@ -1,4 +1,4 @@
-"""`tdint run --sequence`: shocks one after the other."""
+"""`tdint run --sequence`: sequences of events."""
 
 import json
 
@@ -15,15 +15,17 @@ def test_stories_have_rows_for_each_event_and_for_the_sequence(folder, tdint):
     assert [(row["shock"], row["story"]) for row in table] == [
         (k, i) for k in ("1", "2", "all") for i in ("1", "2")
     ]
-    first, second, whole = (table[2 * k] for k in range(3))
-    assert whole["peak_drift_m"] in (first["peak_drift_m"], second["peak_drift_m"])
-    assert whole["residual_drift_m"] == second["residual_drift_m"]
-    alone = rows(
+    first, second, complete = (table[2 * k] for k in range(3))
+    assert complete["peak_drift_m"] in (first["peak_drift_m"], second["peak_drift_m"])
+    assert complete["residual_drift_m"] == second["residual_drift_m"]
+    single_run = rows(
         tdint("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--until-rest").stdout
     )
-    # What is left of the motion is part of the error of a residual drift at rest, not of one in
-    # between.
-    assert {key for key in alone[0] if alone[0][key] != first[key]} <= {"residual_drift_m_error"}
+    # The remaining vibration is part of the error of a residual drift at the end of a run, but not
+    # between the events of a sequence.
+    assert {key for key in single_run[0] if single_run[0][key] != first[key]} <= {
+        "residual_drift_m_error"
+    }
     assert "motion.mseed + other.mseed HNE" in result.stderr
     assert "Event 2, from " in result.stderr
 
@@ -51,7 +53,7 @@ def test_the_files_of_a_sequence(folder, tdint):
     assert summary["record"]["file"] == "motion.mseed + other.mseed"
     assert summary["settings"]["rest_s"] == 3.0
     assert {"start_s", "drift_ratio"} <= set(summary["meanings"])
-    assert [one["file"] for one in summary["inputs"]] == [
+    assert [entry["file"] for entry in summary["inputs"]] == [
         "shaken.yaml",
         "motion.mseed",
         "other.mseed",
@@ -61,8 +63,8 @@ def test_the_files_of_a_sequence(folder, tdint):
 
 
 def test_a_single_factor_applies_to_all_events(folder, tdint):
-    one, each = (rows(tdint(*SHOCKS, "--scale", scale).stdout) for scale in ("0.5", "0.5,0.5"))
-    assert one == each
+    common, each = (rows(tdint(*SHOCKS, "--scale", scale).stdout) for scale in ("0.5", "0.5,0.5"))
+    assert common == each
 
 
 @pytest.mark.parametrize(
@@ -82,7 +84,7 @@ def test_refusals_of_a_sequence(folder, tdint, arguments, message):
 
 
 def test_an_unreadable_event_is_refused(folder, tdint):
-    words = (
+    call = (
         "run",
         "shaken.yaml",
         "motion.mseed",
@@ -93,4 +95,4 @@ def test_an_unreadable_event_is_refused(folder, tdint):
         "-o",
         "out",
     )
-    tdint.refused("none.mseed", *words, code=4)
+    tdint.refused("none.mseed", *call, code=4)

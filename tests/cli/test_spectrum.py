@@ -29,8 +29,8 @@ def files(folder) -> set[str]:
     ids=["elastic", "inelastic", "drifts"],
 )
 def test_every_component_damping_ductility_and_period_in_order(folder, tdint, command, targets):
-    words = (*command.split(), *PERIODS, "--damping", "0.02", "--damping", "0.05")
-    result = tdint(*words, "motion.mseed", "other.mseed", code=0)
+    call = (*command.split(), *PERIODS, "--damping", "0.02", "--damping", "0.05")
+    result = tdint(*call, "motion.mseed", "other.mseed", code=0)
     keys = ("record", "component", "damping", "target_ductility", "period_s")
     assert [tuple(row.get(key, "") for key in keys) for row in rows(result.stdout)] == [
         (*component, damping, target, period)
@@ -42,7 +42,7 @@ def test_every_component_damping_ductility_and_period_in_order(folder, tdint, co
 
 
 def test_standard_input_at_the_default_periods(folder, tdint):
-    """The help lists the default periods. test_interface.py compares the numbers with the
+    """The help lists the default periods. test_interface.py compares the values with the
     library."""
     tdint("spectrum", "-", "-o", "out/", stdin=(folder / "other.mseed").read_bytes(), code=0)
     assert files(folder / "out") == {"stdin.csv", "stdin.json"}
@@ -54,12 +54,12 @@ def test_standard_input_at_the_default_periods(folder, tdint):
 
 
 def test_periods_component_and_method(folder, tdint):
-    words = ("spectrum", "motion.mseed", "--periods", "0.1:10:3", "--component", "n")
-    result = tdint(*words, "--method", "newmark")
+    call = ("spectrum", "motion.mseed", "--periods", "0.1:10:3", "--component", "n")
+    result = tdint(*call, "--method", "newmark")
     assert [(row["component"], row["period_s"]) for row in rows(result.stdout)] == [
         ("HNN", period) for period in ("0.1", "1", "10")
     ]
-    assert tdint(*words).stdout != result.stdout
+    assert tdint(*call).stdout != result.stdout
 
 
 def test_a_selected_option_has_a_column(folder, tdint):
@@ -82,7 +82,7 @@ def test_a_selected_option_has_a_column(folder, tdint):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "text"),
     [
         ([], "taken as straight lines, maxima also between the samples"),
         (
@@ -96,10 +96,10 @@ def test_a_selected_option_has_a_column(folder, tdint):
         ),
     ],
 )
-def test_the_assumed_motion_between_samples_is_reported(folder, tdint, arguments, words):
-    told = tdint("spectrum", "other.mseed", "--period", "0.05", *arguments).stderr.splitlines()
-    (line,) = (line for line in told if "below a period" in line)
-    assert words in line
+def test_the_assumed_motion_between_samples_is_reported(folder, tdint, arguments, text):
+    messages = tdint("spectrum", "other.mseed", "--period", "0.05", *arguments).stderr.splitlines()
+    (line,) = (line for line in messages if "below a period" in line)
+    assert text in line
 
 
 def test_the_choices_equal_the_options_of_the_library():
@@ -112,11 +112,11 @@ def test_the_choices_equal_the_options_of_the_library():
     assert list(choices["interpolation"].choices) == list(INTERPOLATIONS)
 
 
-@pytest.mark.parametrize("more", [(), PERIODS])
-def test_period_zero_is_the_peak_ground_acceleration(folder, tdint, more, drawn):
-    """The figure contains it, and a target spectrum can be drawn with it."""
-    words = ("--period", "0", *more, "--target", EC8, "-o", "zero.csv", "--plot")
-    result = tdint("spectrum", "other.mseed", *words, code=0)
+@pytest.mark.parametrize("options", [(), PERIODS])
+def test_period_zero_is_the_peak_ground_acceleration(folder, tdint, options, drawn):
+    """The figure contains the period 0, also together with a target spectrum."""
+    arguments = ("--period", "0", *options, "--target", EC8, "-o", "zero.csv", "--plot")
+    result = tdint("spectrum", "other.mseed", *arguments, code=0)
     assert "below a period" not in result.stderr
     pga = f"{read_record('other.mseed').pga:.12g}"
     assert [rows(folder / "zero.csv")[0][name] for name in COLUMNS.split(",")[3:]] == [
@@ -154,23 +154,23 @@ def test_output_to_a_file_or_a_directory(folder, tdint, into):
     if into == "out":
         (folder / "out").mkdir()
     before = files(folder)
-    whole = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS).stdout
+    table = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS).stdout
     assert (
         tdint(
             "spectrum", "motion.mseed", "other.mseed", *PERIODS, "-o", into, "--plot", code=0
         ).stdout
         == ""
     )
-    kinds = ("csv", "json", "png")
+    suffixes = ("csv", "json", "png")
     if into == "all.csv":
-        assert (folder / "all.csv").read_text() == whole
-        assert files(folder) - before == {f"all.{kind}" for kind in kinds}
+        assert (folder / "all.csv").read_text() == table
+        assert files(folder) - before == {f"all.{suffix}" for suffix in suffixes}
     else:
         assert files(folder / "out") == {
-            f"{name}.{kind}" for name in ("motion", "other") for kind in kinds
+            f"{name}.{suffix}" for name in ("motion", "other") for suffix in suffixes
         }
         parts = [(folder / "out" / name).read_text() for name in ("motion.csv", "other.csv")]
-        assert parts[0] + parts[1].removeprefix(COLUMNS + "\n") == whole
+        assert parts[0] + parts[1].removeprefix(COLUMNS + "\n") == table
 
 
 def test_a_clash_of_names_is_found_before_the_computation(folder, tdint):
@@ -213,23 +213,23 @@ def test_usage_errors(folder, tdint, arguments, message):
 
 
 def test_an_unstable_method_is_an_error_of_the_analysis(folder, tdint):
-    words = ("spectrum", "other.mseed", "--period", "0.01", "--method", "central-difference")
-    tdint.refused("Error: other.mseed: central-difference is unstable", *words, code=5)
+    call = ("spectrum", "other.mseed", "--period", "0.01", "--method", "central-difference")
+    tdint.refused("Error: other.mseed: central-difference is unstable", *call, code=5)
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "is_reported"),
     [
         ((), False),
         (("--damping", "2%,5%"), True),
         (("--damping", "2%", "--periods", "0.5:1:3"), False),
     ],
 )
-def test_a_coarse_default_spacing_of_periods_is_reported(folder, tdint, options, told):
+def test_a_coarse_default_spacing_of_periods_is_reported(folder, tdint, options, is_reported):
     """The default periods have a spacing of 3.5 %, which exceeds half the width of a resonance with
     2 % damping."""
-    said = "the spacing of the periods is 3.5 %: with 2 % damping the spectrum may be higher"
-    assert (said in tdint("spectrum", "other.mseed", *options, code=0).stderr) == told
+    message = "the spacing of the periods is 3.5 %: with 2 % damping the spectrum may be higher"
+    assert (message in tdint("spectrum", "other.mseed", *options, code=0).stderr) == is_reported
 
 
 @pytest.mark.parametrize(
@@ -251,8 +251,8 @@ def test_a_design_spectrum_is_written_and_read_as_a_target(folder, tdint):
         ]
         for target in ("ec8.csv", EC8)
     )
-    # 2.5 ag S on the plateau to TC = 0.5 s, then falling with T; straight lines in logarithms cost
-    # little.
+    # The spectrum is 2.5 ag S on the plateau to TC = 0.5 s and decreases with 1/T above. The
+    # interpolation in logarithms has a small error.
     assert read == pytest.approx(named, rel=2e-4)
     assert named[:2] == pytest.approx(
         [2.5 * 0.25 * 1.2 * 9.80665, 2.5 * 0.25 * 1.2 * 9.80665 * 0.5]
@@ -260,7 +260,7 @@ def test_a_design_spectrum_is_written_and_read_as_a_target(folder, tdint):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("other.mseed", "--target", EC8), "--target with records requires --plot"),
         (("other.mseed", "--target", EC8, "--plot=p.png", "--axes", "adrs"), "omit --axes"),
@@ -273,14 +273,14 @@ def test_a_design_spectrum_is_written_and_read_as_a_target(folder, tdint):
         (("--target", "ec8:type=1"), "ec8 requires soil, ag"),
     ],
 )
-def test_invalid_arguments_with_a_target_are_refused(folder, tdint, arguments, said):
-    tdint.refused(said, "spectrum", *arguments)
+def test_invalid_arguments_with_a_target_are_refused(folder, tdint, arguments, message):
+    tdint.refused(message, "spectrum", *arguments)
 
 
 def test_strengths_reproduce_the_computed_ductilities(folder, tdint):
-    words = ("spectrum", "other.mseed", "--period", "0.7")
-    (found,) = rows(tdint(*words, "--ductility", "2.5").stdout)
-    (back,) = rows(tdint(*words, "--strength", found["yield_strength_ratio"]).stdout)
+    call = ("spectrum", "other.mseed", "--period", "0.7")
+    (found,) = rows(tdint(*call, "--ductility", "2.5").stdout)
+    (back,) = rows(tdint(*call, "--strength", found["yield_strength_ratio"]).stdout)
     assert back["target_ductility"] == ""
     assert back["yield_strength_ratio"] == found["yield_strength_ratio"]
     for column in ("ductility", "sd_m", "reduction_factor"):

@@ -1,5 +1,5 @@
-"""What each command loads, in its own process: a small real call loads no package and no module
-that it can spare."""
+"""Imports of each command in a separate process: a small real call imports no unneeded package or
+module."""
 
 import json
 import os
@@ -15,10 +15,9 @@ from tdint.methods.catalogue import FAMILIES
 from tdint_cli.main import COMMANDS
 
 HEAVY = {"numba", "scipy.stats", "scipy.optimize", "matplotlib", "obspy"}
-"""Packages that take a tenth of a second and more; a command has those that its work is done
-with."""
+"""Packages whose import needs at least 0.1 s; a command may import them only if it needs them."""
 
-SPARED = {
+UNNEEDED = {
     "scipy",
     "numpy.ma",
     "numpy.random",
@@ -33,7 +32,7 @@ SPARED = {
     "tdint.ground_motion.horizontals",
     "tdint.ground_motion.reading.instrument",
 }
-"""What runs and spectra of records have no part in."""
+"""Modules that runs and spectra of records do not need."""
 
 WITHOUT_RECORDS = {"importlib.metadata", "tdint.ground_motion.reading.read"}
 WITHOUT_RUNS = {"numpy.polynomial", "tdint.methods", "tdint.analysis.run.outcome"}
@@ -77,10 +76,10 @@ BEFORE = {
     "campaign": ("campaign study.yaml -o study",),
     "rerun": ("law office.yaml --drift 1% -o loop.csv",),
 }
-"""What writes the files that they read."""
+"""Commands that write the input files of other commands."""
 
-MORE = {
-    "run": SPARED
+UNNEEDED_BY_COMMAND = {
+    "run": UNNEEDED
     | {"numpy.fft", "obspy.imaging", "obspy.signal", "obspy.clients"}
     | {"tdint_cli.campaigns", "tdint.model.law_checks", "tdint.methods.step_check"}
     | {f"tdint.kernels.laws.{law}" for law in ("imk", "bouc_wen", "multilinear_pinching", "gap")}
@@ -92,18 +91,18 @@ MORE = {
     }
     | {"tdint.ground_motion.processing_steps", "tdint.output.run_summary", "tdint.output.summary"}
     | {f"tdint.methods.{family}" for family in FAMILIES if family != "impulse4"},
-    "spectrum": SPARED - {"numpy.ma", "tdint.ground_motion.horizontals"} | {"yaml"},
-    "law": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"tdint.kernels.time_loop"},
-    "modes": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"llvmlite", "shutil", "tempfile"},
+    "spectrum": UNNEEDED - {"numpy.ma", "tdint.ground_motion.horizontals"} | {"yaml"},
+    "law": UNNEEDED | WITHOUT_RECORDS | WITHOUT_RUNS | {"tdint.kernels.time_loop"},
+    "modes": UNNEEDED | WITHOUT_RECORDS | WITHOUT_RUNS | {"llvmlite", "shutil", "tempfile"},
     "check": {"tdint.analysis.run.outcome", "tdint.analysis.run.run"},
     "inventory": WITHOUT_RUNS | {"yaml"},
-    "info": {"scipy.signal"},  # of filters
+    "info": {"scipy.signal"},  # only for filters
     **dict.fromkeys(("stability", "overshoot", "failures", "examples"), WITHOUT_FILES),
-    "methods": SPARED
+    "methods": UNNEEDED
     | (WITHOUT_RECORDS - {"importlib.metadata"})
     | {"tdint.analysis.run.outcome", "llvmlite", "yaml", "tdint.model.config", "hashlib"},
 }
-"""What these must not load beside, if numpy, click and yaml do not: it takes its time."""
+"""Further modules that commands must not import, unless numpy, click or yaml import them."""
 
 LONG = {
     "match",
@@ -120,7 +119,8 @@ LONG = {
     "stability",
     "examples",
 }
-"""Those that take more than half a second or load what another one of the suite does."""
+"""Commands that need more than half a second, or whose imports another command of the suite covers;
+their tests are slow tests."""
 
 
 STARTER = """
@@ -142,35 +142,39 @@ finally:
     with open(file, "w") as stream:
         print(*sys.modules, file=stream)
 """
-"""A process that has what all commands load, and for each line that it reads makes a copy of
-itself, which does it."""
+"""Process that imports the common modules of all commands and executes each input line in a forked
+copy."""
 
 
 class Starter:
-    """Runs code in processes that have loaded nothing but click and numpy."""
+    """Runner of code in processes that have imported only click and numpy."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        with (folder / "said").open("w") as said:
+        with (folder / "messages").open("w") as messages:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", STARTER],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, text=True, cwd=folder,
-            )  # fmt: skip
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=messages,
+                text=True,
+                cwd=folder,
+            )
 
     def __call__(
-        self, *words: str, code: str = "from tdint_cli.main import main; main()"
+        self, *arguments: str, code: str = "from tdint_cli.main import main; main()"
     ) -> set[str]:
-        """The modules that are loaded when `tdint WORDS`, or this code, is done."""
-        self.process.stdin.write(json.dumps([code, "modules", "tdint", *words]) + "\n")
+        """Return the modules that are imported after `tdint ARGUMENTS`, or after `code`."""
+        self.process.stdin.write(json.dumps([code, "modules", "tdint", *arguments]) + "\n")
         self.process.stdin.flush()
-        assert self.process.stdout.readline() == "0\n", (self.folder / "said").read_text()
+        assert self.process.stdout.readline() == "0\n", (self.folder / "messages").read_text()
         return set((self.folder / "modules").read_text().split())
 
 
 @pytest.fixture(scope="module")
 def start(tmp_path_factory):
-    """Commands in a folder with a model, its motion as a table and as MiniSEED, and what they read
-    beside them."""
+    """Return a starter in a directory with a model, its ground motion as a table and as MiniSEED,
+    and further input files of the commands."""
     if not hasattr(os, "fork"):
         pytest.skip("copies of a process are made on POSIX")
     folder = tmp_path_factory.mktemp("office")
@@ -186,8 +190,8 @@ def start(tmp_path_factory):
         "buildings: {models: [office.yaml]}\nrecords: {files: [office-motion.txt]}\n"
     )
     start = Starter(folder)
-    # In other processes: files tell the plug-ins that this one has, and `rerun` would look for
-    # them.
+    # Other processes write the files, because files record the plug-ins of this process, which
+    # `rerun` would require.
     start("init", "office.yaml", "--stories", "2")
     start("info", "office-motion.txt", "--export", "motion.mseed")
     model = (folder / "office.yaml").read_text()
@@ -198,7 +202,7 @@ def start(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def common(start):
-    """What numpy, click and yaml load themselves."""
+    """Modules that numpy, click and yaml import."""
     return start(code="import yaml") - {"yaml"}
 
 
@@ -209,18 +213,21 @@ def common(start):
 def test_a_command_loads_only_required_modules(start, common, command):
     for line in BEFORE.get(command, ()):
         start(*line.split())
-    line, most, names = CALLS[command]
+    line, max_lines, names = CALLS[command]
     loaded, needed = start(command, *line.split()), set(names.split())
-    assert sorted((HEAVY - needed | MORE.get(command, set()) - HEAVY) & loaded - common) == []
-    assert needed <= loaded, f"{command} does without: take it out of CALLS"
+    assert (
+        sorted((HEAVY - needed | UNNEEDED_BY_COMMAND.get(command, set()) - HEAVY) & loaded - common)
+        == []
+    )
+    assert needed <= loaded, f"{command} does not import all of {needed}; change CALLS"
     files = [
         str(find_spec(name).origin)
         for name in loaded
         if name.partition(".")[0] in ("tdint", "tdint_cli")
     ]
     lines = sum(map(count_code_lines, files))
-    assert 0 < lines <= most, (
-        f"{command} loads {lines} lines of code; import within functions what it spares"
+    assert 0 < lines <= max_lines, (
+        f"{command} loads {lines} lines of code; import unneeded modules within functions"
     )
 
 
@@ -229,6 +236,8 @@ def test_every_command_is_started():
 
 
 def test_names_of_unneeded_modules_exist():
-    """A module that was renamed would be spared by nobody noticing."""
-    ours = {name for names in MORE.values() for name in names if name.startswith("tdint")}
-    assert [name for name in sorted(ours) if find_spec(name) is None] == []
+    """Otherwise, a renamed module would no longer be checked."""
+    own_modules = {
+        name for names in UNNEEDED_BY_COMMAND.values() for name in names if name.startswith("tdint")
+    }
+    assert [name for name in sorted(own_modules) if find_spec(name) is None] == []

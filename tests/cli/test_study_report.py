@@ -32,11 +32,11 @@ def test_the_page_of_an_ida_has_the_capacities_of_the_table(folder: Path, tdint:
     light = [float(row["capacity"]) / G for row in table if row["threshold"] == "0.02"]
 
     # The three capacities of the pairs, with the median by rank and interpolated fractiles.
-    of_motions = table_with(found, "collapse (g)")
-    assert [row["collapse (g)"] for row in of_motions] == [
+    motion_rows = table_with(found, "collapse (g)")
+    assert [row["collapse (g)"] for row in motion_rows] == [
         f"{float(row['capacity']) / G:.4g}" for row in table if row["threshold"] == "0.1"
     ]
-    assert [row["at 2 % (g)"] for row in of_motions] == [f"{value:.4g}" for value in light]
+    assert [row["at 2 % (g)"] for row in motion_rows] == [f"{value:.4g}" for value in light]
     at_drift = {row["drift ratio (%)"]: row for row in table_with(found, "median (g)")}
     assert list(at_drift) == ["2", "10"]
     assert at_drift["10"]["median (g)"] == f"{collapse[1]:.4g}"
@@ -50,13 +50,13 @@ def test_the_page_of_an_ida_has_the_capacities_of_the_table(folder: Path, tdint:
     theta = math.exp(float(np.mean(logarithms)))
     assert float(fits["10 %"]["theta (g)"]) == pytest.approx(theta, rel=1e-3)
     assert float(fits["10 %"]["beta"]) == pytest.approx(beta, rel=1e-3)
-    half = math.exp(1.96 * beta / math.sqrt(3.0))
-    assert float(fits["10 %"]["theta low (g)"]) == pytest.approx(theta / half, rel=1e-3)
-    assert float(fits["10 %"]["theta high (g)"]) == pytest.approx(theta * half, rel=1e-3)
+    factor_95 = math.exp(1.96 * beta / math.sqrt(3.0))
+    assert float(fits["10 %"]["theta low (g)"]) == pytest.approx(theta / factor_95, rel=1e-3)
+    assert float(fits["10 %"]["theta high (g)"]) == pytest.approx(theta * factor_95, rel=1e-3)
     assert fit_capacities(collapse).theta == pytest.approx(theta, rel=1e-12)
 
     # The factor of each record at collapse is the capacity divided by the unscaled intensity.
-    factors = [float(row["collapse factor"]) for row in of_motions]
+    factors = [float(row["collapse factor"]) for row in motion_rows]
     assert all(0.1 < factor < 10.0 for factor in factors)
 
     # Building, motions, methods, sources and assumptions; no name of an option's syntax.
@@ -100,13 +100,13 @@ def test_the_page_of_fragility_functions_has_their_intervals(folder: Path, tdint
     (function,) = rows(result.stdout)
     found = page("page.html")
     (shown,) = table_with(found, "beta low")
-    theta, beta, of_theta, of_beta = (
+    theta, beta, theta_error, beta_error = (
         float(function[name]) for name in ("theta", "beta", "theta_error", "beta_error")
     )
     unit = " (g)" if "theta (g)" in shown else ""
     assert shown[f"theta{unit}"] == f"{theta:.4g}" and shown["beta"] == f"{beta:.4g}"
-    assert shown[f"theta low{unit}"] == f"{theta * math.exp(-1.96 * of_theta):.4g}"
-    assert shown["beta high"] == f"{beta + 1.96 * of_beta:.4g}"
+    assert shown[f"theta low{unit}"] == f"{theta * math.exp(-1.96 * theta_error):.4g}"
+    assert shown["beta high"] == f"{beta + 1.96 * beta_error:.4g}"
     for text in ("Baker 2015", "maximum likelihood of the numbers of exceedances", "stripes.csv"):
         assert text in found.text, text
     assert len(table_with(found, "counted")) > 3

@@ -75,8 +75,8 @@ class _Trickle(io.RawIOBase):
 def test_partial_writes_are_repeated_until_complete_or_refused(monkeypatch):
     data = bytes(range(256))
     monkeypatch.setattr(terminal, "_discard_further_output", lambda: None)
-    whole, full = _Trickle(1000), _Trickle(100)
-    for stream in (whole, full):
+    complete, full = _Trickle(1000), _Trickle(100)
+    for stream in (complete, full):
         monkeypatch.setattr(
             sys, "stdout", SimpleNamespace(buffer=stream, flush=lambda: None, fileno=lambda: 1)
         )
@@ -86,7 +86,7 @@ def test_partial_writes_are_repeated_until_complete_or_refused(monkeypatch):
             else nullcontext()
         ):
             terminal.emit(data)
-    assert whole.taken == data
+    assert complete.taken == data
 
 
 class Screen(io.StringIO):
@@ -105,7 +105,7 @@ def test_a_message_during_a_progress_bar_has_its_own_line(monkeypatch):
             terminal.note("two time loops")
             progress("measuring", 0.5)
         terminal.note("done")
-    # What a terminal shows of a line is what stands after the last return to its start.
+    # A terminal shows the text of a line after its last carriage return.
     shown = [
         line.rpartition("\r")[2].removeprefix("\x1b[K") for line in screen.getvalue().split("\n")
     ]

@@ -1,4 +1,4 @@
-"""What a user says of a text table, on the command line and in model files."""
+"""Layout options of text tables, on the command line and in model files."""
 
 import json
 
@@ -11,7 +11,7 @@ from facts import states
 from tdint.units import STANDARD_GRAVITY
 from tdint_cli.main import COMMANDS, cli
 
-SAYS = ("--skip-lines", "2", "--step", "0.01", "--units", "g")
+LAYOUT = ("--skip-lines", "2", "--step", "0.01", "--units", "g")
 MODEL = """\
 stories: [{mass: 10, height: 3, stiffness: 8000}]
 damping: {modal: 0.05}
@@ -22,13 +22,13 @@ analysis: {method: exact}
 
 @pytest.fixture
 def tables(folder):
-    """Two tables of two columns below two lines of words and their names, and a file that is
-    none."""
+    """Write two tables with two columns below two text lines and the column names, and a text file
+    that is not a table."""
     (folder / "tables").mkdir()
     t = np.arange(200) * 0.01
     for name, peak in (("a", 0.1), ("b", 0.2)):
         values = peak * np.sin(9.0 * t)
-        lines = [f"{one:.5f} {3.0 * one:.5f}" for one in values]
+        lines = [f"{value:.5f} {3.0 * value:.5f}" for value in values]
         (folder / "tables" / f"{name}.txt").write_text(
             "\n".join(["Test 7", "at noon", "Table Floor", *lines, ""])
         )
@@ -42,20 +42,29 @@ def tables(folder):
 )
 def test_info_of_a_directory(tables, tdint, column, names, factor):
     result = tdint(
-        "info", "tables", *SAYS, *(column or ("--column", "1,2")), "-o", "info.csv", code=0
+        "info", "tables", *LAYOUT, *(column or ("--column", "1,2")), "-o", "info.csv", code=0
     )
     found = rows((tables / "info.csv").read_text())
     assert [row["component"] for row in found] == names * 2
     assert float(found[0]["pga_m_s2"]) == pytest.approx(0.1 * factor * STANDARD_GRAVITY, rel=1e-3)
     assert "words.txt" in result.stderr
-    said = json.loads((tables / "info.json").read_text())["settings"]["layout"]
-    assert said == {"step": 0.01, "column": ["floor"] if column else ["1", "2"], "skip_lines": 2}
+    layout = json.loads((tables / "info.json").read_text())["settings"]["layout"]
+    assert layout == {"step": 0.01, "column": ["floor"] if column else ["1", "2"], "skip_lines": 2}
 
 
 def test_spectra_of_a_directory(tables, tdint):
     for command in (("spectrum",), ("drift-spectrum", "--stories", "1")):
-        words = (command[0], "tables", *command[1:], "--period", "0.5", *SAYS, "--column", "2")
-        assert len(rows(tdint(*words, code=0).stdout)) == 2
+        arguments = (
+            command[0],
+            "tables",
+            *command[1:],
+            "--period",
+            "0.5",
+            *LAYOUT,
+            "--column",
+            "2",
+        )
+        assert len(rows(tdint(*arguments, code=0).stdout)) == 2
     tdint(
         "spectrum",
         "tables/a.txt",
@@ -63,7 +72,7 @@ def test_spectra_of_a_directory(tables, tdint):
         "0.5",
         "--rotd",
         "50",
-        *SAYS,
+        *LAYOUT,
         "--column",
         "1,2",
         code=0,
@@ -79,13 +88,14 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         == by_model.stdout
     )
     assert (
-        tdint("run", "bare.yaml", "tables/a.txt", *SAYS, "--column", "2").stdout == by_model.stdout
+        tdint("run", "bare.yaml", "tables/a.txt", *LAYOUT, "--column", "2").stdout
+        == by_model.stdout
     )
     assert tdint("run", "m.yaml", "--column", "1").stdout != by_model.stdout
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "message"),
+    ("arguments", "code", "message"),
     [
         (
             "info motion.mseed --step 0.02",
@@ -104,8 +114,8 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         ("run forced.yaml --step 0.01", 2, "requires a record"),
     ],
 )
-def test_invalid_options_are_refused(tables, tdint, words, code, message):
-    (line,) = errors(tdint.refused(message, *words.split(), code=code))
+def test_invalid_options_are_refused(tables, tdint, arguments, code, message):
+    (line,) = errors(tdint.refused(message, *arguments.split(), code=code))
     assert states(line, message)
 
 

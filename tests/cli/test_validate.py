@@ -1,4 +1,4 @@
-"""`tdint validate`: the table of cases, and how it ends where one does not hold."""
+"""`tdint validate`: the table of cases, and the exit code of a failing case."""
 
 import csv
 import dataclasses
@@ -33,10 +33,10 @@ def test_a_failing_case_causes_exit_code_5(tdint, tmp_path, monkeypatch):
     assert [row["within"] for row in rows[-2:]] == ["false", "true"]
 
 
-@pytest.mark.parametrize(("relative", "wanted"), [(False, (-0.2, 0.1)), (True, (-0.1, 0.02))])
-def test_differences_are_absolute_or_relative(relative, wanted):
+@pytest.mark.parametrize(("relative", "expected"), [(False, (-0.2, 0.1)), (True, (-0.1, 0.02))])
+def test_differences_are_absolute_or_relative(relative, expected):
     case = cases.textbook_cases()[0]
     two = dataclasses.replace(
         case, published=(-2.0, 5.0), computed=lambda: (-2.2, 5.1), relative=relative
     )
-    assert compute_case(two).differences == pytest.approx(wanted)
+    assert compute_case(two).differences == pytest.approx(expected)

@@ -1,4 +1,4 @@
-"""The columns that cli/README.md lists are those of the tables."""
+"""The lists of columns in cli/README.md equal the columns of the tables."""
 
 import functools
 import re
@@ -70,7 +70,7 @@ COMMANDS = {
 
 
 def listed(name):
-    """Their meanings stand in cli/README.md, which is compared with what generates it."""
+    """Return the listed columns of a table. test_generated.py tests their meanings."""
     return [column.name for column in readmes.columns()[name]]
 
 
@@ -80,7 +80,7 @@ def test_every_list_is_compared():
 
 @functools.cache
 def printed(line, *output):
-    """What a command line prints, done once for all its tables."""
+    """Return the output of a command line, which is run once for all its tables."""
     result = runner().invoke(cli, [*line.split(), *output])
     assert result.exit_code == 0, result.output
     return result.stdout
@@ -88,7 +88,7 @@ def printed(line, *output):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """What the command lines read."""
+    """Directory with the input files of the command lines."""
     tmp_path = tmp_path_factory.mktemp("tables")
     record = readmes.ROOT / "records" / "firm-soil.mseed"
     motion, one_component = (
@@ -127,5 +127,5 @@ def test_columns(name, folder, monkeypatch):
     text = printed(line, *(["-o", str(out)] if file else []))
     text = (out / file.split()[0]).read_text() if file else text
     header = text.partition("\n")[0]
-    # The columns of a story are listed for the first one.
+    # Columns of stories are listed only for the first story.
     assert [column for column in header.split(",") if not OTHER_STORY.match(column)] == listed(name)

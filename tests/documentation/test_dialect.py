@@ -1,4 +1,4 @@
-"""The rate of dialect markers decreases, layer by layer."""
+"""The rate of dialect markers in each layer does not increase."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The scripts and examples of the READMEs run, and give what their text says."""
+"""The scripts and examples of the READMEs run and give the stated results."""
 
 import ast
 import doctest
@@ -25,14 +25,14 @@ from tdint_cli.main import cli
 
 @pytest.fixture
 def checkout():
-    """A folder like a checkout, and what runs a script in it and returns its output and its
-    messages."""
+    """Directory with the files of a checkout, and a function that runs a script there and returns
+    its output and messages."""
     with readmes.checkout() as (folder, environment):
 
         def run(script):
-            code, output, said = readmes.shell(script, folder, environment)
-            assert code == 0, said
-            return output, said
+            code, output, messages = readmes.shell(script, folder, environment)
+            assert code == 0, messages
+            return output, messages
 
         yield folder, run
 
@@ -66,7 +66,7 @@ def test_the_elastic_spectra(checkout):
         [float(row[f"rotd{name}_psa_m_s2"]) for name in ("00", "50", "100")] for row in rotated
     ]
     assert len(values) == 200
-    assert all(least < middle < most for least, middle, most in values)
+    assert all(minimum < median < maximum for minimum, median, maximum in values)
     assert (folder / "spectra.png").is_file()
 
 
@@ -74,20 +74,24 @@ def test_the_elastic_spectra(checkout):
 def test_the_inelastic_spectra(checkout):
     folder, run = checkout
     assert run(readmes.block("inelastic"))[0] == ""
-    found, given = (rows(folder / name) for name in ("ductilities.csv", "strengths.csv"))
+    ductility_rows, strength_rows = (
+        rows(folder / name) for name in ("ductilities.csv", "strengths.csv")
+    )
     assert all(
         float(row["ductility"]) == pytest.approx(float(row["target_ductility"]), rel=1e-8)
-        for row in found
+        for row in ductility_rows
     )
-    assert {row["yield_strength_ratio"] for row in given} == {"0.1", "0.2"}
+    assert {row["yield_strength_ratio"] for row in strength_rows} == {"0.1", "0.2"}
     assert (folder / "ductilities.png").exists()
 
 
 @pytest.mark.slow
 def test_the_batches(checkout):
     folder, run = checkout
-    _, said = run(readmes.block("batch"))
-    assert "note: records/: skipped (not records): README.md, kaikoura/, make_records.py\n" in said
+    _, messages = run(readmes.block("batch"))
+    assert (
+        "note: records/: skipped (not records): README.md, kaikoura/, make_records.py\n" in messages
+    )
     assert {path.stem for path in (folder / "spectra").iterdir()} == {
         "firm-soil",
         "near-fault",
@@ -120,9 +124,9 @@ def test_the_notebook(monkeypatch):
     page = "".join(re.findall(r"^```pycon\n(.*?)^```", text, re.DOTALL | re.MULTILINE))
     cells = doctest.DocTestParser().get_doctest(page, {}, "src/README.md", None, None)
     assert len(cells.examples) > 20
-    said = []
-    result = doctest.DocTestRunner(verbose=False).run(cells, out=said.append)
-    assert result.failed == 0, "".join(said)
+    output = []
+    result = doctest.DocTestRunner(verbose=False).run(cells, out=output.append)
+    assert result.failed == 0, "".join(output)
 
 
 @pytest.mark.slow
@@ -137,27 +141,27 @@ def test_the_study_in_python(checkout):
 
 @pytest.mark.slow
 def test_the_day_of_a_researcher(checkout):
-    """What it says of methods, a run of its file beside a single one, figures of 90 mm with
-    TrueType letters."""
+    """The differences between methods have the stated size, a run in the file equals a single run,
+    and figures are 90 mm wide with TrueType fonts."""
     folder, run = checkout
     script = readmes.block("day")
     statements = [node for node in ast.walk(ast.parse(script)) if isinstance(node, ast.stmt)]
-    assert len(statements) <= 45  # short enough to be read at once
-    script = script.replace("rotated(125)", "rotated(25)")  # a fifth of the spectra is enough here
+    assert len(statements) <= 45  # The example must be short.
+    script = script.replace("rotated(125)", "rotated(25)")  # fewer spectra, for a faster test
     output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", script]))
     spectra, *lines, sweep = output.splitlines()
     assert spectra.startswith("100 spectra") and len(lines) == 15
-    apart = {
+    differences = {
         tuple(line.split(":")[0].split(", ")): float(re.findall(r"up to ([\d.e-]+) %", line)[0])
         for line in lines
     }
-    for (_, method), most in apart.items():
+    for (_, method), difference in differences.items():
         assert (
-            most == 0.0
+            difference == 0.0
             if method == "impulse4"
-            else most < 0.1
+            else difference < 0.1
             if method == "moment4"
-            else 1.0 < most < 12.0
+            else 1.0 < difference < 12.0
         )
     drifts = np.load(folder / "drifts.npy")
     stiffness, strength = np.random.default_rng(1).lognormal(0.0, 0.2, (30, 2))[-1]
@@ -168,9 +172,8 @@ def test_the_day_of_a_researcher(checkout):
     samples = np.cos(angle) * pair.first.acceleration + np.sin(angle) * pair.second.acceleration
     single = tdint.run(varied, tdint.make_record(samples, dt=0.01, units="m/s^2"), history=True)
     np.testing.assert_allclose(drifts[-1], single.history.drift[::10], rtol=1e-5, atol=1e-8)
-    assert (
-        -1.0 < float(re.findall(r"stiffness\^(\S+)", sweep)[0]) < -0.2
-    )  # stiffer buildings move less
+    # Stiffer buildings have smaller drifts.
+    assert -1.0 < float(re.findall(r"stiffness\^(\S+)", sweep)[0]) < -0.2
     for name in ("spectra.pdf", "fragility.pdf"):
         data = (folder / name).read_bytes()
         width = float(re.findall(rb"/MediaBox \[ 0 0 ([\d.]+)", data)[0])
@@ -179,8 +182,8 @@ def test_the_day_of_a_researcher(checkout):
 
 @pytest.mark.slow
 def test_a_fit_by_derivatives(checkout):
-    """Ten stiffnesses within their spreads, by fewer calls than differences of each number would
-    take for one step."""
+    """Ten stiffnesses are estimated within four standard errors. The number of calls is smaller
+    than finite differences would need for a single step."""
     _, run = checkout
     output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", readmes.block("derivatives")]))
     *stories, calls = output.splitlines()
@@ -205,8 +208,8 @@ def test_your_own_record_on_your_own_building(checkout):
     (folder / "RSN1_MINE_090.AT2").write_text(heading + "\n".join(lines) + "\n")
     (folder / "frame.yaml").write_text(readmes.block("own-model"))
     run(readmes.block("own-run"))
-    (first, *others) = rows(folder / "result" / "stories.csv")
-    assert len(others) == 2 and float(first["height_m"]) == 4.0
+    (first, *upper_stories) = rows(folder / "result" / "stories.csv")
+    assert len(upper_stories) == 2 and float(first["height_m"]) == 4.0
     assert 0.0 < float(first["peak_drift_m_error"]) < 1e-3 * float(first["peak_drift_m"])
     assert {path.name for path in (folder / "result").iterdir()} == {
         *("stories.csv", "summary.json", "response.png", "report.html")
@@ -230,9 +233,8 @@ def test_the_model_with_all_keys(checkout):
 
 def test_the_model_in_us_units():
     model = load_model(io.StringIO(readmes.block("weights")))
-    assert model.stories[0].mass == pytest.approx(
-        400e3 * 0.45359237
-    )  # 400 kip are the weight of 400 000 lb
+    # 400 kip are the weight of 400 000 lb.
+    assert model.stories[0].mass == pytest.approx(400e3 * 0.45359237)
     assert model.output_units.unit("m/s^2")[0] == "g"
 
 
@@ -245,8 +247,8 @@ def test_an_additional_method_is_defined_in_one_line():
 
 
 def test_the_script_of_an_array(checkout, monkeypatch):
-    """One of two tasks as Slurm starts it, the other here; what is merged is what one call does, to
-    the last byte."""
+    """The first of two tasks runs in this process, the second with the environment of Slurm. The
+    merged tables equal the tables of a single call to the last byte."""
     folder, run = checkout
     monkeypatch.chdir(folder)
     campaign = (
@@ -259,8 +261,8 @@ def test_the_script_of_an_array(checkout, monkeypatch):
     run("TMPDIR=$PWD SLURM_ARRAY_TASK_COUNT=2 SLURM_ARRAY_TASK_ID=2 sh array.sh")
     first = ("campaign.yaml", "-o", "parts/part-1", "--shard", "1/2")
     merged = ("merge", "parts/part-1", "parts/part-2", "-o", "all")
-    for words in (first, ("export", "parts/part-1"), merged, ("campaign.yaml", "-o", "whole")):
-        assert CliRunner().invoke(cli, ["campaign", *words, "-q"]).exit_code == 0
+    for arguments in (first, ("export", "parts/part-1"), merged, ("campaign.yaml", "-o", "whole")):
+        assert CliRunner().invoke(cli, ["campaign", *arguments, "-q"]).exit_code == 0
     for name in ("runs.csv", "stories.csv", "profiles.csv"):
         assert (folder / "all" / name).read_bytes() == (folder / "whole" / name).read_bytes()
     dataset = pytest.importorskip("pyarrow.dataset")
@@ -274,13 +276,13 @@ def test_the_script_of_an_array(checkout, monkeypatch):
     ("name", "package"), [("calibration", "emcee"), ("sobol", "SALib"), ("surrogate", "numpy")]
 )
 def test_the_studies_with_other_packages(checkout, name, package):
-    """The chain finds the true numbers; drifts hang on hardening most; the surrogate explains most
-    of the spread."""
+    """The Markov chain recovers the true parameters, the drifts depend most on the hardening, and
+    the surrogate explains most of the variance."""
     pytest.importorskip(package)
     _, run = checkout
     script = (readmes.ROOT / "tests" / "studies" / f"{name}.py").read_text()
     statements = [node for node in ast.walk(ast.parse(script)) if isinstance(node, ast.stmt)]
-    assert len(statements) <= 45  # short enough to be read at once
+    assert len(statements) <= 45  # The example must be short.
     output, _ = run(shlex.join([sys.executable, "-c", script]))
     numbers = [
         [float(number) for number in re.findall(r"-?\d+\.\d+", line)]

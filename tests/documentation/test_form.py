@@ -1,4 +1,4 @@
-"""The form of the pages: links, headings, and the files, commands and options that they name."""
+"""Consistency of the pages: links, headings, and named files, commands and options."""
 
 import re
 
@@ -9,28 +9,29 @@ import readmes
 from tdint_cli.main import COMMANDS, cli
 
 
-def named(path):
+def relative_path(path):
     return str(path.relative_to(readmes.ROOT))
 
 
 def prose(text):
-    """A README's text without its code blocks, in which # and ]( mean other things."""
+    """Return the text of a README without code blocks, because # and ]( have other meanings
+    there."""
     return re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)
 
 
 def anchors(path):
-    """The anchors that GitHub makes of a file's headings."""
+    """Return the anchors that GitHub creates for the headings of a file."""
     headings = re.findall(r"^#+ +(.*)$", prose(path.read_text()), re.MULTILINE)
     return [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings]
 
 
 def pages():
-    """All pages."""
+    """Return all pages."""
     github = sorted((readmes.ROOT / ".github").rglob("*.md"))
     return [*readmes.files(), readmes.ROOT / "CHANGELOG.md", *github]
 
 
-@pytest.mark.parametrize("path", pages(), ids=named)
+@pytest.mark.parametrize("path", pages(), ids=relative_path)
 def test_links_have_existing_targets(path):
     for target in re.findall(r"\]\(([^)\s]+)\)", prose(path.read_text())):
         if re.match(r"\w+:", target):
@@ -43,27 +44,27 @@ def test_links_have_existing_targets(path):
         assert not anchor or anchor in anchors(aim), target
 
 
-@pytest.mark.parametrize("path", readmes.files(), ids=named)
+@pytest.mark.parametrize("path", readmes.files(), ids=relative_path)
 def test_headings_of_a_page_are_unique(path):
     assert len(anchors(path)) == len(set(anchors(path)))
 
 
 def options(command):
-    """The options of a command, and those of tdint itself."""
+    """Return the options of a command, and the common options of tdint."""
     context = click.Context(cli)
     found = cli.get_command(context, command)
     assert found, f"there is no command {command}"
     return {
         name
-        for one in (found, cli)
-        for option in one.params
+        for part in (found, cli)
+        for option in part.params
         for name in (*option.opts, *option.secondary_opts)
     }
 
 
 def code(text):
-    """What stands in the code blocks and code spans of a README without its generated parts, a line
-    each."""
+    """Return the lines of the code blocks and the code spans of a README without its generated
+    parts."""
     text = re.sub(
         r"^<!-- generated: (\w+) -->$.*?^<!-- end: \1 -->$",
         "",
@@ -76,22 +77,22 @@ def code(text):
     return [*lines, *(" ".join(span.split()) for span in re.findall(r"`([^`]+)`", prose(text)))]
 
 
-@pytest.mark.parametrize("path", readmes.files(), ids=named)
+@pytest.mark.parametrize("path", readmes.files(), ids=relative_path)
 def test_commands_and_options_exist(path):
-    every = {option for name in COMMANDS for option in options(name)}
+    all_options = {option for name in COMMANDS for option in options(name)}
     for line in code(path.read_text()):
-        for name, rest in re.findall(r"(?:^|[\s/])tdint ([a-z][a-z-]*)([^|#>]*)", line):
-            assert set(re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", rest)) <= options(name), line
+        for name, arguments in re.findall(r"(?:^|[\s/])tdint ([a-z][a-z-]*)([^|#>]*)", line):
+            assert set(re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", arguments)) <= options(name), line
         if "tdint" not in line and not re.match(r"\$|python|pytest|dask", line):
-            assert set(re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", line)) <= every, line
+            assert set(re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", line)) <= all_options, line
 
 
-@pytest.mark.parametrize("path", readmes.files()[1:], ids=named)
+@pytest.mark.parametrize("path", readmes.files()[1:], ids=relative_path)
 def test_the_first_page_links_to_every_other(path):
-    assert f"]({named(path)}" in readmes.README.read_text()
+    assert f"]({relative_path(path)}" in readmes.README.read_text()
 
 
-@pytest.mark.parametrize("path", readmes.files(), ids=named)
+@pytest.mark.parametrize("path", readmes.files(), ids=relative_path)
 def test_named_files_directories_and_modules_exist(path):
     text = path.read_text()
     for name in re.findall(r"(?:pytest|python) (?:-\S+ )*((?:tests|records)/[\w/.]+)", text):
@@ -107,10 +108,10 @@ def test_named_files_directories_and_modules_exist(path):
         ), (name, file)
 
 
-@pytest.mark.parametrize("path", readmes.files(), ids=named)
+@pytest.mark.parametrize("path", readmes.files(), ids=relative_path)
 def test_commands_of_a_page_have_different_outputs(path):
-    """No command of it would end with `the file exists`; a table, a record and the summary beside
-    share their name."""
+    """Otherwise, a command would report that a file exists. A table, an exported record and their
+    summary have the same stem."""
     blocks = re.findall(r"^```.*?^```$", path.read_text(), flags=re.DOTALL | re.MULTILINE)
     outputs = [
         re.sub(r"\.(?:csv|mseed|parquet)$", "", name)

@@ -1,4 +1,5 @@
-"""What READMEs take from the program is up to date: generated parts, sessions, the test command."""
+"""Content of READMEs from the program is up to date: generated parts, sessions, the test
+command."""
 
 import re
 import shlex
@@ -14,11 +15,11 @@ from tdint_cli.main import cli
 AGAIN = "run: python tests/readmes.py"
 
 
-def named(path):
+def relative_path(path):
     return str(path.relative_to(readmes.ROOT))
 
 
-@pytest.mark.parametrize("path", readmes.files(), ids=named)
+@pytest.mark.parametrize("path", readmes.files(), ids=relative_path)
 def test_generated_parts_are_up_to_date(path):
     text = path.read_text()
     assert readmes.generated(text) == text, AGAIN
@@ -34,13 +35,15 @@ def test_every_generated_part_is_in_one_readme():
 
 
 def sessions():
-    """READMEs with sessions; those of the first page are run each time."""
-    paths = [path for path in readmes.files() if readmes.sessions(path.read_text())]
-    return [pytest.param(one, marks=[pytest.mark.slow] * (one != readmes.README)) for one in paths]
+    """Return READMEs with sessions. Only the sessions of the first page are fast tests."""
+    paths = [readme for readme in readmes.files() if readmes.sessions(readme.read_text())]
+    return [
+        pytest.param(path, marks=[pytest.mark.slow] * (path != readmes.README)) for path in paths
+    ]
 
 
 def run_here(line, folder, environment):
-    """As `readmes.shell`, of `tdint ... | FILTERS`: but for the filters in this process."""
+    """Run `tdint ... | FILTERS` with the results of `readmes.shell`, but tdint in this process."""
     command, _, filters = line.partition(" | ")
     result = runner().invoke(cli, shlex.split(command)[1:], prog_name="tdint")
     _, output, _ = readmes.shell(
@@ -50,17 +53,19 @@ def run_here(line, folder, environment):
 
 
 @pytest.mark.usefixtures("not_laid_out")
-@pytest.mark.parametrize("path", sessions(), ids=named)
+@pytest.mark.parametrize("path", sessions(), ids=relative_path)
 def test_sessions_print_the_documented_output(path, monkeypatch):
-    """Those of the first page in this process."""
+    """Sessions of the first page run in this process."""
     run = run_here if path == readmes.README else readmes.shell
     for session in readmes.sessions(path.read_text()):
         with readmes.checkout() as (folder, environment), monkeypatch.context() as patch:
             patch.chdir(folder)
             for command, shown in session:
-                code, output, said = run(command, folder, environment)
-                assert code == 0, said
-                assert readmes.same(output + said, shown), f"{command}\n{output}{said}\n{AGAIN}"
+                code, output, messages = run(command, folder, environment)
+                assert code == 0, messages
+                assert readmes.same(output + messages, shown), (
+                    f"{command}\n{output}{messages}\n{AGAIN}"
+                )
 
 
 def test_the_comparison_of_sessions_detects_differences():
@@ -73,8 +78,7 @@ def test_the_comparison_of_sessions_detects_differences():
 
 
 def test_the_recommended_method_is_the_default():
-    """What the pages and `tdint methods` name for who is in doubt is taken where no method is
-    named."""
+    """The pages and `tdint methods` recommend the method that is the default."""
     texts = [(readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text()]
     texts.append(CliRunner().invoke(cli, ["methods", "--help"]).output)
     first_page = " ".join(readmes.README.read_text().split())

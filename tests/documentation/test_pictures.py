@@ -16,29 +16,36 @@ FIGURES = [
     for file in sorted((readmes.ROOT / folder).glob("*.png"))
 ]
 _OUTPUTS = {"-o", "--output", "--plot", "--openquake", "--geojson"}  # options that name outputs
-_SILENT = {"-q", "--quiet", "--overwrite", "--history", "--no-cache"}  # that change no figure
+# Options that change no figure
+_SILENT = {
+    "-q",
+    "--quiet",
+    "--overwrite",
+    "--history",
+    "--no-cache",
+}
 
 
 def settings(command):
     """Return subcommand, arguments and options of the last tdint command in a line of shell, or the
-    line itself for another program; without outputs, because they change no figure."""
+    complete line for another program; without outputs, because they change no figure."""
     line = re.split(r" && ", command)[-1]
     calls = [part for part in line.split(" | ") if part.startswith("tdint ")]
     if not calls:
         return line.split()
-    # Of `tdint ida ... | tdint fragility -` both commands count.
-    words = [word for call in calls for word in shlex.split(call, comments=True)]
-    kept = []
-    while words:
-        word = words.pop(0)
-        name = word.partition("=")[0]
+    # In `tdint ida ... | tdint fragility -`, both commands determine the figure.
+    arguments = [argument for call in calls for argument in shlex.split(call, comments=True)]
+    settings_list = []
+    while arguments:
+        argument = arguments.pop(0)
+        name = argument.partition("=")[0]
         if name in _OUTPUTS:
             # Its value is the next word, unless the option has it or, like --plot, needs none.
-            if name == word and words and not words[0].startswith("-"):
-                words.pop(0)
+            if name == argument and arguments and not arguments[0].startswith("-"):
+                arguments.pop(0)
         elif name not in _SILENT:
-            kept.append(word)
-    return kept
+            settings_list.append(argument)
+    return settings_list
 
 
 def shown_commands(page):
@@ -64,14 +71,13 @@ def test_the_command_in_a_figure_is_on_its_page(file):
 
 
 def test_a_figure_of_configs_was_drawn_by_its_declared_command():
-    for name, one in pictures.PICTURES.items():
+    for name, figure in pictures.PICTURES.items():
         texts = png_text.texts(pictures.FOLDER / name)
-        assert texts[png_text.COMMAND] == one.command.format(file=name), name
+        assert texts[png_text.COMMAND] == figure.command.format(file=name), name
 
 
 def test_the_first_page_shows_the_run_of_its_first_figure():
-    """The first figure of README.md is the one of the run with the default method, whose tables
-    the page lists."""
+    """The first figure of README.md shows the run with the default method that the page lists."""
     page = readmes.README.read_text()
     first = re.search(r"!\[[^]]*\]\((\S+)\)", page)[1]
     command = png_text.texts(readmes.ROOT / first)[png_text.COMMAND]
@@ -80,10 +86,10 @@ def test_the_first_page_shows_the_run_of_its_first_figure():
 
 
 def test_settings_of_a_command():
-    one = settings("tdint run a.yaml --method moment4 -o out --history --plot | cut -d, -f1")
-    assert one == ["tdint", "run", "a.yaml", "--method", "moment4"]
-    assert settings("tdint run a.yaml --method moment4 --plot=a.png") == one
-    assert settings("tdint run a.yaml --plot=a.png") != one
+    expected = settings("tdint run a.yaml --method moment4 -o out --history --plot | cut -d, -f1")
+    assert expected == ["tdint", "run", "a.yaml", "--method", "moment4"]
+    assert settings("tdint run a.yaml --method moment4 --plot=a.png") == expected
+    assert settings("tdint run a.yaml --plot=a.png") != expected
 
 
 def test_the_command_of_a_png_is_replaced_without_changing_the_image(tmp_path):
@@ -100,7 +106,7 @@ def test_the_command_of_a_png_is_replaced_without_changing_the_image(tmp_path):
 
 
 def test_no_figure_is_out_of_date():
-    """Else: python tests/pictures.py."""
+    """If a figure is out of date, run `python tests/pictures.py`."""
     assert pictures.out_of_date() == []
 
 
@@ -116,7 +122,7 @@ def test_every_figure_of_configs_is_declared_and_shown():
 
 @pytest.mark.parametrize("changed", ["style.py", "assessment.py"])
 def test_changed_figure_code_changes_the_digest(tmp_path, monkeypatch, changed):
-    """Its own module, and what that imports."""
+    """The digest of a figure depends on its module and on imported modules."""
     before = pictures.digest(pictures.PICTURES["failures.png"])
     for file in pictures._FIGURES.glob("*.py"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
@@ -127,10 +133,10 @@ def test_changed_figure_code_changes_the_digest(tmp_path, monkeypatch, changed):
 
 
 def test_a_new_method_or_input_changes_the_digest(monkeypatch):
-    one = pictures.PICTURES["failures.png"]
-    before = pictures.digest(one)
+    figure = pictures.PICTURES["failures.png"]
+    before = pictures.digest(figure)
     monkeypatch.setattr(pictures, "catalogue", lambda: {"another": None})
-    assert pictures.digest(one) != before
+    assert pictures.digest(figure) != before
     files = {
         file.name for file in pictures._inputs(pictures.PICTURES["kaikoura-frame.png"].command)
     }

@@ -1,4 +1,4 @@
-"""The site: its pages are there, its links lead somewhere, its search knows them."""
+"""The documentation site: its pages exist, its links have targets, and its search contains them."""
 
 import inspect
 import json
@@ -19,13 +19,13 @@ import tdint
 from tdint.methods.catalogue import catalogue, references
 from tdint_cli.main import COMMANDS, cli
 
-STRANGERS = {"https://zensical.org/"}
-"""The only place outside that every page leads to: the generator names itself."""
+EXTERNAL_LINKS = {"https://zensical.org/"}
+"""External links of every page: the generator adds a link to its own site."""
 
 
 @pytest.fixture(scope="module")
 def maker():
-    """The program that makes the site."""
+    """Program that generates the site."""
     return readmes.program("make_site")
 
 
@@ -46,24 +46,26 @@ def without_code(text):
 
 
 def bare(text):
-    """Return the words of a text without link targets, links and code blocks."""
+    """Return a text without link targets, link marks and code blocks."""
     text = re.sub(r"\]\([^)\s]*\)", "]", without_code(text))
     return re.sub(r"\s+", " ", re.sub(r"[\[\]]", "", text)).strip()
 
 
 def test_each_section_of_a_readme_is_on_one_page_of_the_site(maker, pages):
     """Sections of README.md may be copied; its installation from a checkout is replaced."""
-    whole = {name: bare(text) for name, text in pages.items()}
+    contents = {name: bare(text) for name, text in pages.items()}
     for path in readmes.files():
         name = path.relative_to(readmes.ROOT).as_posix()
         for section in maker.sections_of(path.read_text("utf-8")):
             text = bare(section).lstrip("# ")
-            if text.startswith(("The methods", "Quick start", "Columns")):  # the site changes these
+            if text.startswith(
+                ("The methods", "Quick start", "Columns")
+            ):  # The site changes these sections.
                 continue
-            found = [page for page, content in whole.items() if text in content]
+            found = [page for page, content in contents.items() if text in content]
             assert len(found) == 1 or (name == "README.md" and found), (name, text[:40], found)
-            if len(text) > 100:  # the words of a short section may occur elsewhere
-                assert whole[found[0]].count(text) == 1, (name, text[:40])
+            if len(text) > 100:  # A short section may also be part of another page.
+                assert contents[found[0]].count(text) == 1, (name, text[:40])
 
 
 def test_tasks_are_listed_in_the_order_of_use(maker, pages):
@@ -104,11 +106,11 @@ def test_pages_of_a_section_contain_its_subsections_with_changed_links(maker):
 
 
 FILES = r"LICENSE|\.py\.md$|\.csv\.md$|standard_problems"
-"""Pages of files that are shown as they are; `site.css` wraps their lines."""
+"""Pages with unchanged files; `site.css` wraps their lines."""
 
 
 def test_code_blocks_have_short_lines(pages):
-    """Printed output and patches are excepted: they are shown as they are."""
+    """Printed output and patches are excluded, because they are shown unchanged."""
     for page, text in pages.items():
         if re.search(FILES, page):
             continue
@@ -148,25 +150,25 @@ def test_the_first_page_installs_without_a_checkout(maker, pages, monkeypatch):
     assert "pip install -q ." not in pages["README.md"]
     parts = ["## Install", "pip install", "requires Python", "![Histories", "tdint init"]
     text = (readmes.ROOT / "README.md").read_text("utf-8")
-    place = {"repository": "https://example.org/tdint", "site": "https://example.org/pages"}
-    monkeypatch.setattr(maker, "addresses", lambda: place)
+    addresses = {"repository": "https://example.org/tdint", "site": "https://example.org/pages"}
+    monkeypatch.setattr(maker, "addresses", lambda: addresses)
     for first in (pages["README.md"], maker.home(text)):
-        places = [first.index(part) for part in parts]
-        assert places == sorted(places)
+        positions = [first.index(part) for part in parts]
+        assert positions == sorted(positions)
         assert first.count("![Histories") == 1
     assert "pip install git+https://example.org/tdint\n" in maker.home(text)
     assert "git clone https://example.org/tdint\n" in maker.home(text)
     monkeypatch.setattr(maker, "is_published", lambda: True)
     assert "pip install tdint\n" in maker.home(text)
     found = maker.settings(pages)
-    assert found["repo_url"] == place["repository"]
-    assert found["site_url"] == f"{place['site']}/"
+    assert found["repo_url"] == addresses["repository"]
+    assert found["site_url"] == f"{addresses['site']}/"
 
 
 def test_each_page_has_links_for_editing_its_files(maker, monkeypatch):
-    """Without a repository there are none; with one, each leads to a file that exists."""
-    place = {"repository": "https://example.org/tdint", "site": ""}
-    monkeypatch.setattr(maker, "addresses", lambda: place)
+    """With an address of the repository, each link refers to an existing file."""
+    addresses = {"repository": "https://example.org/tdint", "site": ""}
+    monkeypatch.setattr(maker, "addresses", lambda: addresses)
     found = maker.pages()
     link = re.compile(r"\(https://example\.org/tdint/(?:edit|blob)/main/([^)]+)\)")
     for page, text in found.items():
@@ -195,13 +197,13 @@ def test_the_page_of_columns_has_the_unit_and_meaning_of_each(pages):
 def test_the_reference_has_each_public_name_with_its_parameters(pages):
     """Each parameter of each public function is in the signature on its page."""
     reference = {page: text for page, text in pages.items() if page.startswith("src/reference/")}
-    whole = "\n".join(reference.values())
+    content = "\n".join(reference.values())
     for name in dir(tdint):
         if name.startswith("_"):
             continue
         heading = f"## tdint.{name} {{ #"
-        assert heading in whole, name
-        section = whole.partition(heading)[2].partition("\n## ")[0]
+        assert heading in content, name
+        section = content.partition(heading)[2].partition("\n## ")[0]
         for parameter in inspect.signature(getattr(tdint, name)).parameters:
             assert re.search(rf"\b{parameter}\b", section), (name, parameter)
     assert "[`tdint.run`](" in "\n".join(pages.values())
@@ -209,9 +211,11 @@ def test_the_reference_has_each_public_name_with_its_parameters(pages):
 
 def test_links_have_existing_pages_and_figures(maker, pages):
     drawn = {f"{maker.METHODS}/{maker.picture_of(name)}" for name in catalogue()}
-    there = {*pages, *maker.pictures(), *drawn}
+    targets = {*pages, *maker.pictures(), *drawn}
     for page, text in pages.items():
-        assert set(maker.links(page, text)) <= there | {page, str(PurePosixPath(page).parent)}, page
+        assert set(maker.links(page, text)) <= targets | {page, str(PurePosixPath(page).parent)}, (
+            page
+        )
 
 
 def test_the_navigation_lists_each_page_once(maker, pages):
@@ -223,8 +227,8 @@ def test_the_navigation_lists_each_page_once(maker, pages):
     assert set(named) <= set(pages)
 
 
-def squeezed(text):
-    """The letters of a text, without what the layout of a terminal or of Markdown adds."""
+def without_layout(text):
+    """Return a text without white space and characters that Markdown or a terminal layout adds."""
     return re.sub(r"[\s\\`]", "", unescape(text))
 
 
@@ -233,13 +237,18 @@ def test_the_page_of_a_command_contains_its_complete_help(pages, name):
     help_all = (
         CliRunner().invoke(cli, [name, "--help-all"], prog_name="tdint", terminal_width=100).stdout
     )
-    paragraphs = [squeezed(one) for one in re.split(r"\n\s*\n|\n(?=\w+:\n)|\n(?=  -)", help_all)]
-    page = squeezed(re.sub(r"\n:   ", "\n", pages[f"cli/{name}.md"]))
-    said = [
-        one.removeprefix("Usage:") for one in paragraphs if one and not re.fullmatch(r"\w+:", one)
+    paragraphs = [
+        without_layout(paragraph)
+        for paragraph in re.split(r"\n\s*\n|\n(?=\w+:\n)|\n(?=  -)", help_all)
     ]
-    assert len(said) > 5
-    assert [one for one in said if one not in page] == []
+    page = without_layout(re.sub(r"\n:   ", "\n", pages[f"cli/{name}.md"]))
+    expected = [
+        paragraph.removeprefix("Usage:")
+        for paragraph in paragraphs
+        if paragraph and not re.fullmatch(r"\w+:", paragraph)
+    ]
+    assert len(expected) > 5
+    assert [paragraph for paragraph in expected if paragraph not in page] == []
 
 
 @pytest.mark.parametrize("name", catalogue())
@@ -249,7 +258,8 @@ def test_the_page_of_a_method_has_equations_figure_and_publications(pages, name)
     assert re.search(r"= .*[uv]", equations)
     assert f"({name}-stability.png)" in page
     assert all(
-        one.title.strip("{}") in page.replace("\\", "") for one in references().get(name, ())
+        publication.title.strip("{}") in page.replace("\\", "")
+        for publication in references().get(name, ())
     )
 
 
@@ -264,26 +274,26 @@ def test_the_table_of_methods_links_to_their_pages(pages):
 
 
 class Found:
-    """Where a page leads, what it loads, its anchors: by its tags, which the generator writes with
-    quotes."""
+    """Links, loaded files and anchors of a page, from the attributes of its tags. The generator
+    writes attributes with quotes."""
 
     def __init__(self, text):
         self.leads, self.loads, self.anchors = set(), set(), set()
         for tag, inside in re.findall(r"<(\w+)\s([^>]*)>", text):
-            given = {
+            attributes = {
                 key: unescape(value) for key, value in re.findall(r'([\w-]+)="([^"]*)"', inside)
             }
-            self.anchors |= {given[key] for key in ("id", "name") if given.get(key)}
-            if tag == "a" and given.get("href"):
-                self.leads.add(given["href"])
+            self.anchors |= {attributes[key] for key in ("id", "name") if attributes.get(key)}
+            if tag == "a" and attributes.get("href"):
+                self.leads.add(attributes["href"])
             if tag in ("img", "script", "link"):
-                self.loads |= {given[key] for key in ("src", "href") if given.get(key)}
+                self.loads |= {attributes[key] for key in ("src", "href") if attributes.get(key)}
 
 
 @pytest.fixture(scope="module")
 def site(maker, tmp_path_factory):
-    """The site, its figures of methods but one left as they would be drawn: that takes a second
-    each."""
+    """Directory of the generated site. The figure of the first method is used for all methods,
+    because each figure needs a second."""
     pytest.importorskip("zensical", reason="the extra site is not installed")
     folder = tmp_path_factory.mktemp("site")
     first = next(iter(catalogue()))
@@ -312,20 +322,24 @@ def test_links_of_the_site_have_targets_and_no_external_files_are_loaded(site):
         for file in site.rglob("*.html")
         if file.name != "404.html"
     }
-    there = {file for file in site.rglob("*") if file.is_file()}
+    files = {file for file in site.rglob("*") if file.is_file()}
     assert all(page.leads and page.loads and page.anchors for page in found.values())
     for file, page in found.items():
         for target in page.leads | page.loads:
-            if target in STRANGERS:
+            if target in EXTERNAL_LINKS:
                 continue
             assert not re.match(r"\w+:|//", target) or target in page.leads, (file, target)
             if re.match(r"\w+:", target):
                 continue
             path, _, anchor = unquote(target).partition("#")
-            aim = Path(os.path.normpath(file.parent / path)) if path else file
-            aim = aim if aim in there else aim / "index.html"
-            assert aim in there, (file, target)
-            assert not anchor or aim not in found or anchor in found[aim].anchors | {"__skip"}, (
+            target_file = Path(os.path.normpath(file.parent / path)) if path else file
+            target_file = target_file if target_file in files else target_file / "index.html"
+            assert target_file in files, (file, target)
+            assert (
+                not anchor
+                or target_file not in found
+                or anchor in found[target_file].anchors | {"__skip"}
+            ), (
                 file,
                 target,
             )
@@ -334,9 +348,11 @@ def test_links_of_the_site_have_targets_and_no_external_files_are_loaded(site):
 def test_lists_are_rendered_and_every_page_is_in_the_search_index(site, pages):
     for file in site.rglob("*.html"):
         assert not re.search(r"<p>[^<]*\n[-*] ", file.read_text("utf-8")), file
-    words = (site / "search.json").read_text("utf-8")
+    index_text = (site / "search.json").read_text("utf-8")
     assert len(list(site.rglob("index.html"))) == len(pages)
-    assert all(word in words for word in ("glossary", "moment4", "--tolerance", "tdint pushover"))
+    assert all(
+        term in index_text for term in ("glossary", "moment4", "--tolerance", "tdint pushover")
+    )
 
 
 @pytest.mark.parametrize(
@@ -366,7 +382,7 @@ def test_the_search_finds_the_terms_of_the_field(site, term):
 
 
 @pytest.mark.parametrize(
-    ("term", "place"),
+    ("term", "address"),
     [
         ("API", "src/reference/"),
         ("AT2", "guide/own-building/"),
@@ -376,8 +392,8 @@ def test_the_search_finds_the_terms_of_the_field(site, term):
         ("columns", "cli/columns/"),
     ],
 )
-def test_a_heading_or_the_beginning_of_its_page_contains_the_term(site, term, place):
-    """The search ranks titles first; the beginning of a page is an entry of its own."""
+def test_a_heading_or_the_beginning_of_its_page_contains_the_term(site, term, address):
+    """The search ranks titles first. The beginning of a page is a separate entry."""
     items = json.loads((site / "search.json").read_text("utf-8"))["items"]
     found = [
         item["location"]
@@ -385,4 +401,4 @@ def test_a_heading_or_the_beginning_of_its_page_contains_the_term(site, term, pl
         if term.lower() in item["title"].lower()
         or (item["level"] == 1 and term.lower() in item["text"].lower())
     ]
-    assert any(one.startswith(place) for one in found), found
+    assert any(location.startswith(address) for location in found), found

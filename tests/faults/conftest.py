@@ -1,4 +1,4 @@
-"""A folder with records and a model, and the command as a process of its own."""
+"""Directory with records and a model, and the command as a separate process."""
 
 import os
 import signal
@@ -30,7 +30,8 @@ def write_table(file: Path, samples: int) -> None:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Records r0.csv ... r7.csv of 5000 samples in `many`, r0.csv beside it, and model.yaml."""
+    """Change to a directory with model.yaml, r0.csv, and the records r0.csv to r7.csv with 5000
+    samples in `many`."""
     work = tmp_path / "work"
     (work / "many").mkdir(parents=True)
     write_table(work / "many" / "r0.csv", 5000)
@@ -42,24 +43,24 @@ def folder(tmp_path, monkeypatch):
     return work
 
 
-def wait_until(happened, seconds, told=lambda: ""):
-    """Wait for it; what is told when it does not happen."""
+def wait_until(has_happened, seconds, message=lambda: ""):
+    """Wait until `has_happened()` is true; after `seconds`, fail with `message()`."""
     end = time.monotonic() + seconds
-    while not happened():
-        assert time.monotonic() < end, told()
+    while not has_happened():
+        assert time.monotonic() < end, message()
         time.sleep(0.03)
 
 
 class Command:
-    """`tdint ARGUMENTS` in a session of its own, so that what it leaves running can be found."""
+    """`tdint ARGUMENTS` in a separate session, so that remaining processes can be identified."""
 
     def __init__(self, *arguments, cwd, **environment):
-        given = {key: value for key, value in environment.items() if value is not None}
+        additional = {key: value for key, value in environment.items() if value is not None}
         base = {key: value for key, value in os.environ.items() if key not in environment}
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-c", MAIN, *map(str, arguments)],
             cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            start_new_session=True, env={**base, **given},
+            start_new_session=True, env={**base, **additional},
         )  # fmt: skip
 
     def wait_for(self, happened, seconds=60.0):
@@ -72,12 +73,12 @@ class Command:
         wait_until(happened_or_ended, seconds)
 
     def end(self, seconds=60.0):
-        """Exit code, standard output, standard error."""
+        """Wait for the end; return exit code, standard output and standard error."""
         out, err = self.process.communicate(timeout=seconds)
         return self.process.returncode, out, err
 
     def children(self):
-        """Processes of this command but the first one."""
+        """Return the process numbers of this command, except the first process."""
         found = []
         for entry in Path("/proc").iterdir():
             if entry.name.isdigit() and int(entry.name) != self.process.pid:
@@ -85,7 +86,9 @@ class Command:
                     fields = (entry / "stat").read_text().rpartition(")")[2].split()
                 except OSError:
                     continue
-                if int(fields[3]) == self.process.pid and fields[0] != "Z":  # session
+                if (
+                    int(fields[3]) == self.process.pid and fields[0] != "Z"
+                ):  # fields[3] is the session.
                     found.append(int(entry.name))
         return found
 
@@ -95,7 +98,7 @@ class Command:
 
 @pytest.fixture
 def start(folder):
-    """Start commands; whatever they leave is killed at the end of the test."""
+    """Return a function that starts commands. Remaining processes are killed after the test."""
     started = []
 
     def begin(*arguments, **environment):

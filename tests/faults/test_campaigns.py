@@ -1,4 +1,4 @@
-"""Campaigns that are killed, and campaigns whose workers are."""
+"""Campaigns that are killed, and campaigns with killed workers."""
 
 import json
 import os
@@ -28,7 +28,8 @@ outputs: {stories: true}
 """
 SCALES = ", ".join(f"{0.1 * i:.1f}" for i in range(1, 61))
 
-# Forked from a process that has loaded all: a kill meets the campaign, not the start of Python.
+# The campaigns are forked from a process that has imported all modules, so that a kill interrupts
+# the campaign and not the start of Python.
 KILLER = """\
 import os, random, shutil, signal, sys, time
 from pathlib import Path
@@ -57,7 +58,7 @@ while kills < 40:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         kills += 1
-    elif kills < 40:  # it is done: once more from the start
+    elif kills < 40:  # The campaign is complete and is restarted.
         assert Path("out/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
         shutil.rmtree("out")
         rounds += 1
@@ -92,15 +93,15 @@ def test_a_signal_ends_a_campaign_in_time_and_the_store_remains_valid(study, sta
     time.sleep(0.5)
     os.kill(command.process.pid, number)
     began = time.monotonic()
-    code, _, said = command.end(30.0)
-    assert code == {signal.SIGINT: 130, signal.SIGTERM: 143}[number], said
+    code, _, messages = command.end(30.0)
+    assert code == {signal.SIGINT: 130, signal.SIGTERM: 143}[number], messages
     assert time.monotonic() - began < 20.0
     assert not (study / "out" / "runs.csv").exists()
     assert start("campaign", "status", "out").end()[0] == 0
 
 
 class Cluster:
-    """A scheduler and workers of Dask as processes of their own."""
+    """Scheduler and workers of Dask as separate processes."""
 
     def __init__(self, folder: Path, security: list[str]) -> None:
         self.folder, self.security = folder, security
@@ -148,7 +149,7 @@ class Cluster:
 
 @pytest.fixture
 def cluster(study):
-    # It is not imported here, where its warnings would be errors.
+    # `distributed` is not imported in this process, because its warnings would be errors.
     if find_spec("distributed") is None:
         pytest.skip("Dask is not installed")
     started: list[Cluster] = []
@@ -158,12 +159,12 @@ def cluster(study):
         return started[-1]
 
     yield begin
-    for one in started:
-        one.end()
+    for started_cluster in started:
+        started_cluster.end()
 
 
 def chunks_done(folder: Path) -> int:
-    """None where the store, or its table, is not made yet."""
+    """Return the number of completed chunks, 0 if the store or its table does not exist yet."""
     with (
         suppress(sqlite3.OperationalError),
         closing(sqlite3.connect(f"file:{folder / FILE}?mode=ro", uri=True)) as store,
@@ -174,22 +175,22 @@ def chunks_done(folder: Path) -> int:
 
 def test_a_cluster_gives_equal_results_if_a_worker_is_killed(study, start, cluster):
     (study / "study.yaml").write_text(STUDY.replace("0.001", "0.0001") % SCALES)
-    far = cluster()
-    far.add_worker()
-    far.add_worker()
-    command = start("campaign", "study.yaml", "-o", "far", "--dask", far.address)
+    dask_cluster = cluster()
+    dask_cluster.add_worker()
+    dask_cluster.add_worker()
+    command = start("campaign", "study.yaml", "-o", "far", "--dask", dask_cluster.address)
     command.wait_for(lambda: chunks_done(study / "far") >= 3, 120.0)
-    os.kill(far.processes[1].pid, signal.SIGKILL)
-    assert chunks_done(study / "far") < 60  # there is work left
-    code, _, said = command.end(300.0)
-    assert code == 0, said
+    os.kill(dask_cluster.processes[1].pid, signal.SIGKILL)
+    assert chunks_done(study / "far") < 60  # The campaign is not complete.
+    code, _, messages = command.end(300.0)
+    assert code == 0, messages
     assert start("campaign", "study.yaml", "-o", "whole").end(300.0)[0] == 0
     for name in ("runs.csv", "stories.csv"):
         assert (study / "far" / name).read_bytes() == (study / "whole" / name).read_bytes()
 
 
 def certificate(folder: Path, name: str, signed_by: str | None) -> None:
-    """NAME.pem and NAME-key.pem, of an authority or signed by one."""
+    """Write NAME.pem and NAME-key.pem of an authority (`signed_by` is None) or signed by it."""
     subject = [
         "-subj",
         f"/CN={name}",
@@ -229,11 +230,11 @@ def test_certificates_are_required_and_checked(study, start, cluster):
     certificate(study, "authority", None)
     certificate(study, "ours", "authority")
     certificate(study, "stranger", None)
-    far = cluster(
+    dask_cluster = cluster(
         ["--tls-ca-file", "authority.pem", "--tls-cert", "ours.pem", "--tls-key", "ours-key.pem"]
     )
-    far.add_worker()
-    assert far.address.startswith("tls://")
+    dask_cluster.add_worker()
+    assert dask_cluster.address.startswith("tls://")
 
     def campaign(name: str, folder: str):
         options = [
@@ -252,13 +253,13 @@ def test_certificates_are_required_and_checked(study, start, cluster):
             "--max-runs",
             "20",
             "--dask",
-            far.address,
+            dask_cluster.address,
             *options,
         ).end(120.0)
 
-    code, _, said = campaign("ours", "far")
-    assert code == 0, said
+    code, _, messages = campaign("ours", "far")
+    assert code == 0, messages
     assert start("campaign", "study.yaml", "-o", "near", "--max-runs", "20").end(120.0)[0] == 0
     assert (study / "far" / "runs.csv").read_bytes() == (study / "near" / "runs.csv").read_bytes()
-    code, _, said = campaign("stranger", "refused")
-    assert (code, "no scheduler responds" in said) == (2, True), said
+    code, _, messages = campaign("stranger", "refused")
+    assert (code, "no scheduler responds" in messages) == (2, True), messages

@@ -1,5 +1,4 @@
-"""What other operating systems have not: commands run through without the names that only POSIX or
-Linux has."""
+"""Commands run without functions that exist only on POSIX or Linux, as on other systems."""
 
 import os
 import subprocess
@@ -48,7 +47,8 @@ class WithoutPrctl(ctypes.CDLL):
 
 ctypes.CDLL = WithoutPrctl
 """  # noqa: E501
-"""As `sitecustomize` in every process of Python, those that a command starts among them."""
+"""`sitecustomize` of every Python process, including the processes that a command starts. It
+removes the functions."""
 
 NEAR_FAULT = (RECORDS / "near-fault.mseed", "--component", "HN1", "--units", "m/s^2")
 CAMPAIGN = f"""\
@@ -76,13 +76,14 @@ for line in {lines!r}:
     except SystemExit as end:
         assert not end.code, line
 """
-"""Commands one after the other in a process, which takes most of the time to begin."""
+"""Script that runs commands in a single process, because starting a process needs most of the
+time."""
 
 
 @pytest.fixture
-def elsewhere(tmp_path, monkeypatch):
-    """What runs `tdint` in a folder with models: in a process on a system that has less, or
-    here."""
+def restricted(tmp_path, monkeypatch):
+    """Return a function that runs Python in a directory with models, without the functions of
+    POSIX."""
     (tmp_path / "less").mkdir()
     (tmp_path / "less" / "sitecustomize.py").write_text(TAKE_AWAY, encoding="utf-8")
     (tmp_path / "campaign.yaml").write_text(CAMPAIGN, encoding="utf-8")
@@ -94,26 +95,26 @@ def elsewhere(tmp_path, monkeypatch):
     (tmp_path / "büro-β.yaml").write_text(model, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
 
-    def run(*words, **environment):
+    def run(*arguments, **environment):
         environment = {**os.environ, "PYTHONPATH": "less", **environment}
-        return subprocess.run([sys.executable, *words], env=environment, capture_output=True)
+        return subprocess.run([sys.executable, *arguments], env=environment, capture_output=True)
 
     return run
 
 
-def printed_here(*arguments):
-    """What a command prints in this process, where nothing is missing."""
+def printed_in_process(*arguments):
+    """Return the output of a command in this process, which has all functions."""
     return runner().invoke(cli, [*map(str, arguments)], prog_name="tdint").stdout_bytes
 
 
 @pytest.mark.parametrize(
     "commands", [COMMANDS, pytest.param(SLOW, marks=pytest.mark.slow)], ids=["few", "slow"]
 )
-def test_commands_run_without_posix_functions(elsewhere, commands):
-    done = elsewhere("-c", ALL_OF.format(lines=[[*map(str, command)] for command in commands]))
+def test_commands_run_without_posix_functions(restricted, commands):
+    done = restricted("-c", ALL_OF.format(lines=[[*map(str, command)] for command in commands]))
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr.decode()
     assert done.stdout.endswith(
-        b"".join(printed_here(*command) for command in commands if "-o" not in command)
+        b"".join(printed_in_process(*command) for command in commands if "-o" not in command)
     )
 
 
@@ -123,9 +124,10 @@ def test_commands_run_without_posix_functions(elsewhere, commands):
     [(("chart", "--help"), 0), (("check", "büro-β.yaml", "nö-β.yaml"), 3)],
     ids=["help", "data and an error"],
 )
-def test_a_console_of_another_encoding_gets_messages_and_data(elsewhere, command, code, encoding):
-    """Words are shown as far as it can; data are UTF-8 everywhere."""
-    done = elsewhere("-m", "tdint", *command, PYTHONPATH="", PYTHONIOENCODING=encoding)
+def test_a_console_of_another_encoding_gets_messages_and_data(restricted, command, code, encoding):
+    """Characters that the encoding does not contain are replaced in messages. Data are always
+    UTF-8."""
+    done = restricted("-m", "tdint", *command, PYTHONPATH="", PYTHONIOENCODING=encoding)
     assert (done.returncode, b"internal error" in done.stderr) == (code, False), done.stderr
-    # Lines of a help are as long as what looks at it is wide.
-    assert done.stdout.split() == printed_here(*command).split()
+    # The line breaks of a help depend on the width of the terminal.
+    assert done.stdout.split() == printed_in_process(*command).split()

@@ -1,4 +1,4 @@
-"""Disks that are full and sizes that are limited, for files and for standard output."""
+"""Full disks and limited file sizes, for files and for standard output."""
 
 import subprocess
 import sys
@@ -23,7 +23,7 @@ def shell(command, folder):
     ("limit", "target", "message"),
     [
         ("", "/dev/full", "No space left on device"),
-        # Without a buffer `write` takes what still fits and tells so by a smaller number only.
+        # Without a buffer, `write` writes a part of the data and returns only the smaller number.
         ("ulimit -f 1; PYTHONUNBUFFERED=1", "out.csv", ""),
         ("ulimit -f 1;", "out.csv", ""),
     ],

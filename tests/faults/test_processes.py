@@ -1,5 +1,5 @@
-"""Processes that are ended from outside: no orphan, no temporary file, no half file, no hang, the
-right exit code."""
+"""Processes that are terminated: no orphan process, no temporary or incomplete file, no hang, and
+the correct exit code."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ def tables(folder):
     )
 
 
-def temporary(folder):
+def temporary_files(folder):
     return [path.name for path in folder.rglob(".*") if path.is_file()]
 
 
@@ -40,15 +40,15 @@ def temporary(folder):
 def test_a_signal_ends_a_command_and_its_workers(folder, start, number, code):
     command = start(*JOBS)
     command.wait_for(lambda: len(command.children()) == 2 and len(tables(folder)) >= 1)
-    # Ctrl-C at a terminal goes to all processes.
+    # Ctrl-C at a terminal is sent to all processes.
     (os.killpg if number == signal.SIGINT else os.kill)(command.process.pid, number)
-    ended, _, words = command.end()
-    assert ended == code, words
+    ended, _, messages = command.end()
+    assert ended == code, messages
     command.nobody_is_left()
     if number != signal.SIGKILL:
-        said = [line for line in words.splitlines() if line and "compiling" not in line]
-        assert said == [{143: "Terminated", 130: "Interrupted"}[code]]
-        assert not temporary(folder)
+        lines = [line for line in messages.splitlines() if line and "compiling" not in line]
+        assert lines == [{143: "Terminated", 130: "Interrupted"}[code]]
+        assert not temporary_files(folder)
     for name in tables(folder):
         assert (folder / "out" / name).read_text().endswith("\n")
 
@@ -58,7 +58,7 @@ def test_a_signal_ends_a_command_and_its_workers(folder, start, number, code):
     [(0, 0), *(pytest.param(done, 1, marks=pytest.mark.slow) for done in (1, 3, 5))],
 )
 def test_a_killed_worker_loses_one_record(folder, start, done, which):
-    """A killed worker costs one record, which is named; the others are done."""
+    """The record of a killed worker is reported, and all other records are completed."""
     command = start("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:500")
     command.wait_for(
         lambda: (
@@ -69,12 +69,12 @@ def test_a_killed_worker_loses_one_record(folder, start, done, which):
     for worker in command.children()[which : which + 1]:
         with suppress(ProcessLookupError):
             os.kill(worker, signal.SIGKILL)
-    code, _, words = command.end()
-    lost = [line for line in words.splitlines() if "ended unexpectedly" in line]
-    # It may have been between two records.
-    assert (code, len(lost)) in ((5, 1), (0, 0)), words
-    assert len(tables(folder)) >= 8 - len(lost)
-    assert not temporary(folder)
+    code, _, messages = command.end()
+    errors = [line for line in messages.splitlines() if "ended unexpectedly" in line]
+    # The worker may have been killed between two records.
+    assert (code, len(errors)) in ((5, 1), (0, 0)), messages
+    assert len(tables(folder)) >= 8 - len(errors)
+    assert not temporary_files(folder)
     command.nobody_is_left()
 
 
@@ -84,9 +84,9 @@ def test_all_workers_killed_at_once(folder, start):
     command.wait_for(lambda: len(command.children()) == 2)
     for pid in command.children():
         os.kill(pid, signal.SIGKILL)
-    code, _, words = command.end()
+    code, _, messages = command.end()
     assert code in (0, 5)
-    assert len(tables(folder)) >= 6, words
+    assert len(tables(folder)) >= 6, messages
 
 
 def test_a_terminated_run_leaves_no_incomplete_file(folder, start):
@@ -95,7 +95,7 @@ def test_a_terminated_run_leaves_no_incomplete_file(folder, start):
     if command.process.poll() is None:
         os.kill(command.process.pid, signal.SIGTERM)
     code = command.end()[0]
-    assert code in (0, 143) and not temporary(folder)
+    assert code in (0, 143) and not temporary_files(folder)
     assert not code or not (folder / "out" / "summary.json").exists()
 
 
@@ -114,7 +114,7 @@ threading.Thread(target=_end_with_parent, daemon=True).start()
 print("started", flush=True)
 time.sleep(100)
 """
-"""What a worker does on systems that send no signal when its parent ends."""
+"""Code of a worker on systems that send no signal when the parent process ends."""
 
 PARENTS = {
     "opensees": f"import os, subprocess, sys\nsubprocess.run([sys.executable, '-c', {WORKER!r}, "
@@ -143,7 +143,7 @@ def test_a_worker_ends_with_a_killed_parent(name):
 
 
 def test_workers_of_fuzz_tests_end_with_a_killed_parent():
-    """A batch of a worker takes minutes."""
+    """A batch of a worker needs minutes, so that the worker would remain."""
     script = Path(__file__).parents[1] / "fuzz/run.py"
     line = [sys.executable, str(script), "--of", "reruns", "--cases", "5000", "--jobs", "1"]
     with subprocess.Popen(

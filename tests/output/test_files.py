@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, and never over another without leave."""
+"""Files are written completely or not at all, and existing files are kept without permission."""
 
 import errno
 import json
@@ -43,7 +43,7 @@ def names(folder: Path) -> list[str]:
 
 @pytest.fixture(params=[True, False], ids=["links", "no-links"])
 def linkable(request, monkeypatch):
-    """Where hard links are made, and where they are not."""
+    """Run the test with and without hard links."""
 
     def no_links(*_):
         raise PermissionError(errno.EPERM, "no hard links here")
@@ -153,7 +153,8 @@ def test_invalid_output_paths_are_reported(tmp_path):
 
 
 def test_a_directory_without_permission_is_reported_before_the_computation(tmp_path, monkeypatch):
-    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
+    # The permission is simulated, because root has all permissions.
+    monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(OutputError, match="no permission to write to the directory"):
         check_outputs([tmp_path / "a.csv"], overwrite=False)
 
@@ -167,8 +168,8 @@ def test_stale_files_are_removed_only_with_overwrite_and_if_unchanged(tmp_path, 
     as_written = dict.fromkeys([stale, other, tmp_path / "never.csv"], sha256(b"old").hexdigest())
     as_written[link] = sha256(b"mine").hexdigest()
     write_files({tmp_path / "a.csv": writes(b"x")}, overwrite=overwrite, stale=as_written)
-    left = ["a.csv", "link.csv", "other.csv"]
-    assert names(tmp_path) == (left if overwrite else sorted([*left, "old.csv"]))
+    kept = ["a.csv", "link.csv", "other.csv"]
+    assert names(tmp_path) == (kept if overwrite else sorted([*kept, "old.csv"]))
 
 
 def test_the_last_file_contains_the_digests_of_the_others(tmp_path):
@@ -179,18 +180,18 @@ def test_the_last_file_contains_the_digests_of_the_others(tmp_path):
         overwrite=False,
         last=(
             last,
-            lambda digests: json.dumps({one.name: sha for one, sha in digests.items()}).encode(),
+            lambda digests: json.dumps({file.name: sha for file, sha in digests.items()}).encode(),
         ),
         on_written=made.append,
     )
-    said = json.loads(last.read_bytes())
-    assert said == {one.name: sha256(one.read_bytes()).hexdigest() for one in (first, packed)}
-    assert made == [{one: sha256(one.read_bytes()).hexdigest() for one in (first, packed, last)}]
+    content = json.loads(last.read_bytes())
+    assert content == {file.name: sha256(file.read_bytes()).hexdigest() for file in (first, packed)}
+    assert made == [{file: sha256(file.read_bytes()).hexdigest() for file in (first, packed, last)}]
 
 
 @pytest.fixture
 def reading():
-    """As within a command, which is never to write what it reads."""
+    """Protect inputs as a command does."""
     before = PROTECTED.set({})
     yield
     PROTECTED.reset(before)
@@ -235,33 +236,32 @@ def test_temporary_files_of_running_processes_are_kept_and_old_ones_reported(tmp
     command = [sys.executable, "-c", WAITS, str(tmp_path / "a.csv")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
         assert writer.stdout is not None and writer.stdout.readline() == "half\n"
-        (theirs,) = names(tmp_path)
-        assert str(writer.pid) in theirs and this_host() in theirs
-        again = theirs.replace(
-            f"-{process_start(writer.pid)}-", "-1-"
-        )  # a process that had this number before
-        far, old = theirs.replace(this_host(), "far.0a1b2c3d"), ".tdint-0123456789abcdef.tmp"
-        for name in (again, far, old):
+        (running,) = names(tmp_path)
+        assert str(writer.pid) in running and this_host() in running
+        # Earlier process with the same number
+        ended = running.replace(f"-{process_start(writer.pid)}-", "-1-")
+        remote, old = running.replace(this_host(), "far.0a1b2c3d"), ".tdint-0123456789abcdef.tmp"
+        for name in (ended, remote, old):
             (tmp_path / name).write_bytes(b"half")
         remove_abandoned(tmp_path)
-        assert (names(tmp_path), caplog.messages) == (sorted([theirs, far, old]), [])
-        for name in (theirs, far, old):
+        assert (names(tmp_path), caplog.messages) == (sorted([running, remote, old]), [])
+        for name in (running, remote, old):
             os.utime(tmp_path / name, (0.0, time.time() - 8 * 86400.0))
         remove_abandoned(tmp_path)
-        assert names(tmp_path) == sorted([theirs, far, old])
+        assert names(tmp_path) == sorted([running, remote, old])
         assert len(caplog.messages) == 2
-        assert all("older than a week" in text and theirs not in text for text in caplog.messages)
+        assert all("older than a week" in text and running not in text for text in caplog.messages)
         writer.kill()
     remove_abandoned(tmp_path)
-    assert names(tmp_path) == sorted([far, old])
+    assert names(tmp_path) == sorted([remote, old])
 
 
 @pytest.mark.parametrize(
     ("error", "is_there"), [(PermissionError, True), (ProcessLookupError, False), (None, False)]
 )
 def test_temporary_files_of_hidden_processes_are_kept(tmp_path, monkeypatch, error, is_there):
-    """Of a live one of another user /proc, mounted with hidepid=2, tells nothing; one of ours would
-    tell its start."""
+    """If /proc is mounted with hidepid=2, it hides the processes of other users, but not the
+    processes of this user."""
 
     def kill(process, number):
         if error:

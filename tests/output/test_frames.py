@@ -1,5 +1,4 @@
-"""Results as columns by name, short lines and tables for notebooks; records of what is in
-memory."""
+"""Results as named columns, short texts and tables for notebooks; records from data in memory."""
 
 import csv
 import io
@@ -30,8 +29,8 @@ def response():
     )
 
 
-def same_as_table(columns, table):
-    """Whether columns by name are those of a table."""
+def check_columns(columns, table):
+    """Check that named columns equal the columns of a table."""
     assert tuple(columns) == table.columns
     for name, cells in zip(table.columns, zip(*table.rows, strict=True), strict=True):
         if isinstance(columns[name], list):
@@ -43,15 +42,15 @@ def same_as_table(columns, table):
 
 
 def test_columns_equal_the_columns_of_the_tables(response):
-    same_as_table(response.to_dict(), story_table(response.stories, response.check.errors))
+    check_columns(response.to_dict(), story_table(response.stories, response.check.errors))
     carried = tdint.run(response.model, response.record, method="moment4", check=True)
-    told = carried.to_dict()
-    same_as_table(told, story_table(carried.stories, carried.check.errors))
-    same_as_table(response.stories.to_dict(), story_table(response.stories))
+    columns = carried.to_dict()
+    check_columns(columns, story_table(carried.stories, carried.check.errors))
+    check_columns(response.stories.to_dict(), story_table(response.stories))
     spectrum = tdint.spectrum(response.record, np.array([0.5, 1.0]))
-    same_as_table(spectrum.to_dict(), result_table([spectrum]))
+    check_columns(spectrum.to_dict(), result_table([spectrum]))
     modes = tdint.modes(response.model)
-    same_as_table(modes.to_dict(), mode_table(modes, modes.damping))
+    check_columns(modes.to_dict(), mode_table(modes, modes.damping))
     assert modes.damping == pytest.approx([0.05, 0.05])
 
 
@@ -103,13 +102,13 @@ def test_every_result_has_text_table_and_pickle(response, make):
     html = result._repr_html_()
     assert html.count("<th>") == len(columns)
     assert html.count("<tr>") == 1 + min(20, len(next(iter(columns.values()))))
-    assert "<small>" not in html  # names are escaped
+    assert "<small>" not in html  # Names are escaped.
     assert repr(pickle.loads(pickle.dumps(result))) == repr(result)
 
 
 @pytest.fixture(scope="module")
 def traces():
-    """Two components as ObsPy has them."""
+    """Two components as a stream of ObsPy."""
     with quiet_import():
         from obspy import Stream, Trace
     names = ("HNE", "HNN")
@@ -131,7 +130,8 @@ def test_records_from_arrays_traces_and_streams(traces):
         record = tdint.make_record(data, units="cm/s^2", component=component)
         np.testing.assert_allclose(record.acceleration, 0.02 * WAVE, rtol=1e-14)
         assert record.component == "HNN"
-    # A velocity is differentiated: of sin(w t) w cos(w t), to the second order of the differences.
+    # A velocity sin(w t) is differentiated to w cos(w t), with the error of second-order
+    # differences.
     t = np.arange(301) * 0.001
     moving = tdint.make_record(np.sin(9.0 * t), dt=0.001, units="cm/s")
     np.testing.assert_allclose(
@@ -140,11 +140,11 @@ def test_records_from_arrays_traces_and_streams(traces):
         atol=0.09 * 9.0**2 * 1e-6 / 6 * 1.01,
     )
     assert moving.quantity == "velocity"
-    assert np.array_equal(traces[0].data, WAVE)  # what was given is as it was
+    assert np.array_equal(traces[0].data, WAVE)  # The input is unchanged.
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "message"),
+    ("arguments", "error", "message"),
     [
         ({"data": WAVE, "units": "g"}, UsageError, "dt and units are required"),
         ({"data": WAVE, "dt": 0.01}, UsageError, "dt and units are required"),
@@ -161,13 +161,13 @@ def test_records_from_arrays_traces_and_streams(traces):
         ),
     ],
 )
-def test_invalid_arrays_are_refused(given, error, message):
+def test_invalid_arrays_are_refused(arguments, error, message):
     with pytest.raises(error, match=message):
-        tdint.make_record(**given)
+        tdint.make_record(**arguments)
 
 
 @pytest.mark.parametrize(
-    ("part", "more", "error", "message"),
+    ("part", "options", "error", "message"),
     [
         (
             slice(None),
@@ -180,26 +180,30 @@ def test_invalid_arrays_are_refused(given, error, message):
         (slice(0), {"units": "g"}, RecordError, "the stream has no traces"),
     ],
 )
-def test_incomplete_streams_are_refused(traces, part, more, error, message):
+def test_incomplete_streams_are_refused(traces, part, options, error, message):
     with pytest.raises(error, match=message):
-        tdint.make_record(traces[part], **more)
+        tdint.make_record(traces[part], **options)
 
 
 def test_runs_as_frames_arrays_and_parquet(tmp_path):
-    """Of runs with draws, errors and a history: each by its package, skipped where that is not
-    installed."""
+    """Runs with samples, errors and a history are converted with each package. If a package is not
+    installed, the error names it."""
     building = tdint.load_model(
         {"stories": [{"mass": 2e5, "height": 3, "stiffness": 1e8, "repeat": 2}], "damping": "5%"}
     )
     record = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
-    more = {"vary": {"stories[2].mass": [1e5, 2e5, 3e5]}, "scales": [1.0, 2.0], "method": "moment4"}
+    options = {
+        "vary": {"stories[2].mass": [1e5, 2e5, 3e5]},
+        "scales": [1.0, 2.0],
+        "method": "moment4",
+    }
     file = tmp_path / "runs.parquet"
     for package, call in {
         "pandas": lambda runs: runs.to_pandas(),
         "xarray": lambda runs: runs.to_xarray(),
         "pyarrow": lambda runs: runs.to_parquet(file),
     }.items():
-        runs = tdint.run_many(building, record, history="drift", check=True, **more)
+        runs = tdint.run_many(building, record, history="drift", check=True, **options)
         try:
             __import__(package)
         except ImportError:
@@ -225,7 +229,7 @@ def test_runs_as_frames_arrays_and_parquet(tmp_path):
             )
             assert table.schema.field("peak_drift_m").metadata[b"unit"] == b"m"
             again = tmp_path / "again.parquet"
-            tdint.run_many(building, record, check=True, out=again, **more)
+            tdint.run_many(building, record, check=True, out=again, **options)
             assert parquet.read_table(again).equals(table)
     with pytest.raises(UsageError, match="parquet"):
         tdint.run_many(building, record, out="runs.csv")

@@ -1,5 +1,5 @@
-"""Pictures of methods: what is highlighted, colors that are one's own in all of them, words that do
-not touch."""
+"""Figures of methods: highlighted methods, distinct colors that are equal in all figures, texts
+without overlap."""
 
 import io
 import itertools
@@ -34,14 +34,14 @@ def points(lines, errors):
     )
 
 
-def charted(lines):
-    """The points of one problem; the reference's motion has no part in its picture."""
+def make_chart(lines):
+    """Return the points of a single problem; the figure does not use the reference solution."""
     drawn = points(lines, lambda part: Errors(*5 * (1e-3 * part**2,)))
     reference = Reference("impulse4", 1e-4, "moment4", Errors(*5 * (1e-9,)), None)
     return Chart(3, 0.01, True, drawn, reference, drawn[0], Timing.of(drawn))
 
 
-def profiled(lines):
+def make_profile(lines):
     drawn = points(lines, lambda part: PeakErrors(*3 * (1e-3 * part**2,)))
     return field_chart(
         [Measured("p", "m", "", 3, 0.01, 9.0, 4.0, 7, "", PeakErrors(*3 * (1e-9,)), drawn)]
@@ -49,8 +49,8 @@ def profiled(lines):
 
 
 @pytest.fixture
-def of_plugins(monkeypatch):
-    """A method of a plug-in for each name."""
+def register_methods(monkeypatch):
+    """Return a function that registers a method of a plug-in for each name."""
 
     def register(names):
         known = dict(catalogue.catalogue())
@@ -60,8 +60,8 @@ def of_plugins(monkeypatch):
     return register
 
 
-def looks(figure, lines):
-    """By its name in the legend the color and the marker, the width and the height of each line."""
+def line_styles(figure, lines):
+    """Return color, marker, width and z-order of each line by its name in the legend."""
     (legend,) = figure.legends
     names = [text.get_text().strip() for text in legend.get_texts()]
     drawn = dict(zip(names, legend.get_lines(), strict=False))
@@ -77,46 +77,48 @@ def looks(figure, lines):
     }
 
 
-def all_looks(lines, highlight=""):
-    chart, profile = charted(lines), profiled(lines)
+def styles_in_figures(lines, highlight=""):
+    chart, profile = make_chart(lines), make_profile(lines)
     figures = (
         chart_picture(chart, name="x", target="drift", highlight=highlight),
         chart_picture(chart, name="x", target="drift", versus="dt", highlight=highlight),
         profile_picture(profile, target="peak-drift", highlight=highlight),
     )
-    return [looks(figure, lines) for figure in figures]
+    return [line_styles(figure, lines) for figure in figures]
 
 
-def test_a_method_has_the_same_distinct_style_in_all_figures(of_plugins):
-    of_plugins(LONG)
-    every = all_looks(NAMES)
-    for drawn in every:
+def test_a_method_has_the_same_distinct_style_in_all_figures(register_methods):
+    register_methods(LONG)
+    all_styles = styles_in_figures(NAMES)
+    for drawn in all_styles:
         assert len({look[:2] for look in drawn.values()}) == len(NAMES)
         assert {name: look[:2] for name, look in drawn.items()} == {
-            name: look[:2] for name, look in every[0].items()
+            name: look[:2] for name, look in all_styles[0].items()
         }
-    # In other company, too; what has parameters takes what is left.
-    few = [name for name in NAMES if ":" not in name][1::2]
-    for drawn in all_looks(few):
-        assert all(drawn[name][:2] == every[0][name][:2] for name in few)
+    # The styles are equal in figures of other methods. Methods with parameters use free styles.
+    subset = [name for name in NAMES if ":" not in name][1::2]
+    for drawn in styles_in_figures(subset):
+        assert all(drawn[name][:2] == all_styles[0][name][:2] for name in subset)
 
 
 @pytest.mark.parametrize(
-    ("plugins", "asked"), [((), "newmark-average"), (("mine",), ""), (LONG, LONG[1])]
+    ("plugins", "highlighted"), [((), "newmark-average"), (("mine",), ""), (LONG, LONG[1])]
 )
-def test_highlighted_and_plugin_methods_are_thick_and_in_front(of_plugins, plugins, asked):
-    of_plugins(plugins)
+def test_highlighted_and_plugin_methods_are_thick_and_in_front(
+    register_methods, plugins, highlighted
+):
+    register_methods(plugins)
     lines = ["impulse4", "newmark-average", *plugins]
-    front = asked or "mine"
-    for drawn in all_looks(lines, asked):
+    front = highlighted or "mine"
+    for drawn in styles_in_figures(lines, highlighted):
         *_, width, height = drawn.pop(front)
         assert all(width > 1.5 * look[2] and height > look[3] for look in drawn.values())
-        assert len({look[2] for look in drawn.values()}) == 1  # impulse4 like all others
+        assert len({look[2] for look in drawn.values()}) == 1  # All other methods have equal width.
 
 
-def test_several_plugins_are_in_front_of_other_methods_and_equally_thick(of_plugins):
-    of_plugins(LONG)
-    for drawn in all_looks(["impulse4", "newmark-average", *LONG]):
+def test_several_plugins_are_in_front_of_other_methods_and_equally_thick(register_methods):
+    register_methods(LONG)
+    for drawn in styles_in_figures(["impulse4", "newmark-average", *LONG]):
         others = [drawn.pop(name) for name in ("impulse4", "newmark-average")]
         assert len({look[2] for look in drawn.values()}) == 1
         for _, _, width, height in drawn.values():
@@ -126,7 +128,7 @@ def test_several_plugins_are_in_front_of_other_methods_and_equally_thick(of_plug
 def test_a_chart_in_one_column_has_a_short_explanation_and_a_high_panel():
     """90 mm wide: at most three lines explain circle, triangle and band, and the panel is at least
     55 mm high."""
-    chart = charted(NAMES[:11])
+    chart = make_chart(NAMES[:11])
     token = PRINTED.set(parse_style("90mm"))
     try:
         figure = chart_picture(chart, name="ten-story office with yielding stories", target="drift")
@@ -148,7 +150,8 @@ def test_a_chart_in_one_column_has_a_short_explanation_and_a_high_panel():
 
 
 def trials(names):
-    """As many columns as there are, cells of all looks and the longest numbers."""
+    """Return trials with the maximum number of columns, all types of cells and the longest
+    numbers."""
     cells = itertools.cycle(
         [("pass", 0.0591), ("loses energy", 1.23e-16), ("blows up", math.nan), ("rings", 1.9e11)]
     )
@@ -194,9 +197,11 @@ def test_texts_of_the_matrix_do_not_overlap(names, width, panels):
     for axes in figure.axes:
         for labels in (axes.get_xticklabels(), axes.get_yticklabels()):
             boxes = [label.get_window_extent() for label in labels]
-            # What is turned by 60 degrees has a box that is larger than its letters.
+            # The bounding box of a label that is rotated by 60 degrees is larger than its text.
             if labels[0].get_rotation() != 60.0:
-                assert not any(one.overlaps(other) for one, other in itertools.pairwise(boxes))
+                assert not any(
+                    first.overlaps(second) for first, second in itertools.pairwise(boxes)
+                )
             assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
         for text in axes.texts:
             x, y = text.get_position()

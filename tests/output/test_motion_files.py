@@ -1,4 +1,4 @@
-"""Ground motions written as files: what a pair is before it is written, it is after."""
+"""Ground motions written as files: pairs are recognized again when they are read."""
 
 from dataclasses import replace
 from itertools import product
@@ -16,8 +16,8 @@ from tdint.output.motion_files import FORMATS, motion_contents, motion_file_name
 
 PEER = "PEER NGA STRONG MOTION DATABASE RECORD\n{}\nACCELERATION TIME SERIES IN UNITS OF G\n{}"
 
-# Sources of two components: files, ids (network, station, location, channel), event, start; and the
-# station that MiniSEED has room for, and its two channels.
+# Sources of two components: files, ids (network, station, location, channel), event and start, and
+# the station (at most five characters) and channels in MiniSEED.
 CONVENTIONS = {
     "peer": (
         ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"),
@@ -97,9 +97,9 @@ def components(convention, seed=0):
     )
 
 
-def write(folder: Path, motions, kind):
-    names = motion_file_names(motions, kind)
-    contents, notes = motion_contents(motions, kind)
+def write(folder: Path, motions, suffix):
+    names = motion_file_names(motions, suffix)
+    contents, notes = motion_contents(motions, suffix)
     for name, content in zip(names, contents, strict=True):
         (folder / name).write_bytes(content)
     return names, notes
@@ -109,11 +109,12 @@ def station(record):
     return record.id.split(".")[1]
 
 
-@pytest.mark.parametrize(("convention", "kind"), list(product(CONVENTIONS, FORMATS)))
-def test_a_written_pair_is_recognized_as_a_pair(convention, kind, tmp_path):
-    """By file names alone, by a folder, and by its two files, with station, component, event."""
+@pytest.mark.parametrize(("convention", "suffix"), list(product(CONVENTIONS, FORMATS)))
+def test_a_written_pair_is_recognized_as_a_pair(convention, suffix, tmp_path):
+    """The pair is recognized from the file names, from the directory and from both files, with
+    station, component and event."""
     first, second = components(convention)
-    names, _ = write(tmp_path, [Horizontals(first, second)], kind)
+    names, _ = write(tmp_path, [Horizontals(first, second)], suffix)
     assert len(set(names)) == 2 and len(set(motion_names(names))) == 1
     folder = read_suite([str(tmp_path)], RecordChoice(), PairNames())
     assert not folder.failures and len(folder.motions) == 1
@@ -127,30 +128,30 @@ def test_a_written_pair_is_recognized_as_a_pair(convention, kind, tmp_path):
         (record,) = read_records(tmp_path / name)
         assert np.allclose(record.acceleration, source.acceleration, rtol=1e-8, atol=1e-8)
         assert record.start == source.start
-        if kind == "mseed":
+        if suffix == "mseed":
             assert (station(record), record.component) == (short, channel)
         else:
             assert station(record) == station(source)
             assert record.component == (source.component or f"H{(source is second) + 1}")
             assert record.event == source.event
-    # The names keep the source's, and with it PEER's name of the event.
+    # The file names contain the stem of the source, and therefore the event of PEER files.
     if convention in ("no names", "long and transverse"):
         common = "left" if convention == "no names" else "a"
-        assert names == [f"{common}-H1.{kind}", f"{common}-H2.{kind}"]
+        assert names == [f"{common}-H1.{suffix}", f"{common}-H2.{suffix}"]
     elif not convention.startswith(("k", "one")):
-        assert names == [f"{Path(record.source).stem}.{kind}" for record in (first, second)]
+        assert names == [f"{Path(record.source).stem}.{suffix}" for record in (first, second)]
     else:
         ends = [
             f"{record.component:0>3}" if record.component.isdecimal() else record.component
             for record in (first, second)
         ]
         stem = Path(first.source).stem
-        assert names == [f"{stem}-{end}.{kind}" for end in ends]
+        assert names == [f"{stem}-{end}.{suffix}" for end in ends]
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-def test_pairs_of_a_suite_remain_separate(kind, tmp_path):
-    """Also those of equal names, and of stations that are equal in five characters."""
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_pairs_of_a_suite_remain_separate(suffix, tmp_path):
+    """Pairs with equal names, and stations with five equal first characters, remain separate."""
     motions = []
     for number, convention in enumerate((*CONVENTIONS, "peer", "network")):
         first, second = components(convention, number)
@@ -161,7 +162,7 @@ def test_pairs_of_a_suite_remain_separate(kind, tmp_path):
     ]
     last = [replace(record, id=f".Gilroy-Array-1..{record.component}") for record in last]
     motions.append(Horizontals(*last))
-    names, notes = write(tmp_path, motions, kind)
+    names, notes = write(tmp_path, motions, suffix)
     assert len(set(names)) == 2 * len(motions)
     suite = read_suite([str(tmp_path)], RecordChoice(), PairNames())
     assert not suite.failures
@@ -174,25 +175,25 @@ def test_pairs_of_a_suite_remain_separate(kind, tmp_path):
         for m in suite.motions
     }
     assert read == written
-    if kind == "mseed":
+    if suffix == "mseed":
         assert "Gilroy-Array-1 is written as Gilr2" in " ".join(notes)
     else:
         assert not notes
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-def test_single_components_are_later_recognized_as_pairs(kind, tmp_path):
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_single_components_are_later_recognized_as_pairs(suffix, tmp_path):
     records = [
         record for name in ("peer", "k-net", "network", "one file") for record in components(name)
     ]
-    names, _ = write(tmp_path, records, kind)
+    names, _ = write(tmp_path, records, suffix)
     assert len(set(names)) == len(records)
     suite = read_suite([str(tmp_path)], RecordChoice(), PairNames())
     assert len(suite.motions) == 4 and not suite.failures
 
 
 def test_directions_pair_only_two_files_at_right_angles():
-    """Numbers of motions are no directions."""
+    """Numbers of ground motions in file names are not directions."""
     pair = ["x/GIL067.mseed", "x/GIL337.mseed"]
     assert motion_names(pair) == ["x/GIL?.mseed"] * 2
     assert motion_names(["x_S16W.csv", "x_S74E.csv"]) == ["x?.csv"] * 2

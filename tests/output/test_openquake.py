@@ -1,4 +1,4 @@
-"""Fragility functions as OpenQuake reads them, read again by the rules of its format."""
+"""Fragility functions for OpenQuake, read according to the specification of its format."""
 
 import math
 import re
@@ -15,9 +15,9 @@ from tdint.output.tables.exports import fragility_model, vulnerability_model, wh
 SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
 
 
-def function(threshold, theta, beta=0.4, im="sa(0.6)", unit="g", **more):
+def function(threshold, theta, beta=0.4, im="sa(0.6)", unit="g", **options):
     return Fragility(
-        "stripes", theta, beta, np.eye(2), 40, threshold=threshold, im=im, unit=unit, **more
+        "stripes", theta, beta, np.eye(2), 40, threshold=threshold, im=im, unit=unit, **options
     )
 
 
@@ -29,15 +29,15 @@ STATES = ("slight", "moderate", "extensive", "complete")
 
 
 def read(data):
-    """Median and dispersion of each limit state, in the order that the format demands."""
+    """Return median and dispersion of each limit state, and check the order of the elements."""
     (model,) = ElementTree.fromstring(data)
     description, states, *functions = model
     assert (description.tag, states.tag) == (f"{SPACE}description", f"{SPACE}limitStates")
     assert model.attrib.keys() >= {"id", "assetCategory", "lossCategory"}
     found = {}
-    for one in functions:
-        imls, *params = one
-        assert (one.get("format"), one.get("shape"), imls.tag) == (
+    for element in functions:
+        imls, *params = element
+        assert (element.get("format"), element.get("shape"), imls.tag) == (
             "continuous",
             "logncdf",
             f"{SPACE}imls",
@@ -53,7 +53,10 @@ def read(data):
             <= max(medians)[0]
             < float(imls.get("maxIML"))
         )
-        found[one.get("id")] = imls.get("imt"), dict(zip(states.text.split(), medians, strict=True))
+        found[element.get("id")] = (
+            imls.get("imt"),
+            dict(zip(states.text.split(), medians, strict=True)),
+        )
     return found
 
 
@@ -61,8 +64,8 @@ def test_a_published_model():
     data = fragility_model(OFFICE, "office", STATES)
     ((imt, found),) = read(data).values()
     assert imt == "SA(0.6)"
-    for one, state in zip(OFFICE, STATES, strict=True):
-        assert found[state] == pytest.approx((one.theta, 0.4), rel=1e-7)
+    for expected, state in zip(OFFICE, STATES, strict=True):
+        assert found[state] == pytest.approx((expected.theta, 0.4), rel=1e-7)
     assert (
         f'minIML="{0.2 * math.exp(-1.6):.6g}" maxIML="{1.0 * math.exp(1.6):.6g}"'.encode() in data
     )
@@ -95,19 +98,19 @@ def test_measures_have_the_names_and_units_of_openquake(im, unit, imt, factor):
 
 
 def test_each_damage_level_of_a_building_has_a_function():
-    """With the model's dispersion beside that of the motions: 0.5 of 0.3 and 0.4."""
-    both = [
+    """The dispersion is the square root of the sum of squares of modeling dispersion and dispersion
+    of the ground motions: 0.5 from 0.3 and 0.4."""
+    functions = [
         function(0.1, 1.0, damage=0.0, modeling_dispersion=0.3),
         function(0.1, 0.5, damage=0.02),
     ]
-    found = read(fragility_model(both, "x & y"))
+    found = read(fragility_model(functions, "x & y"))
     assert list(found) == ["x & y", "x & y-damaged-0.02"]
     assert found["x & y"][1]["ds1"] == pytest.approx((1.0, 0.5), rel=1e-7)
 
 
 def test_each_building_type_has_a_function():
-    """Under the type's name, by its thresholds, which are others in another type; each with its
-    measure."""
+    """Each function has the name, the thresholds and the intensity measure of its type."""
     frame = [
         function(0.2, 1.0, type="C1 & more", state="b"),
         function(0.1, 0.5, type="C1 & more", state="a"),
@@ -151,25 +154,25 @@ TYPES = [
 
 
 def test_losses_of_types():
-    """Mean and scatter of the loss of one building from the probabilities of the states, at the
-    points and, by straight lines, between them."""
+    """Mean and coefficient of variation of the loss of a building follow from the probabilities of
+    the states, at the points and interpolated between the points."""
     data = vulnerability_model(TYPES, {"C1": (*RATIOS, 1.0), "URM": (*RATIOS, 1.0)}, "town")
     ((_, *functions),) = ElementTree.fromstring(data)
-    assert [one.get("id") for one in functions] == ["C1", "URM"] and {
-        one.get("dist") for one in functions
+    assert [element.get("id") for element in functions] == ["C1", "URM"] and {
+        element.get("dist") for element in functions
     } == {"BT"}
-    for one, beta in zip(functions, (0.4, 0.16), strict=True):
-        im, mean, cov = (np.array(part.text.split(), float) for part in one)
+    for element, beta in zip(functions, (0.4, 0.16), strict=True):
+        im, mean, cov = (np.array(part.text.split(), float) for part in element)
         between = np.sqrt(im[1:] * im[:-1])
-        for at, told, tolerance in (
+        for intensity, mean_loss, tolerance in (
             (im, mean, 1e-8),
             (between, np.interp(between, im, mean), 3e-3),
         ):
-            beyond = np.array([ndtr(np.log(at / of.theta) / beta) for of in OFFICE])
-            shares = beyond - np.vstack([beyond[1:], np.zeros_like(at)])
-            assert np.max(np.abs(told - RATIOS @ shares)) < tolerance
-        of_points = np.array([ndtr(np.log(im / of.theta) / beta) for of in OFFICE])
-        shares = of_points - np.vstack([of_points[1:], np.zeros_like(im)])
+            beyond = np.array([ndtr(np.log(intensity / state.theta) / beta) for state in OFFICE])
+            shares = beyond - np.vstack([beyond[1:], np.zeros_like(intensity)])
+            assert np.max(np.abs(mean_loss - RATIOS @ shares)) < tolerance
+        exceedance = np.array([ndtr(np.log(im / state.theta) / beta) for state in OFFICE])
+        shares = exceedance - np.vstack([exceedance[1:], np.zeros_like(im)])
         square = RATIOS**2 @ shares
         some = (mean > 1e-3) & (mean < 0.999)
         assert (mean * cov)[some] == pytest.approx(np.sqrt(square - mean**2)[some], rel=1e-4)
@@ -177,7 +180,8 @@ def test_losses_of_types():
 
 
 def test_openquake_reads_both_files(tmp_path):
-    """Its own reader, where it is installed: the probabilities and losses that it has are ours."""
+    """If OpenQuake is installed, its reader returns the exported medians, dispersions and
+    losses."""
     pytest.importorskip("openquake.risklib.read_nrml")
     from openquake.hazardlib import nrml
 
@@ -192,9 +196,11 @@ def test_openquake_reads_both_files(tmp_path):
     for name, beta in (("C1", 0.4), ("URM", 0.16)):
         mean, deviation = fragilities["SA(0.6)", name].array.T
         assert np.sqrt(np.log(1.0 + (deviation / mean) ** 2)) == pytest.approx([beta] * 4, rel=1e-6)
-        assert mean * np.exp(-0.5 * beta**2) == pytest.approx([of.theta for of in OFFICE], rel=1e-6)
+        assert mean * np.exp(-0.5 * beta**2) == pytest.approx(
+            [state.theta for state in OFFICE], rel=1e-6
+        )
         function_ = losses["SA(0.6)", name]
-        beyond = np.array([ndtr(math.log(0.5 / of.theta) / beta) for of in OFFICE])
+        beyond = np.array([ndtr(math.log(0.5 / state.theta) / beta) for state in OFFICE])
         assert np.interp(0.5, function_.imls, function_.mean_loss_ratios) == pytest.approx(
             float(RATIOS @ (beyond - np.append(beyond[1:], 0.0))), abs=3e-3
         )

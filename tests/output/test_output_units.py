@@ -1,4 +1,4 @@
-"""Output in other units than SI: names, numbers, meanings; and back."""
+"""Output in other units than SI: names, values, meanings, and the inverse conversion."""
 
 import math
 
@@ -37,7 +37,7 @@ US = parse_output_units("kip,in,g")
         ("time_s", "s", 3.0, "time_s", 3.0),
         ("peak_drift_ratio", "1", 0.02, "peak_drift_ratio", 0.02),
         ("dt_over_t", "1", 0.02, "dt_over_t", 0.02),
-        ("mass_kg", "kg", 5.0, "mass_kg", 5.0),  # no unit of mass was asked for
+        ("mass_kg", "kg", 5.0, "mass_kg", 5.0),  # no unit of mass is specified
     ],
 )
 def test_names_and_numbers(
@@ -103,18 +103,18 @@ def test_a_summary() -> None:
         },
     }
     assert in_units(content, SI) is content
-    told = in_units(
+    converted = in_units(
         content, US, {"drift_m": "m", "base_shear_N": "N", "levels_m": "m", "dts_s": "s"}
     )
-    assert told["peaks"] == {
+    assert converted["peaks"] == {
         "drift_in": pytest.approx(10.0),
         "drift_story": 1,
         "base_shear_kip": None,
     }
-    assert told["record"] == {"pga_g": pytest.approx(1.0), "file": "a_m.csv"}
-    assert told["levels_in"] == pytest.approx([1.0, 2.0]) and told["dts_s"] == [0.1, 0.2]
-    assert told["settings"] == {"drift_m": 1.0, "output_units": "kip,in,kg,g"}
-    assert told["meanings"] == {
+    assert converted["record"] == {"pga_g": pytest.approx(1.0), "file": "a_m.csv"}
+    assert converted["levels_in"] == pytest.approx([1.0, 2.0]) and converted["dts_s"] == [0.1, 0.2]
+    assert converted["settings"] == {"drift_m": 1.0, "output_units": "kip,in,kg,g"}
+    assert converted["meanings"] == {
         "drift_in": {"meaning": "with base_shear_kip", "unit": "in"},
         "base_shear_kip": {"meaning": "force", "unit": "kip"},
     }

@@ -1,4 +1,4 @@
-"""Pictures from Python: figures of every result, main panels on axes of the caller, files."""
+"""Figures from Python: figures of every result, main panels on axes of the caller, files."""
 
 import subprocess
 import sys
@@ -28,7 +28,7 @@ PERIODS = np.geomspace(0.1, 2.0, 20)
 
 @pytest.fixture(scope="module")
 def results():
-    """A result of each kind that has a picture."""
+    """Results of each type with a figure."""
     record = tdint.make_record(3.0 * WAVE, dt=0.01, units="m/s^2")
     model = tdint.load_model(MODEL)
     pushed = tdint.pushover(model, "4%", points=40)
@@ -73,8 +73,8 @@ ON_AXES = {
 
 @pytest.mark.usefixtures("laid_out")
 def test_each_result_is_drawn(results):
-    """Its panels find their places, too; those of NARROW do so below, those of two are in another
-    one's figure."""
+    """The panels can be laid out. Another test lays out the figures in NARROW; the panels of two
+    results are also in the figures of other results."""
     for name, result in results.items():
         figure = tdint.plot(result)
         assert isinstance(figure, Figure) and any(axes.has_data() for axes in figure.axes), name
@@ -126,10 +126,10 @@ def test_several_runs_have_a_row_for_each_scale_and_their_mean(results):
         np.testing.assert_allclose(np.unique(drawn[0]), np.unique(100.0 * mean), rtol=1e-12)
     labels = {line.get_label() for line in figure.axes[0].lines}
     assert "one run" in labels
-    lost = tdint.run_many(
+    with_failed_run = tdint.run_many(
         MODEL, results["record"], vary={"damping": [0.05, 2.0]}, errors="keep"
     ).plot()
-    assert lost.axes[0].get_title("left").startswith("1 of 2")
+    assert with_failed_run.axes[0].get_title("left").startswith("1 of 2")
 
 
 def test_derivatives_have_a_panel_with_errors_for_each_parameter(results):
@@ -151,7 +151,7 @@ def test_derivatives_have_a_panel_with_errors_for_each_parameter(results):
 
 
 def lines_of(results):
-    """By result, panel and line the numbers across and along, in the units of the picture."""
+    """Yield (result, panel, line) with the expected x and y values, in the units of the figure."""
     record, run, law, pushed = (results[name] for name in ("record", "run", "law", "pushover"))
     targets, rates, sharing = (
         results["target displacements"],
@@ -186,22 +186,25 @@ def lines_of(results):
         yield (("target displacements", 0, line), corners, [0.0, made.yield_force, *ends])
         yield (("target displacements", 0, line + 1), [made.roof_displacement], [made.base_shear])
     n2 = targets[0]
-    of_one = 1.0 / n2.participation
+    inverse_participation = 1.0 / n2.participation
     yield (("target displacements", 1, 0), n2.target.sd, n2.target.psa)
     yield (
         ("target displacements", 1, 1),
-        pushed.roof_displacement * of_one,
-        pushed.base_shear * of_one / n2.mass,
+        pushed.roof_displacement * inverse_participation,
+        pushed.base_shear * inverse_participation / n2.mass,
     )
     sd = n2.spectral_acceleration * (n2.period / (2.0 * np.pi)) ** 2
     yield (("target displacements", 1, 3), [0.0, sd], [0.0, n2.spectral_acceleration])
-    reached, most = n2.roof_displacement * of_one, n2.yield_force * of_one / n2.mass
+    reached, capacity = (
+        n2.roof_displacement * inverse_participation,
+        n2.yield_force * inverse_participation / n2.mass,
+    )
     yield (
         ("target displacements", 1, 2),
-        [0.0, n2.yield_displacement * of_one, reached],
-        [0.0, most, most],
+        [0.0, n2.yield_displacement * inverse_participation, reached],
+        [0.0, capacity, capacity],
     )
-    yield (("target displacements", 1, 4), [reached], [most])
+    yield (("target displacements", 1, 4), [reached], [capacity])
     yield (("spectrum", 1, 0), PERIODS, results["spectrum"].sd)
     yield (("drifts", 0, 0), PERIODS, 100.0 * rates.peak_drift_ratio)
     yield (("drifts", 1, 0), PERIODS, 100.0 * rates.roof_drift_ratio)
@@ -253,14 +256,14 @@ def test_the_values_of_each_figure_equal_its_result(results):
     periods = 2.0 * np.pi / results["modes"].omega
     named = [line.get_label() for line in figures["modes"].axes[0].lines[1:]]
     assert named == [f"mode {i}, {period:.4g} s" for i, period in enumerate(periods, start=1)]
-    # Layers of energy end where the input does.
+    # The sum of the energy layers equals the input energy.
     top = figures["run"].axes[2].collections[-1].get_paths()[0].vertices[:, 1].max()
     assert top == pytest.approx(figures["run"].axes[2].lines[0].get_ydata().max(), rel=1e-3)
-    # The shares of the integral of the squared acceleration, which is all but a polygon.
-    energy, (whole, dots) = np.cumsum(record.acceleration**2), figures["record"].axes[3].lines
-    np.testing.assert_allclose(whole.get_ydata()[::30], 100.0 * energy[::30] / energy[-1], atol=1.5)
-    assert dots.get_ydata() == pytest.approx([5.0, 75.0, 95.0])
-    assert np.interp(dots.get_xdata(), *whole.get_data()) == pytest.approx(
+    # The Husid curve is the integral of the squared acceleration, approximated by the sum.
+    energy, (husid, marks) = np.cumsum(record.acceleration**2), figures["record"].axes[3].lines
+    np.testing.assert_allclose(husid.get_ydata()[::30], 100.0 * energy[::30] / energy[-1], atol=1.5)
+    assert marks.get_ydata() == pytest.approx([5.0, 75.0, 95.0])
+    assert np.interp(marks.get_xdata(), *husid.get_data()) == pytest.approx(
         [5.0, 75.0, 95.0], abs=0.1
     )
     parameter_effects = {effect.quantity.name: effect for effect in results["sensitivity"]}
@@ -290,9 +293,7 @@ def test_print_options(results, tmp_path):
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(90.0)
     assert figure.get_suptitle() == "" and b"/FontFile2" in file.read_bytes()
     once_more = tdint.plot(results["modes"])
-    assert (
-        once_more.get_size_inches()[0] * 25.4 > 120.0
-    )  # what is asked of one picture is not asked of the next
+    assert once_more.get_size_inches()[0] * 25.4 > 120.0  # The options apply to a single figure.
     with pytest.raises(UsageError, match="is not installed"):
         tdint.plot(results["stability"], font="No Such Font")
 
@@ -323,9 +324,9 @@ def test_tick_labels_follow_the_print_options(results):
 @pytest.mark.usefixtures("laid_out")
 @pytest.mark.parametrize("name", NARROW)
 def test_no_legend_is_wider_than_the_page(results, name):
-    """At 90 mm four marks do not stand beside each other."""
+    """A page of 90 mm is too narrow for four entries of the legend in a row."""
     several = [results[name], results[name]]
-    figure = tdint.plot(several, width=0.09, title=False)  # which lays it out
+    figure = tdint.plot(several, width=0.09, title=False)  # `plot` lays out the figure.
     for legend in figure.legends:
         box = legend.get_window_extent()
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1
@@ -343,14 +344,14 @@ print(figure._repr_png_() == shown, "matplotlib.pyplot" in sys.modules)
 
 
 def test_a_notebook_shows_a_figure_without_pyplot():
-    """What IPython asks the last value of a cell for: a picture, the same each time; matplotlib
-    comes with it."""
+    """IPython requests a PNG image of the last value of a cell. The image is reproducible, and
+    matplotlib is imported only for it."""
     printed = subprocess.run([sys.executable, "-c", NOTEBOOK], capture_output=True, text=True)
     assert printed.stdout.split() == ["False", "True", "True", "True", "False"], printed.stderr
 
 
 def test_styles_are_specified_as_on_the_command_line(results, tmp_path):
-    """`style` is a style sheet, or all words of --style; a keyword goes over it."""
+    """`style` is a style sheet or a text as for --style; other keywords override it."""
     sheet = tmp_path / "own.mplstyle"
     sheet.write_text("lines.linewidth: 4.5\n")
     for style in (sheet, f"120mm,{sheet}"):

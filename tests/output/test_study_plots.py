@@ -1,4 +1,4 @@
-"""Pictures of studies: one record and many, nothing collapsed, nothing known; names that look like
+"""Figures of studies: one or many records, no collapse, no result; names that look like
 formulas."""
 
 import math
@@ -24,8 +24,8 @@ pytestmark = pytest.mark.usefixtures("not_laid_out")
 STATUS = {math.inf: "collapsed", -math.inf: "not-converged"}
 
 
-def words(figure):
-    """All texts of a figure, a line each; drawn, so that what cannot be drawn is found."""
+def figure_texts(figure):
+    """Return all texts of a figure, one per line. Rendering detects invalid texts."""
     figure.draw_without_rendering()
     return "\n".join(text.get_text() for text in figure.findobj(Text))
 
@@ -51,7 +51,7 @@ COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
 
 
 @pytest.mark.parametrize(
-    ("curves", "there", "missing"),
+    ("curves", "expected", "missing"),
     [
         ([COLLAPSING], ["1 record", "capacity against collapse"], ["1 records", "median", "16 %"]),
         ([COLLAPSING] * 44, ["44 records", "median", "16 % and 84 %"], ["does not collapse"]),
@@ -70,9 +70,9 @@ COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
         ([((1.0, 0.0), (2.0, 0.0))], ["1 record"], ["capacity against collapse"]),
     ],
 )
-def test_incremental_dynamic_analyses(curves, there, missing):
-    text = words(ida_picture(study(*(curve(i, *runs) for i, runs in enumerate(curves)))))
-    assert not [part for part in there if part not in text]
+def test_incremental_dynamic_analyses(curves, expected, missing):
+    text = figure_texts(ida_picture(study(*(curve(i, *runs) for i, runs in enumerate(curves)))))
+    assert not [part for part in expected if part not in text]
     assert not [part for part in missing if part in text]
 
 
@@ -85,7 +85,9 @@ def test_incremental_dynamic_analyses(curves, there, missing):
     ],
 )
 def test_axes_state_measure_and_unit(measure, pair, label):
-    text = words(ida_picture(replace(study(curve(0, *COLLAPSING), measure=measure), pair=pair)))
+    text = figure_texts(
+        ida_picture(replace(study(curve(0, *COLLAPSING), measure=measure), pair=pair))
+    )
     assert label in text
     assert ("(g)" in text.splitlines()) == (measure.unit == "m/s^2")
 
@@ -95,7 +97,7 @@ PAIR = Horizontals(record(0), record(1))
 
 
 @pytest.mark.parametrize(
-    ("scaling", "there"),
+    ("scaling", "expected"),
     [
         (scale_to_value([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
         (
@@ -130,16 +132,16 @@ PAIR = Horizontals(record(0), record(1))
     ],
     ids=["value", "average", "pair", "target", "p695", "asce7"],
 )
-def test_suites(scaling, there):
-    text = words(suite_picture(scaling))
-    assert not [part for part in there if part not in text]
+def test_suites(scaling, expected):
+    text = figure_texts(suite_picture(scaling))
+    assert not [part for part in expected if part not in text]
 
 
 CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
 
 
 @pytest.mark.parametrize(
-    ("functions", "there"),
+    ("functions", "expected"),
     [
         (
             [fit_capacities([1.0, 2.0])],
@@ -161,15 +163,15 @@ CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
     ],
     ids=["two", "censored", "many", "cloud", "censored-cloud"],
 )
-def test_fragility_functions(functions, there):
-    text = words(fragility_picture(functions))
-    assert not [part for part in there if part not in text]
+def test_fragility_functions(functions, expected):
+    text = figure_texts(fragility_picture(functions))
+    assert not [part for part in expected if part not in text]
 
 
 @pytest.mark.parametrize(("count", "panels"), [(1, 1), (2, 1), (4, 2)])
 def test_functions_with_modeling_dispersion_have_their_own_panel(count, panels):
-    """Where there are more than two: else each curve has two lines, a band and observations in one
-    panel."""
+    """With at most two functions, both lines of each function, its band and its observations are in
+    one panel; with more functions, in two panels."""
     fitted = fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3)
     functions = [
         replace(fitted.named(t, "pga", "m/s^2"), modeling_dispersion=0.3)
@@ -185,4 +187,4 @@ def test_functions_with_modeling_dispersion_have_their_own_panel(count, panels):
 
 @pytest.mark.usefixtures("laid_out")
 def test_panels_are_laid_out():
-    assert "1 record" in words(ida_picture(study(curve(0, *COLLAPSING))))
+    assert "1 record" in figure_texts(ida_picture(study(curve(0, *COLLAPSING))))

@@ -1,4 +1,4 @@
-"""What figures share: labels beside points, legends, units with a power of ten."""
+"""Common elements of figures: labels of points, legends, units with a power of ten."""
 
 from collections import Counter
 
@@ -20,8 +20,8 @@ from tdint.units import SI, parse_output_units
 
 
 def test_labels_are_next_to_their_points_without_overlap():
-    """Neither over a mark, nor over each other, nor beyond the frame; the first ones come first,
-    some find no room."""
+    """Labels overlap no marker and no other label, and are within the frame. The first labels have
+    priority; some labels are omitted."""
     points = np.random.default_rng(3).uniform(size=(60, 2))
     figure = Figure(figsize=(5.0, 4.0))
     axes = figure.subplots()
@@ -42,8 +42,8 @@ def test_labels_are_next_to_their_points_without_overlap():
         assert not any(box.overlaps(other) for other in boxes[:i])
         assert not any(box.x0 < x < box.x1 and box.y0 < y < box.y1 for x, y in marks)
         x, y = axes.transData.transform(points[int(text.get_text()[2:])])
-        away = np.hypot(max(box.x0 - x, 0.0, x - box.x1), max(box.y0 - y, 0.0, y - box.y1))
-        assert 3.5 * unit < away < 12.0 * unit
+        distance = np.hypot(max(box.x0 - x, 0.0, x - box.x1), max(box.y0 - y, 0.0, y - box.y1))
+        assert 3.5 * unit < distance < 12.0 * unit
 
 
 def test_a_legend_lists_some_lines_and_counts_the_others():
@@ -55,9 +55,10 @@ def test_a_legend_lists_some_lines_and_counts_the_others():
     add_legend(figure, axes, lines, [f"line {i}" for i in range(30)])
     named = [text.get_text().strip() for text in figure.legends[0].get_texts()]
     assert named == [*(f"line {i}" for i in range(23)), "... and 7 more"]
-    assert figure.get_figheight() == pytest.approx(4.0 + 8 * 0.17)  # three columns
+    assert figure.get_figheight() == pytest.approx(4.0 + 8 * 0.17)  # 24 entries in three columns
     add_legend(figure, axes, lines[:24], [*["a name of 25 characters .."] * 24])
-    assert figure.get_figheight() == pytest.approx(4.0 + (8 + 12) * 0.17)  # two
+    # 24 long entries in two columns
+    assert figure.get_figheight() == pytest.approx(4.0 + (8 + 12) * 0.17)
     assert [legend_columns(["x" * size] * 6, 4, 5.0) for size in (1, 8, 14, 15, 26, 90)] == [
         4,
         3,
@@ -100,8 +101,8 @@ def test_a_ratio_axis_is_at_the_top():
 
 
 def test_each_method_has_a_unique_style_in_all_figures():
-    """Parameters and other programs have what is left; a method that stands alone, or among others,
-    is no other one."""
+    """The style of a method does not depend on the other methods of a figure. Methods with
+    parameters and other programs use the remaining styles."""
     lines = [*catalogue(), "wilson:theta=1.3", "impulse4:rho_inf=0", "openseespy/hht", "scipy/RK45"]
     looks = method_looks(lines)
     assert len({(looks[line]["color"], looks[line]["marker"]) for line in lines}) == len(lines)

@@ -1,4 +1,4 @@
-"""summary.json: valid JSON, null for what is no number, hashes of the inputs."""
+"""summary.json: valid JSON, null for missing numbers, meanings of all values."""
 
 import json
 import math
@@ -60,7 +60,7 @@ def test_the_error_of_a_maximum_includes_all_stories_that_may_govern():
     errors = StoryErrors(
         peak_drift=np.array(
             [1.5, 0.01, 0.2]
-        ),  # the third may be larger than the second, the first may not
+        ),  # The third value may exceed the second, the first may not.
         peak_drift_ratio=np.array([nan, 0.01, 0.1]),
         residual_drift=np.array([2.5, 0.0, 0.0]),
         peak_shear=np.array([7.0, 8.0, 9.0]),
@@ -134,9 +134,9 @@ def test_every_number_of_a_failure_has_a_meaning():
 )
 def test_the_first_mode_equals_the_first_of_all_modes(damping):
     for stories in (1, 2, 10):
-        one = ten_bilinear().stories[0]
+        story = ten_bilinear().stories[0]
         damped = damping if stories > 2 or not isinstance(damping, RayleighRatio) else None
-        building = assemble(model([one] * stories, damping=damped, p_delta=True))
+        building = assemble(model([story] * stories, damping=damped, p_delta=True))
         first = first_mode(building, noise(samples=101))
         modes = building.modes()
         assert first.period == pytest.approx(2.0 * np.pi / modes.omega[0], rel=1e-13)

@@ -1,5 +1,5 @@
-"""CSV: columns, digits, empty cells, names with commas; the history's fast way gives the same
-text."""
+"""CSV tables: columns, digits, empty cells, names with commas; the fast function for histories
+writes the same text."""
 
 import csv
 import io
@@ -109,10 +109,10 @@ def spectrum(rec: Record, damping: float) -> Spectrum:
 
 
 def test_components_with_equal_names_are_identified_by_their_id():
-    one, other = record(id_="N.A..HNE"), record(id_="N.B..HNE")
+    first, second = record(id_="N.A..HNE"), record(id_="N.B..HNE")
     elsewhere = record(source="b.mseed")
-    assert component_names([one, one, elsewhere]) == ["HNE", "HNE", "HNE"]
-    assert component_names([one, other, elsewhere, one]) == [
+    assert component_names([first, first, elsewhere]) == ["HNE", "HNE", "HNE"]
+    assert component_names([first, second, elsewhere, first]) == [
         "N.A..HNE",
         "N.B..HNE",
         "HNE",
@@ -159,12 +159,13 @@ def test_mode_table():
 @pytest.mark.parametrize("rows_at_once", [2, 4096])
 def test_history(monkeypatch, stories, rows_at_once):
     monkeypatch.setattr(responses, "_ROWS_AT_ONCE", rows_at_once)
-    whole = history(5, stories)
-    whole = replace(
-        whole, displacement=np.where(np.arange(5)[:, None] == 0, -0.0, whole.displacement)
+    response_history = history(5, stories)
+    response_history = replace(
+        response_history,
+        displacement=np.where(np.arange(5)[:, None] == 0, -0.0, response_history.displacement),
     )
     stream = io.BytesIO()
-    responses.write_history(whole, stream)
+    responses.write_history(response_history, stream)
     rows = read(stream.getvalue())
     floors = (("displacement", "displacement_m"), ("velocity", "velocity_m_s"))
     floors += (("acceleration", "absolute_acceleration_m_s2"),)
@@ -172,12 +173,12 @@ def test_history(monkeypatch, stories, rows_at_once):
     springs += (("total_shear", "total_shear_N"),)
     header, columns = (
         ["time_s", "ground_acceleration_m_s2"],
-        [whole.time, whole.ground_acceleration],
+        [response_history.time, response_history.ground_acceleration],
     )
-    for place, quantities in (("floor", floors), ("story", springs)):
+    for location, quantities in (("floor", floors), ("story", springs)):
         for i in range(stories):
-            header += [f"{place}_{i + 1}_{name}" for _, name in quantities]
-            columns += [getattr(whole, attribute)[:, i] for attribute, _ in quantities]
+            header += [f"{location}_{i + 1}_{name}" for _, name in quantities]
+            columns += [getattr(response_history, attribute)[:, i] for attribute, _ in quantities]
     energies = (
         "input_J",
         "kinetic_J",
@@ -188,7 +189,7 @@ def test_history(monkeypatch, stories, rows_at_once):
         "error",
     )
     header += [f"energy_{name}" for name in energies]
-    columns += [getattr(whole.energy, name) for name in (*ENERGY_TERMS, "error")]
+    columns += [getattr(response_history.energy, name) for name in (*ENERGY_TERMS, "error")]
     assert rows == [
         header,
         *([cell_text(value) for value in row] for row in zip(*columns, strict=True)),
@@ -198,8 +199,8 @@ def test_history(monkeypatch, stories, rows_at_once):
 UNITS = ("m", "s", "m/s", "m/s^2", "N", "N*m", "N/m", "J", "kg", "Hz", "degree")
 
 
-def declared():
-    """Every tuple of columns that is declared, by its subject and name."""
+def declared_columns():
+    """Return each declared tuple of columns by its module and name."""
     subjects = [module.name for module in iter_modules(tables.__path__)]
     return {
         (subject, name): value
@@ -210,14 +211,17 @@ def declared():
 
 
 def test_every_column_has_a_meaning_and_a_unit():
-    for name, group in declared().items():
+    for name, group in declared_columns().items():
         names = [column.name for column in group if isinstance(column, Column)]
         assert len(set(names)) == len(names) > 0, name
-    every = {
-        column for group in declared().values() for column in group if isinstance(column, Column)
+    columns = {
+        column
+        for group in declared_columns().values()
+        for column in group
+        if isinstance(column, Column)
     }
-    assert {column.unit for column in every} == {"1", TEXT, *UNITS}
-    for column in every:
+    assert {column.unit for column in columns} == {"1", TEXT, *UNITS}
+    for column in columns:
         own = [unit for unit in UNITS if column.name.removesuffix("_error").endswith(suffix(unit))]
         assert column.unit in (
             max(own, key=lambda unit: len(suffix(unit))) if own else "1",
@@ -230,7 +234,7 @@ def test_every_column_has_a_meaning_and_a_unit():
         "unit": "m/s^2",
     }
     assert "unit" not in table.meanings["maxima"]
-    assert all(one["meaning"] for one in table.meanings.values())
+    assert all(meaning["meaning"] for meaning in table.meanings.values())
 
 
 def test_header_texts_cannot_control_a_terminal_or_be_formulas():
@@ -270,19 +274,19 @@ def test_header_texts_cannot_control_a_terminal_or_be_formulas():
         table = Table((text, "b"), [(text, 1.0)])
         assert (
             table.csv().decode()
-            == "\n".join(f"{cell_of(cell)},{other}" for other in ("b", "1")) + "\n"
+            == "\n".join(f"{quoted(cell)},{other}" for other in ("b", "1")) + "\n"
         )
 
 
-def cell_of(text):
-    """As the csv module quotes it."""
+def quoted(text):
+    """Return a text quoted by the csv module."""
     stream = io.StringIO()
     csv.writer(stream, lineterminator="").writerow([text, ""])
     return stream.getvalue()[:-1]
 
 
 @pytest.mark.parametrize(
-    ("law", "units", "words"),
+    ("law", "units", "text"),
     [
         (
             {"type": "bilinear", "yield_force": 10, "hardening": "5%"},
@@ -309,19 +313,18 @@ def cell_of(text):
         ),
     ],
 )
-def test_a_law_is_printed_as_in_its_model_file(law, units, words):
-    """A side, a group and a parameter that the file may leave out are left out where they say
-    nothing."""
+def test_a_law_is_printed_as_in_its_model_file(law, units, text):
+    """Sides, groups and parameters with default values are omitted, as in the model file."""
     own = {} if {"coefficients", "backbone"} & law.keys() else {"stiffness": 1000}
     (story,) = load_model({"stories": [{"mass": 1, "law": law, **own}]}).stories
-    assert buildings.law_words(story, parse_output_units(units)) == f"{law['type']}: {words}"
+    assert buildings.law_words(story, parse_output_units(units)) == f"{law['type']}: {text}"
 
 
 def test_dashpots_of_a_model_are_printed_with_their_law():
     power = {"coefficient": 8e3, "exponent": 0.5, "linear_below": 0.01}
     stories = [
-        {"mass": 1.0, "stiffness": 1e6} | more
-        for more in ({"dashpot": 5e3}, {"dashpot": power}, {})
+        {"mass": 1.0, "stiffness": 1e6} | options
+        for options in ({"dashpot": 5e3}, {"dashpot": power}, {})
     ]
     model = load_model({"stories": stories})
     assert [row[-1] for row in buildings.model_table(model).rows] == [
@@ -329,5 +332,5 @@ def test_dashpots_of_a_model_are_printed_with_their_law():
         "8000 v^0.5 (N; v in m/s; linear below 0.01 m/s)",
         "",
     ]
-    words = f"{8.0 * 1e-3**0.5:.4g} v^0.5 (kN; v in mm/s; linear below 10 mm/s)"
-    assert buildings.model_table(model, parse_output_units("kN,mm")).rows[1][-1] == words
+    text = f"{8.0 * 1e-3**0.5:.4g} v^0.5 (kN; v in mm/s; linear below 10 mm/s)"
+    assert buildings.model_table(model, parse_output_units("kN,mm")).rows[1][-1] == text
