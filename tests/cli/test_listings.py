@@ -15,7 +15,7 @@ def test_methods(tdint):
 def test_modes(folder, tdint):
     result = tdint("modes", "-", stdin=(folder / "shaken.yaml").read_bytes(), code=0)
     (warning,) = result.stderr.splitlines()
-    assert warning.startswith("Warning: mass of a floor")
+    assert warning.startswith("Warning: unusual mass of a floor")
     table = rows(result.stdout)
     assert [row["mode"] for row in table] == ["1", "2"]
     assert [float(row["damping"]) for row in table] == pytest.approx([0.05, 0.05])

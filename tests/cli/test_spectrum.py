@@ -141,7 +141,7 @@ def test_notes_are_reported_once(folder, tdint):
     large = tdint(
         "-q", "spectrum", "motion.mseed", "--units", "30 m/s^2", "--period", "1"
     ).stderr.splitlines()
-    start = "Warning: motion.mseed: {}: peak ground acceleration "
+    start = "Warning: motion.mseed: {}: unusual peak ground acceleration: "
     assert all(
         line.startswith(start.format(code))
         for line, code in zip(large, ("HNE", "HNN"), strict=True)
