@@ -219,6 +219,13 @@ def test_the_residual_displacement():
         one = state(U=u, V=v, OFFSET=offset, **limits)
         found = bilinear._residual_displacement(one, series, oscillator)
         assert found == pytest.approx(0.25, rel=1e-12)
+    # A vibration that exceeds the limit by 1 % of a small range yields.
+    small = {"UPPER": 0.25 + 1e-4, "LOWER": 0.25 - 1e-4}
+    tiny = bilinear._Hysteretic(k, 0.0, 0.0, k * 1e-4)
+    one = state(U=0.25, V=1.01e-4 * 10.0, OFFSET=offset, **small)
+    found = bilinear._residual_displacement(one, series, tiny)
+    # Beyond the limit, the energy (1.01^2 - 1) k 1e-8 / 2 is dissipated by the strength k 1e-4.
+    assert found - 0.25 == pytest.approx(0.5e-4 * (1.01**2 - 1.0), rel=1e-6)
     # The energy beyond the limit is dissipated while yielding by (v^2 / 2) / strength.
     for direction in (1.0, -1.0):
         u, v = 0.25 + direction * 0.05, direction * 0.4

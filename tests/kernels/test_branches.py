@@ -380,3 +380,24 @@ def test_each_deterioration_of_imk_has_its_own_capacity():
         forces.append(follow(law_table("imk", *values), drifts)[0])
     for first, second in itertools.combinations(forces, 2):
         assert np.max(np.abs(first - second)) > 0.01 * FY
+
+
+def test_a_gap_stiffens_with_any_stop():
+    assert LAWS["gap"].stiffens([0.05, 1e-3])
+    assert not LAWS["gap"].stiffens([0.05, 0.0])
+
+
+@pytest.mark.parametrize("name", ["bilinear", "peak-oriented"])
+def test_a_hardening_ratio_of_1_is_refused(name):
+    """The branches of the law would have the same stiffness."""
+    (hardening,) = (one for one in LAWS[name].parameters if one.name == "hardening")
+    assert (hardening.low, hardening.high) == (0.0, 1.0)
+    assert hardening.low_allowed and not hardening.high_allowed
+
+
+def test_the_ultimate_drift_of_trilinear_pinching_is_beyond_the_yield_drift():
+    fault = LAWS["trilinear-pinching"].fault
+    others = (0.2, 0.4, 0.3)
+    assert "beyond the yield drift" in fault(K, (FY, FY, FY / K, *others))
+    assert fault(K, (FY, FY, 1.001 * FY / K, *others)) is None
+    assert "at least yield_force" in fault(K, (FY, 0.999 * FY, 1.0, *others))

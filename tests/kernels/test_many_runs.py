@@ -16,6 +16,7 @@ from tdint import load_model, run, run_many
         ("bouc-wen", "moment4"),
         ("forces", "newmark-average"),
         ("failure", "impulse4"),
+        ("forces", "houbolt"),
         ("isolated", "generalized-alpha"),
     ],
 )

@@ -8,10 +8,21 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import BPoly, PPoly
 
 from exact_oscillators import largest, motion, recursion_table
-from tdint.kernels.oscillators import between_steps, elastic, modal_sums, rotated
-from tdint.kernels.oscillators.between_steps import Vibration
+from tdint.kernels.oscillators import between_steps, elastic, extremes, modal_sums, rotated
+from tdint.kernels.oscillators.between_steps import (
+    A11,
+    A12,
+    A21,
+    A22,
+    B10,
+    B11,
+    B20,
+    B21,
+    Vibration,
+)
 
 DT = 0.02
 OMEGAS = (3.0, 14.0, 45.0)
@@ -308,3 +319,108 @@ def test_all_terms_of_the_series_of_a_free_vibration(rate):
     shift = int(rate == 0.0)
     assert series[1, : n - 1 - shift] == pytest.approx(rates[shift:], rel=1e-12)
     assert series[2, : n - 2] == pytest.approx(curvature, rel=1e-12)
+
+
+@pytest.mark.parametrize("quantity", [0, 1, 2])
+def test_no_interval_with_a_maximum_of_one_quantity_is_skipped(quantity):
+    """As the test before, but the bounds of the other quantities select no interval: their maxima
+    at the steps are removed. Without damping, the bound does not depend on them, except that of
+    the displacement on the acceleration."""
+    others = {0: [1], 1: [0, 2], 2: [0, 1]}[quantity]
+    larger_between = 0
+    for seed in range(60):
+        samples = similar_intervals(seed, elastic.INTERVAL_STEPS, 4)
+        ground, starts, maxima, ground_maxima = elastic.scratch(samples.size, 1, 1)
+        omega = np.random.default_rng(seed).uniform(15.0, 45.0)
+        table = recursion_table(
+            elastic.COEFFICIENTS, lambda w, xi: (w**2, 2.0 * xi * w), [omega], [0.0], DT
+        )
+        result, series = np.zeros((elastic.PEAKS, 1)), np.zeros((3, between_steps.TERMS))
+        elastic.peaks.compiled(
+            samples, DT, 1, table, 1, 1, result, ground, starts, maxima, ground_maxima
+        )
+        best = np.zeros(elastic.PEAKS)
+        one = elastic._TableOscillator(ground, DT, table, 0, starts[0], 1, series, best)
+        maxima[0][:, others] = 0.0
+        elastic._search(one, maxima[0], ground_maxima)
+        assert best[quantity] == pytest.approx(result[quantity, 0], rel=1e-12)
+        larger_between += best[quantity] > np.max(maxima[0][:, quantity]) * 1.001
+    assert larger_between > 20
+
+
+def test_extremes_are_zeros_of_cubics_with_values_of_quintics():
+    """The recursion of the matrix exponential, then the polynomials of SciPy and NumPy in each step
+    in which the velocity changes its sign. The last extremum is in the last sampling interval."""
+    samples, parts = record(21, 40, 1.0), 2
+    samples[-1] = 30.0
+    h, omega, xi = DT / parts, 45.0, 0.05
+    table = recursion_table(
+        elastic.COEFFICIENTS, lambda w, xi: (w**2, 2.0 * xi * w), [omega], [xi], h
+    )
+    u, v, ground = motion(samples, DT, omega, xi, parts)
+    a = -(omega**2) * u - 2.0 * xi * omega * v - ground
+    expected = []
+    for k in range(u.size - 1):
+        if v[k] * v[k + 1] < 0.0:
+            cubic = BPoly.from_derivatives([0.0, h], [[v[k], a[k]], [v[k + 1], a[k + 1]]])
+            (zero,) = PPoly.from_bernstein_basis(cubic).roots(extrapolate=False)
+            ends = [[u[j], v[j], a[j]] for j in (k, k + 1)]
+            value = BPoly.from_derivatives([0.0, h], ends)(zero)
+            expected.append((k * h + zero, omega**2 * value))
+    extrema, largest_values = np.zeros((3, 200)), np.zeros((2, 1))
+    count = extremes.extremes.compiled(
+        samples, DT, np.array([float(parts)]), table, np.zeros(1), extrema, largest_values
+    )
+    assert count == len(expected) > 10
+    assert pytest.approx(np.array(expected), rel=1e-6) == extrema[1:, :count].T
+    assert (samples.size - 2) * DT < expected[-1][0]
+
+
+def test_a_radius_is_largest_in_the_last_interval():
+    """Both components are equal, so that the radius is sqrt(2) times the displacement."""
+    samples = np.append(np.zeros(3), [0.0, 1.0, -9.0])
+    dt, omega = 0.05, 60.0
+    table = recursion_table(
+        elastic.COEFFICIENTS, lambda w, xi: (w**2, 2.0 * xi * w), [omega], [0.0], dt / 8
+    )
+    found, largest_values = np.zeros((4, 50)), np.zeros((2, 1))
+    extremes.radii.compiled(
+        np.array([samples, samples]), dt, np.array([8.0]), table, np.zeros(1), found, largest_values
+    )
+    u, _, _ = motion(samples, dt, omega, 0.0, 400)
+    inner = np.abs(u[1:-1])
+    is_maximum = (inner >= np.abs(u[:-2])) & (inner > np.abs(u[2:]))
+    times = dt / 400 * (1 + np.flatnonzero(is_maximum & (inner > 1e-9)))
+    radius = omega**2 * math.sqrt(2.0) * np.max(inner[is_maximum])
+    assert times[-1] > 4.0 * dt
+    assert found[1, : times.size] == pytest.approx(times, abs=dt / 25)
+    assert largest_values[0, 0] == pytest.approx(radius, rel=3e-3)
+
+
+def test_a_block_of_steps_and_the_maxima_along_the_axes():
+    """Displacements from large to small, so that each axis has its maximum at another step."""
+    random = np.random.default_rng(12)
+    table = linear_table(1, rotated.LANES)
+    ground = 50.0 * random.normal(size=(2, rotated._BLOCK + 3))
+    states = random.normal(size=(4, rotated.LANES)) * 10.0 ** random.uniform(-3, 1, rotated.LANES)
+    old = random.uniform(0.0, 0.1, size=(rotated.AXES + 1, rotated.LANES))
+    lane = np.concatenate([table, states, old]).ravel()
+    rotated._advance(ground, 2, lane)
+    found = lane.reshape(-1, rotated.LANES)[rotated._STATE :]
+    axes = np.radians(np.arange(rotated.AXES) * 180.0 / rotated.AXES)
+    directions_of_axes = np.array([np.cos(axes), np.sin(axes)])
+    for i in range(rotated.LANES):
+        a = table[[[A11, A12], [A21, A22]], i]
+        b = table[[[B10, B11], [B20, B21]], i]
+        by_u, by_v = table[[elastic.BY_DISPLACEMENT, elastic.BY_VELOCITY], i]
+        state = states[:, i].reshape(2, 2).T  # displacement and velocity along both axes
+        maxima = old[:, i].copy()
+        for k in range(rotated._BLOCK + 1):
+            along = np.abs(state[0] @ directions_of_axes)
+            maxima[:-1] = np.maximum(maxima[:-1], along)
+            acceleration = by_u * state[0] + by_v * state[1] + ground[:, 2 + k]
+            maxima[-1] = max(maxima[-1], float(acceleration @ acceleration))
+            if k < rotated._BLOCK:
+                state = a @ state - b @ ground[:, 2 + k : 4 + k].T
+        assert found[:4, i] == pytest.approx(state.T.ravel(), rel=1e-10, abs=1e-10)
+        assert found[4:, i] == pytest.approx(maxima, rel=1e-10)

@@ -1,7 +1,6 @@
 """Single terms of the time steps against their definitions, computed in another way here."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -257,10 +256,15 @@ def test_the_first_motion_between_corners_is_the_cubic_of_the_step(monkeypatch):
         assert rates == pytest.approx(cubic.deriv()(times), abs=1e-15)
 
 
+@pytest.mark.parametrize("link", [1.0, 0.0])
 @pytest.mark.parametrize("damping", [RAYLEIGH, ModalDamping((0.02, 0.05, 0.1))])
-def test_accelerations_at_the_start_of_a_step_of_moment4_balance_the_forces(damping):
+def test_accelerations_at_the_start_of_a_step_of_moment4_balance_the_forces(damping, link):
     """With dense matrices, P-delta, dampers, and a load that is linear in time; a dashpot is
-    added in the second story."""
+    added in the second story. With the link 0, the third story is on the ground."""
+
+    def dashpot(rate):
+        return 3e5 * rate * (rate**2 + 0.01**2) ** -0.2
+
     case = dense_building(damping)
     assembled, random = assemble(case), np.random.default_rng(74)
     space = workspace(assembled, parse("moment4"))
@@ -273,22 +277,26 @@ def test_accelerations_at_the_start_of_a_step_of_moment4_balance_the_forces(damp
         np.zeros((0, rows.FORCE_COLUMNS)),
         space.flags,
     )
+    linear_terms[rows.LINK, 2] = link
     u, v = 0.01 * random.normal(size=4), random.normal(size=4)
-    drift = np.diff(u, prepend=0.0)
+    difference = np.eye(4) - np.diag(linear_terms[rows.LINK, 1:4], -1)
+    drift, rate = difference @ u, difference @ v
     springs = np.array([story.stiffness for story in case.stories])
     space.state[rows.DISPLACEMENT, :4], space.state[rows.VELOCITY, :4] = u, v
     space.law_state[rows.DRIFT, :4], space.law_state[rows.FORCE, :4] = drift, springs * drift
     mean, moment = 1e5 * random.normal(size=(2, 4))
     space.scratch[ROW.LOAD, :4], space.scratch[ROW.LOAD + 1, :4] = mean, moment
-    mass, viscous, stiffness = matrices(replace(case, damping=RAYLEIGH))
-    if damping is not RAYLEIGH:
-        modal = assembled.modal[:, :4]
-        viscous = modal.T @ modal
-    rate = v[1] - v[0]
-    dashpot = 3e5 * rate * (rate**2 + 0.01**2) ** -0.2
-    # The load is p0 + p1 t with the mean p0 + p1 / 2 and the moment p1 (12 times that of the
-    # centered time).
-    force = mean - 0.5 * moment - viscous @ v - stiffness @ u + dashpot * np.array([1, -1, 0, 0])
-    expected = np.linalg.solve(mass, force)
+    story_force = (springs + linear_terms[rows.GEOMETRIC, :4]) * drift
+    story_force += linear_terms[rows.STORY_DAMPER, :4] * rate
+    story_force[1] += dashpot(rate[1])
+    modal = assembled.modal[:, :4]
+    on_floors = linear_terms[rows.FLOOR_DAMPER, :4] * v + modal.T @ (modal @ v)
+    # The load at the start is p0 if its mean is p0 + p1 / 2 and its first moment p1.
+    force = mean - 0.5 * moment - on_floors - difference.T @ story_force
     found = [moment4._acceleration(scene, space.memory, i) for i in range(4)]
-    assert found == pytest.approx(expected, rel=1e-11)
+    assert found == pytest.approx(force / linear_terms[rows.MASS, :4], rel=1e-11)
+    if link and damping is RAYLEIGH:
+        _, viscous, stiffness = matrices(case)
+        assert viscous @ v + stiffness @ u == pytest.approx(
+            on_floors + difference.T @ (story_force - [0.0, dashpot(rate[1]), 0.0, 0.0]), rel=1e-11
+        )
