@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.interpolate import BPoly
 
 from tdint.kernels import layout as rows
 from tdint.kernels.linear_terms import power_damper
+from tdint.kernels.stepping import Seen, Span
 from tdint.kernels.stories import path
 from tdint.kernels.stories.dashpot_path import follow_dashpot
+from tdint.kernels.time_loop.observer import _observe_dashpots
 
 H = 0.02
 
@@ -94,3 +97,73 @@ def test_mean_and_moment_of_the_force(first, last, close, direction):
         by_bend = scratch[[path.MEAN_BY_BEND, path.MOMENT_BY_BEND], 1] - 7.0
         assert by_rise == pytest.approx(derivatives[0], rel=1e-7, abs=1e-8 * size / H)
         assert by_bend == pytest.approx(derivatives[1], rel=1e-7, abs=1e-8 * size / H)
+
+
+def test_work_of_dashpots_and_the_search_for_peaks_of_drift_rates():
+    """Three stories, one of them on the ground. The work follows from the powers at both ends and
+    their rates, which are differences here. The rates within the step are those of quintics."""
+    random, n, h = np.random.default_rng(73), 3, 0.05
+    terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
+    terms[rows.LINK, :n] = 0.0, 1.0, 0.0
+    terms[rows.POWER_DAMPER, :n] = 8e4, 0.0, 5e4
+    terms[rows.POWER, :n], terms[rows.THRESHOLD, :n] = -0.3, 0.1**2
+    terms[rows.DASHPOT, :n] = 0.0, 3e4, 0.0
+    difference = np.eye(n) - np.diag(terms[rows.LINK, 1:n], -1)
+
+    def power(v):
+        rates = difference @ v
+        return sum(
+            (power_damper(terms, i, rates[i])[0] + terms[rows.DASHPOT, i] * rates[i]) * rates[i]
+            for i in range(n)
+        )
+
+    def rate_of_power(v, a):
+        return (power(v + 1e-6 * a) - power(v - 1e-6 * a)) / 2e-6
+
+    def work(powers, rates):
+        return 0.5 * h * sum(powers) + h**2 / 12.0 * (rates[0] - rates[1])
+
+    searched = 0
+    for _ in range(40):
+        u, v, a = (
+            random.normal(size=(3, 2, n)) * np.array([1.0, 1.0 / h, 1.0 / h**2])[:, None, None]
+        )
+        state, observer_state = np.zeros((3, n + 1)), np.zeros((rows.OBSERVER_ROWS, n + 1))
+        state[rows.DISPLACEMENT, :n], state[rows.VELOCITY, :n] = u[1], v[1]
+        observer_state[rows.OBSERVED_ACCELERATION, :n] = a[1]
+        for row, value in zip(
+            (rows.U_PREVIOUS, rows.V_PREVIOUS, rows.A_PREVIOUS), (u[0], v[0], a[0]), strict=True
+        ):
+            observer_state[row, :n] = value
+        points = np.zeros(n)
+        for i in range(n):
+            ends = [[(difference @ one[k])[i] for one in (u, v, a)] for k in range(2)]
+            rate = BPoly.from_derivatives([0.0, h], ends).derivative().c[:, 0]
+            inner = rate[1:] if ends[0][2] * ends[1][2] < 0.0 else rate[4:]
+            points[i] = np.max(np.abs(inner))
+        powers, rates = [power(v[0]), power(v[1])], [rate_of_power(v[k], a[k]) for k in range(2)]
+        for raised in range(n):
+            for factor, expected in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
+                peaks = np.zeros((2 * rows.PEAK_ROWS, n))
+                peaks[rows.PEAK_DRIFT_RATE] = 1e9
+                peaks[rows.PEAK_DRIFT_RATE, raised] = factor * points[raised]
+                totals = np.zeros(rows.TOTALS_SIZE)
+                totals[[rows.POWER_DASHPOTS, rows.RATE_DASHPOTS]] = powers[0], rates[0]
+                totals[rows.ENERGY_VISCOUS] = 5.0
+                seen = Seen(observer_state, peaks, np.zeros((3, n)), totals, np.zeros((0, 0)))
+                span = Span(h, h, 0.0, 0.0, False, False, False)
+                found = _observe_dashpots(span, terms, state, seen)
+                assert bool(found) == expected
+                searched += found
+        scale = h * max(powers) + h**2 * max(map(abs, rates))
+        energy = work(powers, rates)
+        assert totals[rows.ENERGY_DASHPOTS] == pytest.approx(energy, abs=1e-6 * scale)
+        assert totals[rows.ENERGY_VISCOUS] == pytest.approx(5.0 - energy, abs=1e-6 * scale)
+        assert totals[rows.POWER_DASHPOTS] == pytest.approx(powers[1], rel=1e-12)
+        assert totals[rows.RATE_DASHPOTS] == pytest.approx(rates[1], rel=1e-6, abs=1e-6 * scale)
+        per_acceleration = 0.5 * rate_of_power(v[1], np.ones(n))
+        found = totals[rows.DASHPOTS_PER_ACCELERATION]
+        assert found == pytest.approx(per_acceleration, rel=1e-6, abs=1e-3)
+        raised_to = peaks[rows.PEAK_DRIFT_RATE, n - 1]
+        assert raised_to == max((1.0 + 1e-9) * points[n - 1], abs((difference @ v[1])[n - 1]))
+    assert searched == 120

@@ -11,7 +11,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.equations import corners, moment4
 from tdint.kernels.equations import impulse4 as equations
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.iteration import RESIDUAL_TOLERANCE, TANGENT_TOLERANCE
+from tdint.kernels.equations.iteration import RESIDUAL_TOLERANCE, ROUNDING, TANGENT_TOLERANCE
 from tdint.kernels.equations.moment4 import ROW, STORE
 from tdint.kernels.linear_terms import force_moment, force_rate
 from tdint.kernels.peaks_between_steps import _max_interior_bezier_point
@@ -300,3 +300,25 @@ def test_accelerations_at_the_start_of_a_step_of_moment4_balance_the_forces(damp
         assert viscous @ v + stiffness @ u == pytest.approx(
             on_floors + difference.T @ (story_force - [0.0, dashpot(rate[1]), 0.0, 0.0]), rel=1e-11
         )
+
+
+def test_corrections_of_moment4_are_compared_with_the_rounding_of_displacements():
+    """Rises and bends are corrected and the corrections kept. They are small if the sum of both is
+    at most a multiple of the sum of displacement, rise and bend."""
+    n, random = 2, np.random.default_rng(75)
+    for large_floor, large_row in ((None, 0), (0, 0), (0, 1), (1, 0), (1, 1)):
+        state, scratch = np.zeros((3, n + 1)), random.normal(size=(STORE, n + 1))
+        state[rows.DISPLACEMENT, :n] = -1.5, 0.25
+        rise, bend = np.array([-0.3, 0.5]), np.array([0.7, -0.25])
+        share = np.array([[0.5, -0.25], [-0.5, 0.25]]) * (1.0 - 1e-6)
+        if large_floor is not None:
+            share[large_row, large_floor] *= 4.0
+        size = np.abs(state[0, :n]) + np.abs(rise) + np.abs(bend)
+        corrections = share * ROUNDING * size
+        scratch[ROW.RISE, :n], scratch[ROW.BEND, :n] = rise, bend
+        scratch[ROW.X : ROW.X + 2, :n] = corrections
+        assert moment4._correct(state, scratch, n) == (large_floor is None)
+        assert scratch[ROW.RISE, :n] == pytest.approx(rise + corrections[0], rel=1e-15)
+        assert scratch[ROW.BEND, :n] == pytest.approx(bend + corrections[1], rel=1e-15)
+        kept = scratch[ROW.CORRECTION : ROW.CORRECTION + 2, :n]
+        assert np.array_equal(kept, corrections)

@@ -69,6 +69,7 @@ MODULES = (
 INTERPRETED = [
     "tests/kernels/test_stored_results.py",
     "tests/kernels/test_many_runs.py",
+    "tests/kernels/test_halved_steps.py",
     "tests/kernels/test_oscillators_and_loads.py",
     "tests/kernels/test_oscillator_groups.py",
     "tests/kernels/test_bilinear_oscillator.py",
