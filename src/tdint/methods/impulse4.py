@@ -221,20 +221,15 @@ def _take_substeps(coefficients, scene, h, load, memory):
             ground + ground_rate * substep,
             scratch,
         )
-        if not HAS_CURVED_FORCE or is_piecewise_linear:
-            solve_linear(coefficients, scene, substep, memory, factors)
-            solves += 1
-        else:
-            code = newton(True, has_guess, coefficients, scene, substep, memory, factors)
-            if code < 0:
-                if substep_count > 0:
-                    _restore_start(state, law_state, scratch, n)
-                return code
-            solves += code
-            keep_negligible_kinks(scene, substep, memory)
-            if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
-                # The substep ends at the reversal, which is therefore not within the substep.
-                scratch[ROW.KINK, story] = 0.0
+        code = _solve_substep(has_guess, coefficients, scene, substep, memory, factors)
+        if code < 0:
+            if substep_count > 0:
+                _restore_start(state, law_state, scratch, n)
+            return code
+        solves += code
+        if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
+            # The substep ends at the reversal, which is therefore not within the substep.
+            scratch[ROW.KINK, story] = 0.0
         # Search for the first branch change, or check the end of a shortened substep.
         if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
             outcome = (
@@ -284,32 +279,17 @@ def _take_substeps(coefficients, scene, h, load, memory):
                     continue
             elif outcome == _BEFORE_EVENT:
                 ends_at_event = False
-        # The substep is accepted. Store its start for the peaks, then update state and peaks.
-        if HAS_NONLINEAR_FORCE and substep_count > 0:
-            for row in range(3):
-                for i in range(n):
-                    scratch[ROW.SUBSTEP_START + row, i] = state[row, i]
-        if not HAS_CURVED_FORCE or is_piecewise_linear:
-            _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch)
-        else:
-            _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
-        if HAS_NONLINEAR_FORCE and substep_count > 0:
-            t = load[rows.TIME] + elapsed + substep
-            _update_substep_peaks(
-                scene,
-                Span(
-                    t,
-                    substep,
-                    ground,
-                    ground + ground_rate * substep,
-                    False,
-                    flags[rows.UNRESOLVED_MODES] != 0.0,
-                    False,
-                ),
-                memory,
-            )
-            step_status[rows.STEP_PEAKS] = ROW.PEAKS
-            step_status[rows.RUN_PEAKS] = ROW.PEAKS
+        # The substep is accepted: update state and peaks.
+        span = Span(
+            load[rows.TIME] + elapsed + substep,
+            substep,
+            ground,
+            ground + ground_rate * substep,
+            False,
+            flags[rows.UNRESOLVED_MODES] != 0.0,
+            False,
+        )
+        _accept_substep(substep_count > 0, scene, span, memory)
         if HAS_CURVED_FORCE and is_shortened:
             # The remaining motion is the first estimate of the next substep.
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
@@ -326,6 +306,78 @@ def _take_substeps(coefficients, scene, h, load, memory):
             break
     step_status[rows.BRANCH_CHANGES] += branch_changes
     return solves if finite(state, n) else rows.NOT_FINITE
+
+
+@inline
+def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
+    """Compute the response over a substep in which all stories remain on their branches.
+
+    If all laws are linear on their branches and there are no power-law dashpots, a single linear
+    solution is exact. Otherwise Newton's method is used, and row KINK is set for reversals with a
+    negligible effect (`keep_negligible_kinks`).
+
+    Parameters
+    ----------
+    has_guess : bool
+        True if the rows DU and DV contain the first estimate for Newton's method.
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
+    h : float
+        Length of the substep, s.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+    factors : int
+        First row of the factorization in the scratch array.
+
+    Returns
+    -------
+    int
+        Number of linear solutions, or NOT_CONVERGED (negative).
+    """
+    code = 1
+    if not HAS_CURVED_FORCE or scene.flags[rows.BRANCHES] == rows.ALL_BRANCHES:
+        solve_linear(coefficients, scene, h, memory, factors)
+    else:
+        code = newton(True, has_guess, coefficients, scene, h, memory, factors)
+        if code >= 0:
+            keep_negligible_kinks(scene, h, memory)
+    return code
+
+
+@inline
+def _accept_substep(is_divided, scene, span, memory):
+    """Move state and law states to the end of a substep, and update the peaks of a divided step.
+
+    Parameters
+    ----------
+    is_divided : bool
+        True if the time step is divided into substeps. The observer does not see the ends of
+        substeps; the peaks are therefore updated in the rows PEAKS of the scratch array.
+    scene : Scene
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
+    span : Span
+        End time, length and ground acceleration of the substep.
+    memory : Memory
+        State and law states at the start of the substep, which are replaced; scratch array with the
+        solution; status of the step, which receives the first row of the peaks.
+    """
+    linear_terms, _, law_parameters, _, flags = scene
+    state, law_state, scratch, step_status = memory
+    # The search for peaks within the substep requires the response at its start.
+    if HAS_NONLINEAR_FORCE and is_divided:
+        for row in range(3):
+            for i in range(linear_terms.shape[1] - 1):
+                scratch[ROW.SUBSTEP_START + row, i] = state[row, i]
+    if not HAS_CURVED_FORCE or flags[rows.BRANCHES] == rows.ALL_BRANCHES:
+        _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch)
+    else:
+        _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
+    if HAS_NONLINEAR_FORCE and is_divided:
+        _update_substep_peaks(scene, span, memory)
+        step_status[rows.STEP_PEAKS] = ROW.PEAKS
+        step_status[rows.RUN_PEAKS] = ROW.PEAKS
 
 
 @outlined
