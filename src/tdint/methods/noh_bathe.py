@@ -230,11 +230,12 @@ def coefficients_of(p: float) -> tuple[float, ...]:
 
 
 def stability_limit(p: float) -> float:
-    """Return the largest stable omega h of an oscillator without damping.
+    """Return the largest stable omega h of an oscillator u'' + omega^2 u = 0 with the step h.
 
-    The step multiplies (u, h v) by a matrix whose trace T and determinant D are polynomials of y =
-    (omega h)^2. The eigenvalues are complex up to omega h of about 3.7 and decay. At the limit one
-    of them is 1, so 1 - T + D = 0.
+    The accelerations are -omega^2 times the displacements at the start, at the inner point and at
+    the end (`step`). The step multiplies (u, h v) by a matrix. Its trace T and determinant D are
+    polynomials of y = (omega h)^2. The eigenvalues are complex up to omega h of about 3.7 and
+    decay. At the limit an eigenvalue is 1, so 1 - T + D = 0.
 
     Parameters
     ----------

@@ -120,8 +120,11 @@ def _load_missing(
 
 
 def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
-    """Return the variants that can be used for a kernel: its variant, and the variant with all
-    features, which `tdint compile --all` creates."""
+    """Return the variants that can be used for a kernel, in order of preference.
+
+    They are its variant and the variant with all features, which `tdint compile --all` creates. The
+    latter does not contain laws of plug-ins (`outside`).
+    """
     return (variant,) if variant.outside else (variant, EVERYTHING)
 
 

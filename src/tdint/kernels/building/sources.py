@@ -170,8 +170,12 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
 
 @cache
 def _imported(file: Path, module: str) -> tuple[str, ...]:
-    """Return the imports of an external module at any indentation, except the standard library and
-    the compiler."""
+    """Return the modules that an external module (a plug-in) imports, except the standard library
+    and the compiler.
+
+    Imports at any indentation are included. For `from base import name`, both `base` and
+    `base.name` are returned, because the name can be a module.
+    """
     if file.suffix != ".py":  # a compiled module has no imports that can be read
         return ()
     package = getattr(sys.modules.get(module), "__package__", None) or ""

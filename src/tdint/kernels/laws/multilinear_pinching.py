@@ -11,7 +11,7 @@ at the end of a time step, and effects of rounding are removed.
 At each reversal, degradation reduces stiffness and strength and increases the maximum drifts by the
 fraction
 
-    peak (maximum drift / ultimate drift)^peak_exponent
+    peak (maximum drift / drift of the last backbone point)^peak_exponent
         + work ((work - elastic energy) / capacity)^work_exponent <= limit
 
 There is no degradation before the first yielding.
@@ -230,7 +230,8 @@ def _functions() -> LawFunctions:
         """Return the fraction of stiffness, drift or strength lost by one type of degradation.
 
         It is peak drift_ratio^peak_exponent + work used_capacity^work_exponent, at most the limit
-        of this type.
+        of this type. The five parameters of a type are in consecutive rows: peak, work,
+        peak_exponent, work_exponent and limit.
 
         Parameters
         ----------
@@ -241,7 +242,7 @@ def _functions() -> LawFunctions:
         row : int
             First of the five rows of the type of degradation.
         drift_ratio : float
-            Maximum drift over ultimate drift.
+            Maximum drift over the drift of the last backbone point.
         used_capacity : float
             Dissipated work over the energy capacity; not positive if the response is elastic.
         """

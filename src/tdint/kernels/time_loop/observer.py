@@ -768,7 +768,7 @@ def initialize_energies(linear_terms, totals):
 
 @outlined
 def store(ground, fitted_ground, memory, seen, row):
-    """Write one row of the history: ground acceleration, response of all floors, and energies.
+    """Write one row of the history: ground acceleration, response of all floors, and energies (J).
 
     The energies in `totals` must have been updated before.
 
