@@ -53,16 +53,14 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     Most tests integrate many different buildings, and compiling one variant of each kernel for all
     buildings is faster than compiling the specific variants (tests/kernels/test_variants.py tests
     specific variants). Tests that are selected by name, and files of command tests, need only a few
-    specific kernels.
+    specific kernels. In a fresh clone, files with short runs are tested without compilation.
 
     With several processes, each process runs the files of its part of the suite, so that their
     fixtures are created once. The process that finishes first takes tests from the end of another
     part.
     """
-    has_few_loops = _selects_few_files(config) and all(
-        "::" in argument or "/cli/" in argument for argument in map(str, config.args)
-    )
-    os.environ.setdefault("TDINT_KERNELS", "" if has_few_loops else "whole")
+    if "TDINT_KERNELS" not in os.environ:
+        os.environ["TDINT_KERNELS"] = _kernels_of(config)
     if config.getoption("numprocesses", None) and config.getoption("dist", "") == "no":
         config.option.dist = "worksteal"
 
@@ -124,6 +122,43 @@ def _selects_few_files(config: pytest.Config) -> bool:
         and len(files) <= _FEW_FILES
         and all(map(Path.is_file, files))
     )
+
+
+_SHORT_COMMANDS = (
+    *("against", "errors", "floors", "grammar", "inventory", "isolators", "law", "limits"),
+    *("output_units", "rotation", "run", "sequence", "spectrum"),
+)
+_SHORT_RUNS = {
+    "tests/analysis/run/test_steps.py",
+    "tests/model/test_limits.py",
+    *(f"tests/cli/test_{name}.py" for name in _SHORT_COMMANDS),
+}
+"""Files of tests with short runs. Without compilation they need less time than a compilation."""
+
+
+def _kernels_of(config: pytest.Config) -> str:
+    """Return the setting TDINT_KERNELS for the selected tests: whole, python, or specific kernels
+    (empty)."""
+    arguments = list(map(str, config.args))
+    if not _selects_few_files(config):
+        return "whole"
+    root = Path(__file__).parents[1]
+    files = {Path(argument.partition("::")[0]).resolve() for argument in arguments}
+    if all(file.is_relative_to(root) for file in files):
+        names = {file.relative_to(root).as_posix() for file in files}
+        if names <= _SHORT_RUNS:
+            return "" if _is_compiled() else "python"
+    is_few = all("::" in argument or "/cli/" in argument for argument in arguments)
+    return "" if is_few else "whole"
+
+
+def _is_compiled() -> bool:
+    """Return True if a time loop for all buildings was compiled from the present sources, by an
+    earlier run of all tests."""
+    from tdint.kernels.building import compilable, load_or_compile
+    from tdint.kernels.time_loop.loop import integrate
+
+    return bool(load_or_compile.list_objects([(integrate, compilable.EVERYTHING)])[0][2])
 
 
 def _is_not_about_compilation(record: logging.LogRecord) -> bool:

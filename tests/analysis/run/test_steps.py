@@ -72,13 +72,11 @@ def test_steps_and_durations_must_be_positive(dt, duration):
 def test_memory_of_run_does_not_grow_with_steps():
     """Without a history, the memory peak is equal for 31 times the number of steps. One number per
     step would need 24 kB."""
-    building = model(
-        [story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)]
-    )
+    building = model([story(1.0, 100.0, dashpot=0.1)], forces=[Force(1, 1.0, 0.0, 3.0)])
 
     def peak(steps):
         tracemalloc.start()
-        run(building, method="impulse4", dt=0.01, duration=0.01 * steps)
+        run(building, method="impulse4", dt=0.01, duration=0.01 * steps, check=False)
         size = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return size
