@@ -8,7 +8,7 @@ from matplotlib.ticker import FixedLocator
 
 
 def check(figure: Figure) -> None:
-    """AssertionError where a figure is not legible."""
+    """Raise AssertionError if a figure is not legible."""
     width, height = figure.get_size_inches()
     panels = [
         axes
@@ -52,7 +52,7 @@ def check(figure: Figure) -> None:
 
 
 def _place(axes: Any) -> tuple[Any, range, range]:
-    """Grid, rows and columns of a panel."""
+    """Return the grid, the rows and the columns of a panel."""
     position = axes.get_subplotspec()
     return position.get_gridspec(), position.rowspan, position.colspan
 

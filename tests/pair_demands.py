@@ -22,7 +22,7 @@ FALLEN = ("collapsed", "failed-story")
 
 
 def read_at2(path):
-    """Acceleration, m/s^2, and time step, s, of an AT2 file."""
+    """Return acceleration (m/s^2) and time step (s) of an AT2 file."""
     lines = path.read_text("utf-8").splitlines()
     step = float(lines[3].upper().split("DT=")[1].split()[0].rstrip(","))
     return GRAVITY * np.array(" ".join(lines[4:]).split(), float), step
@@ -52,13 +52,13 @@ def rotd100(first, second, period):
 
 
 def table(path):
-    """Rows of a CSV file."""
+    """Return the rows of a CSV file."""
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
 def pairs_of(runs, *keys):
-    """Runs of both components of each pair, which follow each other in a table of runs."""
+    """Return the runs of both components of each pair, which are adjacent in a table of runs."""
     groups = {}
     for run in runs:
         groups.setdefault(tuple(run[key] for key in keys), []).append(run)
@@ -74,7 +74,8 @@ def combined(values, rule):
 
 
 def mean_drift(runs, rule):
-    """Mean of the peak drift ratio over the pairs of one building that did not collapse."""
+    """Return the mean of the peak drift ratio over the pairs of one building that did not
+    collapse."""
     values = [
         value
         for _, pair in pairs_of(runs, "building")
@@ -84,8 +85,8 @@ def mean_drift(runs, rule):
 
 
 def loss_ratio(drift, states):
-    """Mean loss ratio of a demand: the sum over the states of the probability that it is reached or
-    exceeded times the increase of the loss."""
+    """Return the mean loss ratio of a demand: the sum over the states of the probability that it is
+    reached or exceeded times the increase of the loss."""
     reached = [
         float(norm.cdf(math.log(drift / median) / states["dispersion"]))
         for median in states["medians"]
@@ -94,11 +95,9 @@ def loss_ratio(drift, states):
 
 
 def annual_losses(damage, rule, rates, states, worth):
-    """Average annual loss of each building: rates times mean losses of the events.
-
+    """Return the average annual loss of each building: rates times mean losses of the events.
     `damage` has a row per run, `rates` and `worth` the annual rate of each event and the value of
-    each building, and `states` medians, dispersion and losses of the damage states.
-    """
+    each building, and `states` medians, dispersion and losses of the damage states."""
     losses = {}
     for (building, event), pair in pairs_of(damage, "building", "event"):
         # A pair with a collapse has the loss of a collapse.

@@ -113,7 +113,7 @@ SMOOTH = {
 
 
 def _frame(rng, n):
-    """Masses and springs of n stories with a period as frames have it."""
+    """Return masses and springs of n stories with a period that is typical of frames."""
     period = rng.uniform(0.1, 0.25) * n**0.75 + 0.1
     masses = 1e5 * rng.uniform(0.7, 1.4, n)
     springs = (
@@ -181,7 +181,7 @@ LAWS = ("linear", "bilinear", "peak-oriented", "tanh", "polynomial", "bouc-wen")
 
 
 def random_law(name, generator, stiffness, strength):
-    """A law by name with parameters that matter at the strength, N."""
+    """Return a law by name with parameters that affect the response for the strength, N."""
     hardening = float(generator.uniform(0.01, 0.1))
     return {
         "linear": LINEAR,
@@ -240,7 +240,8 @@ DEGRADING = ("imk", "multilinear-pinching")
 
 
 def _shaking(rng, dt, duration, peak):
-    """Two hundred harmonics through a filter of the ground, with a rise and a decay, m/s^2."""
+    """Return two hundred harmonics through a filter of the ground, with a rise and a decay,
+    m/s^2."""
     t = np.arange(round(duration / dt) + 1) * dt
     ground = rng.uniform(1.0, 5.0)
     frequency = rng.uniform(0.2, min(15.0, 0.4 / dt), 200)
@@ -411,8 +412,8 @@ def any_building(seed, laws=None):
 
 
 def degrading_building(number):
-    """A building of stories that lose strength and stiffness with their turns, without dampers and
-    forces on floors."""
+    """Return a building with stories that lose strength and stiffness at reversals, without dampers
+    and floor forces."""
     definition, record = any_building(number, DEGRADING)
     for story_entry in definition["stories"]:
         story_entry.pop("dashpot", None)

@@ -52,7 +52,7 @@ FOLDERS = ("cli", "configs", "records", "src", "tests")
 
 
 def files():
-    """The READMEs and the glossary."""
+    """Return the READMEs and the glossary."""
     return [README, *(path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.md")))]
 
 
@@ -74,7 +74,7 @@ def _parameters(integrator: Integrator):
 
 
 def method_table():
-    """The catalogue as a table; numbers at the defaults."""
+    """Return the catalogue as a table, with the numbers of the default parameters."""
     rows = [
         "| method | parameters | order | largest stable omega dt | rho_inf | source |",
         "|---|---|---|---|---|---|",
@@ -139,7 +139,7 @@ def _key(law: DriftLaw, parameter: LawParameter):
 
 
 def law_table():
-    """The drift laws as a table: formulas, and keys with dimension and range."""
+    """Return the drift laws as a table with formulas, and keys with dimension and range."""
     rows = ["| law | restoring force | keys |", "|---|---|---|"]
     for law in LAWS.values():
         keys = dict.fromkeys(_key(law, parameter) for parameter in law.parameters)
@@ -149,7 +149,7 @@ def law_table():
 
 
 def model_table():
-    """The models of configs with the first sentence of their comments."""
+    """Return the models of configs with the first sentence of their comments."""
     rows = ["| model | description |", "|---|---|"]
     for path in sorted((ROOT / "configs").glob("*.yaml")):
         comment = "\n".join(
@@ -209,7 +209,7 @@ def layer_table():
 
 
 def command_list():
-    """A line per command, in the groups of the help."""
+    """Return a line per command, in the groups of the help."""
     parts = []
     for group, commands in GROUPS.items():
         lines = [
@@ -223,7 +223,7 @@ MEASURES = ("pgv", "arias", "cav", "cav5", "d5-95", "sa:0.5", "sa-avg", "sdi:T1:
 
 
 def columns():
-    """The columns of every table, by command."""
+    """Return the columns of every table, by command."""
     return {
         "tdint run": responses.STORY_COLUMNS,
         "history.csv of tdint run": responses.history_columns(1, error=True),
@@ -373,8 +373,8 @@ def block(name):
 
 
 def digest(name):
-    """The text between `<!-- digest: NAME -->` and `<!-- end: digest NAME -->`: numbers that tests
-    compare."""
+    """Return the text between `<!-- digest: NAME -->` and `<!-- end: digest NAME -->`, whose
+    numbers tests compare."""
     return _unique(rf"^<!-- digest: {name} -->\n(.*?)^<!-- end: digest {name} -->")
 
 

@@ -1,4 +1,4 @@
-"""References that share no code with tdint: matrix exponentials for linear systems, DOP853 for
+"""References that share no code with tdint: matrix exponentials for linear systems, and DOP853 for
 smooth laws."""
 
 from dataclasses import replace
@@ -12,14 +12,14 @@ from tdint.model.building import assemble
 
 
 def matrices(model):
-    """Dense M (vector), C, K of a model's initial state."""
+    """Return dense M (vector), C and K of the initial state of a model."""
     building = assemble(model)
     return building.mass, building.damping_matrix(), building.stiffness_matrix()
 
 
 def exact_linear(model, record):
-    """Displacements at the samples, shape (samples, n): dense exponential of the motion with a
-    linear ground slope."""
+    """Return the displacements at the samples, shape (samples, n), by the dense exponential of the
+    motion with a linear ground acceleration."""
     m, c, k = matrices(model)
     n = m.size
     h = record.dt
@@ -41,7 +41,7 @@ def exact_linear(model, record):
 
 
 def finer(record, parts):
-    """The same motion with samples on the lines between."""
+    """Return the same motion with additional samples on the lines between its samples."""
     samples = record.acceleration.size
     times = np.arange((samples - 1) * parts + 1) / parts
     return replace(
@@ -82,8 +82,8 @@ class OscillatorResponse:
         self.end = np.array([[*x, ground[-1], 0.0]])
 
     def at(self, part):
-        """Relative displacement and velocity, absolute acceleration after this part of each
-        interval, shape (3, n)."""
+        """Return relative displacement, relative velocity and absolute acceleration after this part
+        of each interval, shape (3, n)."""
         return self._quantities(self.states @ expm(self.matrix * (part * self.h)).T)
 
     def sampled(self, parts):
@@ -93,8 +93,8 @@ class OscillatorResponse:
         return np.max([*values, np.abs(self._quantities(self.end))[:, 0]], axis=0)
 
     def largest(self, parts=50):
-        """Largest absolute values at any time, shape (3,): Brent's method at the highest of the
-        sampled peaks."""
+        """Return the largest absolute values at any time, shape (3,), by Brent's method at the
+        highest of the sampled peaks."""
         fine = np.stack(
             [np.abs(self.at(k / parts)) for k in range(parts)], axis=2
         )  # quantity, interval, part
@@ -112,7 +112,7 @@ class OscillatorResponse:
         return result
 
     def _refined(self, quantity, position, width):
-        """Largest absolute value within a width of a place, both in intervals."""
+        """Return the largest absolute value within a width of a place, both in intervals."""
 
         def negative(x):
             i = min(int(x), len(self.states) - 1)
@@ -144,11 +144,11 @@ def smooth(acceleration, u0, v0, times, rtol=1e-13, max_step=0.02):
 
 
 def orders(errors):
-    """Observed orders from errors at halved steps."""
+    """Return the observed orders from errors at halved steps."""
     errors = np.asarray(errors)
     return np.log2(errors[:-1] / errors[1:])
 
 
 def drifts(displacement):
-    """Story drifts from floor displacements, shape (times, n)."""
+    """Return story drifts from floor displacements, shape (times, n)."""
     return np.diff(displacement, axis=1, prepend=0.0)

@@ -21,7 +21,7 @@ LIBRARY = {"exp": 1, "exp2": 1, "sin": 1, "cos": 1, "tanh": 1, "pow": 2, "log1p"
 
 
 def around_the_library(convention: str) -> str:
-    """Functions of the library as another system calls them."""
+    """Return functions of the library with the calling convention of another system."""
     lines = [
         "declare ptr @memset(ptr, i32, i64)",
         f"define {convention} ptr @other_memset(ptr %p, i32 %x, i64 %n) {{",
@@ -50,7 +50,7 @@ def around_the_library(convention: str) -> str:
 
 
 def around_the_kernel(address: int, convention: str) -> str:
-    """The kernel at an address, as this system calls it."""
+    """Return the kernel at an address with the calling convention of this system."""
     types = ["ptr", "ptr"]
     for argument in SIGNATURE.arguments:
         if isinstance(argument, Scalar):
@@ -63,7 +63,7 @@ def around_the_kernel(address: int, convention: str) -> str:
 
 
 def engine_of(text: str):
-    """A module of LLVM text in memory."""
+    """Return a module of LLVM text in memory."""
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(text), machine())
     engine.finalize_object()
     return engine

@@ -12,5 +12,5 @@ def twice(x):
 
 @kernel(F8(VECTOR, F8), parts=())
 def scaled(ground, x):
-    """2 x times the second sample of the ground."""
+    """Return 2 x times the second sample of the ground motion."""
     return twice(x) * ground_at(ground, 1, 1, 1)

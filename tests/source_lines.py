@@ -1,4 +1,4 @@
-"""Lines of code of a source file, without docstrings, comments and blank lines."""
+"""Count the lines of code of a source file, without docstrings, comments and blank lines."""
 
 import ast
 from functools import cache

@@ -22,7 +22,7 @@ FORCE = Force(1, 3.0, 2.0, 5.0)
 
 
 def building(damping=None, nonlinear=False, **more):
-    """Four unequal stories with P-delta, a dashpot and a floor force."""
+    """Return four unequal stories with P-delta, a dashpot and a floor force."""
     masses, springs = (2e5, 1.5e5, 1.8e5, 1e5), (3e8, 2.5e8, 2.5e8, 1.5e8)
     laws = (
         [Law("polynomial", (k, 0.0, 40.0 * k)) for k in springs]
@@ -57,7 +57,7 @@ def matrices(model):
 
 
 def restoring_of(case, nonlinear):
-    """f(u) and its Jacobian of `building`, dense."""
+    """Return f(u) and its Jacobian of `building`, dense."""
     _, _, K = matrices(case)
     cubic = 40.0 * nonlinear * np.array([s.stiffness for s in case.stories])
     drift = np.eye(4) - np.eye(4, k=-1)
@@ -68,7 +68,7 @@ def restoring_of(case, nonlinear):
 
 
 def load(model, record, t):
-    """Load on the floors at time t, N."""
+    """Return the load on the floors at time t, N."""
     ground = np.interp(t, record.dt * np.arange(record.acceleration.size), record.acceleration)
     p = -np.array([s.mass for s in model.stories]) * ground
     for f in model.excitation.forces:
@@ -77,11 +77,8 @@ def load(model, record, t):
 
 
 def superposed(method, model, ratio, record):
-    """Displacements of a linear building, shape (steps + 1, n): the same steps on its modes, as
-    oscillators.
-
-    `ratio` is the damping ratio of a mode as a function of its omega.
-    """
+    """Return the displacements of a linear building, shape (steps + 1, n), by the same steps of its
+    modes as oscillators. `ratio` is the damping ratio of a mode as a function of its omega."""
     M, _, K = matrices(replace(model, damping=RAYLEIGH))
     squares, shapes = eigh(K, M)
     total = 0.0
@@ -124,7 +121,7 @@ SOFTENING = Law("polynomial", (100.0, -100.0))
 
 
 class SingleSteps:
-    """Steps of 1 s, one at a time, from rest: two stories of 100 N/m under floors of 1 kg."""
+    """Single steps of 1 s from rest, for two stories of 100 N/m under floors of 1 kg."""
 
     def __init__(self, method, law=SOFTENING):
         self.integrator = parse(method)
@@ -152,7 +149,7 @@ class SingleSteps:
         return code
 
     def memory(self):
-        """State and committed drift laws."""
+        """Return the state and the committed drift laws."""
         return np.vstack([self.space.state, self.space.law_state[: rows.LAW_STATE_ROWS]])
 
 

@@ -69,8 +69,8 @@ def test_class_names_are_unique_among_layers():
 
 
 def test_workspaces_are_created_in_three_modules():
-    """For a run, for the steps that measure an amplification matrix, and for the check of a
-    plug-in."""
+    """Workspaces are created for a run, for the steps that measure an amplification matrix, and for
+    the check of a plug-in."""
     calls = {
         path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "workspace"
     }

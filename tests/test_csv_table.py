@@ -84,7 +84,7 @@ def test_every_reader_refuses_endless_files(refused, tmp_path, monkeypatch):
 
 
 def test_too_large_file_is_refused_before_reading(tmp_path):
-    """A file without blocks on the disk states its size all the same."""
+    """A sparse file has its size although it has no blocks on the disk."""
     with (tmp_path / "t.csv").open("wb") as file:
         file.truncate(2**30)
     tracemalloc.start()
@@ -96,7 +96,7 @@ def test_too_large_file_is_refused_before_reading(tmp_path):
 
 
 def raises(reader, folder, text, message):
-    """A reader refuses a file with this text."""
+    """Check that a reader refuses a file with this text."""
     read, error, _ = READERS[reader]
     (folder / "t.csv").write_text(text)
     with pytest.raises(error, match=message):
@@ -235,8 +235,8 @@ def test_invalid_grids_are_refused(tmp_path, point, motions, error, message):
 
 
 def test_cells_of_table(tmp_path):
-    """Names in any case, blank lines, a byte-order mark, quoted commas and line breaks, cells that
-    a row has not."""
+    """The table has names in upper and lower case, blank lines, a byte-order mark, quoted commas
+    and line breaks, and rows with missing cells."""
     file = tmp_path / "t.csv"
     file.write_text(
         '\n A, b,Is,c\n"1, ""x""", 2, yes\n\n,-3e1,,5\n"two\nlines", "4"\n', encoding="utf-8-sig"

@@ -177,7 +177,8 @@ def test_addresses_are_written_to_citation_recipe_and_index(monkeypatch):
 
 
 def test_licenses_are_consistent():
-    """BSD-3-Clause for the program, CC BY 3.0 NZ for the recordings in records/kaikoura."""
+    """The license of the program is BSD-3-Clause, and that of the recordings in records/kaikoura is
+    CC BY 3.0 NZ."""
     module = readmes.program("release")
     citation, project = module.read()
     assert citation["license"] == "BSD-3-Clause"
@@ -205,7 +206,7 @@ def test_license_files_of_code_and_data_are_separate():
     "file", sorted((ROOT / ".github" / "workflows").iterdir()), ids=lambda file: file.stem
 )
 def test_workflows_pin_actions_and_limit_permissions(file):
-    """Actions are named by hash, rights are the least, and no job runs for hours."""
+    """Actions are pinned by hash, permissions are minimal, and no job runs for hours."""
     text = file.read_text(encoding="utf-8")
     flow = yaml.safe_load(text)
     assert flow["permissions"] == {"contents": "read"}

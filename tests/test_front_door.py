@@ -351,7 +351,8 @@ def test_mypy_accepts_program_of_all_public_names(tmp_path):
 
 @pytest.mark.slow
 def test_pyright_accepts_program_of_all_public_names(tmp_path):
-    """basedpyright is pyright with its node as a wheel, so that PyPI is enough to install it."""
+    """basedpyright is pyright with its node as a wheel, so that it can be installed from PyPI
+    alone."""
     checker = pytest.importorskip("basedpyright").__file__
     faults, output = faults_of_program(tmp_path, sys.executable, "-m", "basedpyright")
     assert checker and len(faults) == 2, output

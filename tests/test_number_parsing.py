@@ -1,4 +1,4 @@
-"""Ratios and grids from text."""
+"""Tests of ratios and grids from text."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def test_table_number_has_no_power_of_ten():
 
 
 def test_unit_of_mass_follows_from_force():
-    """1218 t in the units of a model in kip and in: 1218e3 / 175126.8 kip*s^2/in."""
+    """1218 t in the units of a model in kip and in are 1218e3 / 175126.8 kip*s^2/in."""
     mass = 1.218e6
     for units, text in (
         ("kip,in", "6.955 kip*s^2/in"),

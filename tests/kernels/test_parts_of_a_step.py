@@ -1,4 +1,5 @@
-"""Single terms of the time steps against their definitions, computed in another way here."""
+"""Tests of single terms of the time steps against their definitions, which are computed
+independently here."""
 
 import math
 

@@ -1,5 +1,5 @@
-"""The trilinear-pinching and the imk law: stated a second time, as curves instead of branches, and
-by hand."""
+"""Tests of the trilinear-pinching and the imk law against a second implementation, with curves
+instead of branches, and against calculations by hand."""
 
 import csv
 import math
@@ -20,7 +20,7 @@ LOOPS = os.environ.get("TDINT_LAW_LOOPS")
 
 
 def imposed(law, drifts):
-    """A story with stiffness and yield force 1 along a path, from rest."""
+    """Impose a path on a story with stiffness and yield force 1, from rest."""
     return along(law, drifts, stiffness=1.0)
 
 
@@ -51,8 +51,8 @@ def random_path(seed, largest, turns=40, points=15):
 
 
 class TrilinearCurves:
-    """The force is the smallest of three: reloading curve, backbone, unloading line through the
-    turn point."""
+    """A law whose force is the smallest of three: reloading curve, backbone curve, unloading line
+    through the turn point."""
 
     def __init__(self, ultimate, drift, pinching, unloading):
         self.ultimate, self.drift, self.pinching, self.unloading = (
@@ -136,7 +136,8 @@ class ImkCurves:
         )
 
     def draw(self, side, here, *points):
-        """From here over some points and the farthest one along the backbone."""
+        """Draw a curve from the present point over some points and the farthest point along the
+        backbone curve."""
         values = self.sides[side]
         far = values["far"]
         cap = (values["start"] - values["F"] + values["rise"] * values["F"]) / (
@@ -409,7 +410,7 @@ def test_dissipated_energy_does_not_decrease(law, drifts):
 @pytest.mark.parametrize("hardening", [0.02, 0.1, 0.5])
 @pytest.mark.parametrize("unloading", [0.5, 0.9])
 def test_cycles_of_hardening_peak_oriented_story(hardening, unloading):
-    """Cycles of growing and of constant amplitude: the work of a closed one is the area that it
+    """Cycles have growing and constant amplitudes. The work of a closed cycle is the area that it
     encloses."""
     for largest in (3.0, 10.0, 100.0):
         law = Law("peak-oriented", (1.0, hardening, unloading))
@@ -433,7 +434,8 @@ def test_cycles_of_hardening_peak_oriented_story(hardening, unloading):
 
 
 def test_bounds_do_not_affect_common_stories():
-    """Takeda's 0.4 with 5 % hardening unloads as stated up to a ductility of hundreds."""
+    """A Takeda story with exponent 0.4 and 5 % hardening unloads with the stated stiffness up to a
+    ductility of hundreds."""
     for ductility in (1.5, 6.0, 300.0):
         path = imposed(Law("peak-oriented", (1.0, 0.05, 0.4)), [0.0, ductility, ductility - 0.001])
         assert (path.shear[1] - path.shear[2]) / 0.001 == pytest.approx(ductility**-0.4, rel=1e-9)

@@ -36,7 +36,7 @@ def forget():
 
 @pytest.fixture(scope="module")
 def copied(tmp_path_factory):
-    """A copy of the package."""
+    """Return a copy of the package."""
     folder = tmp_path_factory.mktemp("copy") / "tdint"
     shutil.copytree(PACKAGE, folder, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
@@ -92,7 +92,7 @@ def imported(file):
 
 
 def file_of(module):
-    """The source of a module of the package, None for another name."""
+    """Return the source of a module of the package, and None for another name."""
     path = PACKAGE.parent.joinpath(*module.split("."))
     return next(
         (

@@ -1,4 +1,4 @@
-"""The direct solves of `tdint.kernels.equations.tridiagonal` against dense matrices."""
+"""Tests of the direct solvers of `tdint.kernels.equations.tridiagonal` against dense matrices."""
 
 import numpy as np
 import pytest

@@ -23,13 +23,13 @@ METHODS = (
 
 
 def published(rho_inf, gamma):
-    """q0, q1, q2 of Noh and Bathe (2019)."""
+    """Return q0, q1, q2 of Noh and Bathe (2019)."""
     q1 = (rho_inf + 1.0) / (2.0 * gamma * (rho_inf - 1.0) + 4.0)
     return 0.5 + (gamma - 1.0) * q1, q1, 0.5 - gamma * q1
 
 
 def dense_step(values, M, C, K, h, u0, v0, a0, p_inner, p1):
-    """One step of Noh and Bathe (2019), solved for the displacements."""
+    """Perform one step of Noh and Bathe (2019), solved for the displacements."""
     gamma = values[1]
     q0, q1, q2 = published(*values)
     g = gamma * h

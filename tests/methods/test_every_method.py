@@ -39,8 +39,8 @@ def test_linear_building_equals_modal_superposition(method, damping):
 
 @pytest.fixture(scope="module")
 def average_acceleration():
-    """Peak drifts of ten yielding stories by average acceleration with a 64th of the record's
-    step."""
+    """Return the peak drifts of ten yielding stories by average acceleration with a 64th of the
+    record's step."""
     return run(ten_bilinear(), noise(), method="newmark-average", dt=0.01 / 64).stories.peak_drift
 
 

@@ -1,4 +1,4 @@
-"""The iteration of impulse4: its first estimates, and when it stops."""
+"""Tests of the iteration of impulse4: its first estimates, and its stop criterion."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""A linear building under a motion that is linear between its samples: against the dense matrix
-exponential."""
+"""Tests of linear buildings, under motions that are linear between their samples, against the dense
+matrix exponential."""
 
 import numpy as np
 import pytest

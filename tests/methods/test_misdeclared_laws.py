@@ -53,7 +53,7 @@ def twice_as_stiff(law_parameters, law_state, i, previous, trial, drift):
 
 
 def secant(law_parameters, law_state, i, previous, trial, drift):
-    """The force of `tanh`, and its secant instead of its tangent."""
+    """Return the force of `tanh`, with its secant instead of its tangent."""
     LAWS["tanh"].functions().force(law_parameters, law_state, i, previous, trial, drift)
     return law_state[trial + rows.FORCE, i] / drift if drift else K
 
@@ -171,7 +171,8 @@ def true_motion(law, parameters):
 
 
 def refusal_or_errors(name):
-    """The message of the refusal, or the error of each method over the largest drift."""
+    """Return the message of the refusal, or the error of each method divided by the largest
+    drift."""
     base = CASES[name][0]
     law = law_of(name)
     try:
@@ -228,7 +229,8 @@ def test_each_set_of_parameters_is_verified():
 
 
 def test_error_in_code_of_law_is_one_line():
-    """With its file and line, before the law is compiled."""
+    """The line has the file and the line number, and the error occurs before the law is
+    compiled."""
     broken = replace(
         law_of("too-few-points"),
         name="broken",

@@ -1,4 +1,5 @@
-"""Chang, CR and KR-alpha: the compiled steps against the published formulas with dense matrices."""
+"""Tests of Chang, CR and KR-alpha: the compiled steps agree with the published equations with dense
+matrices."""
 
 import math
 
@@ -17,7 +18,8 @@ METHODS = ("chang", "cr", *KR)
 
 
 def chang(M, C, K, h):
-    """Chang (2002) as (step, start, report) for dense matrices; `restoring` is a function of u."""
+    """Return the method of Chang (2002) as (step, start, report) for dense matrices; `restoring` is
+    a function of u."""
     D = M + h / 2.0 * C + h**2 / 4.0 * K
     E = M + h / 2.0 * C
 
@@ -33,7 +35,8 @@ def chang(M, C, K, h):
 
 
 def cr(M, C, K, h):
-    """Chen and Ricles (2008), started and reported half a step away, where its velocity belongs."""
+    """Return the method of Chen and Ricles (2008), which starts and reports half a step away, where
+    its velocity is defined."""
     A = M + h / 2.0 * C + h**2 / 4.0 * K
 
     def step(restoring, u, w, a, p0, p1):
@@ -46,7 +49,7 @@ def cr(M, C, K, h):
 
 
 def kr_alpha(rho, M, C, K, h):
-    """Kolay and Ricles (2014), started and reported gamma h away."""
+    """Return the method of Kolay and Ricles (2014), which starts and reports gamma h away."""
     am, af = (2.0 * rho - 1.0) / (1.0 + rho), rho / (1.0 + rho)
     gamma = 0.5 - am + af
     beta = 0.25 * (0.5 + gamma) ** 2
@@ -65,8 +68,8 @@ def kr_alpha(rho, M, C, K, h):
 
 
 def shift(M, C, K, h, A, gamma, beta):
-    """Start w0 = v0 - gamma h A^-1 M a0 with a0 in equilibrium for this w0; report w + gamma h A^-1
-    M a."""
+    """Start with w0 = v0 - gamma h A^-1 M a0, where a0 is in equilibrium for this w0, and report w
+    + gamma h A^-1 M a."""
 
     def start(restoring, u, v, p0):
         # A q = M a0 = p0 - C (v - gamma h q) - f(u)

@@ -1,5 +1,5 @@
-"""moment4: impulse4 in linear buildings, energy kept or lost but never made in any, and the load by
-its moments."""
+"""Tests of moment4: it equals impulse4 in linear buildings, never generates energy, and integrates
+the load by its moments."""
 
 from dataclasses import replace
 from functools import cache
@@ -145,7 +145,8 @@ def test_verdicts_equal_impulse4_except_for_nonlinear_laws(name, rho_inf):
 
 
 def energies(building_model, method, h, duration):
-    """A free vibration's response and its kinetic and stored energy over that at the start."""
+    """Return the response of a free vibration, and its kinetic and stored energy over the initial
+    energy."""
     response = run(building_model, method=method, dt=h, duration=duration, history=True)
     parts = response.history.energy
     total = parts.kinetic + parts.strain
@@ -156,7 +157,7 @@ def energies(building_model, method, h, duration):
     ("cases", "seed"), [(20, 11), pytest.param(200, 0, marks=pytest.mark.slow)]
 )
 def test_energy_of_random_conservative_buildings_is_constant(cases, seed):
-    """None but for rounding is gained or lost, and few steps are halved."""
+    """The energy is constant within rounding, and few steps are halved."""
     generator = np.random.default_rng(seed)
     halved = 0
     for number in range(cases):
@@ -299,7 +300,7 @@ def test_fitted_line_has_impulse_and_moment_of_samples(begin, end):
 
 @cache
 def reference(samples=1):
-    """impulse4 at dt / 16, within 2e-10 of dt / 64."""
+    """Return the result of impulse4 at dt / 16, which is within 2e-10 of that at dt / 64."""
     response = run(OFFICE, method="impulse4", dt=DT / 16, history=True)
     return response.history.displacement[:: 16 * samples], response.stories.peak_drift
 
@@ -334,8 +335,8 @@ def test_errors_for_ten_yielding_stories_with_long_steps(samples, allowed):
     ("method", "damping", "halved"), [("moment4", None, 2), ("gauss4", FIVE_PERCENT, 0)]
 )
 def test_large_steps_of_yielding_building_converge(method, damping, halved):
-    """A tenth to a quarter of the fundamental period of a yielding building, where Newton's plain
-    iteration cycles."""
+    """The steps are a tenth to a quarter of the fundamental period of a yielding building, where
+    plain Newton iterations cycle."""
     building_model = ten_bilinear(damping)
     building_model = replace(
         building_model,
@@ -351,8 +352,8 @@ def test_large_steps_of_yielding_building_converge(method, damping, halved):
 
 
 def turns_from_rest(monkeypatch, damping):
-    """Stories that turn in ten steps from rest under a ramp of ground acceleration; the step as it
-    is written."""
+    """Perform ten steps from rest, in plain Python, of stories that reverse under a ramp of ground
+    acceleration."""
     building_model = model(
         [story(1e5, 4e7, Law("peak-oriented", (1e-9, 0.9, 0.3)))] * 2, damping=damping
     )

@@ -59,7 +59,7 @@ def test_building_with_p_delta_dashpot_and_force_agrees_with_formulas(method):
 
 
 def test_small_steps_of_houbolt_have_no_cancellation():
-    """On older displacements Houbolt's period of 1e5 steps has an error of 4e-10."""
+    """With older displacements, Houbolt's period of 1e5 steps has an error of 4e-10."""
     case = oscillator(2.0 * np.pi, displacement=(1.0,))
     end = run(case, method="houbolt", dt=1e-5, duration=1.0, history=True).history.displacement[
         -1, 0

@@ -1,5 +1,5 @@
-"""The explicit method of Noh and Bathe (2013): the compiled step against dense formulas, and the
-path of the drift laws through the first substep."""
+"""Tests of the explicit method of Noh and Bathe (2013): the compiled step against dense equations,
+and the path of the drift laws through the first substep."""
 
 import numpy as np
 import pytest
@@ -85,7 +85,7 @@ def test_story_laws_follow_path_through_end_of_first_substep():
 
 @pytest.mark.parametrize("p", [0.3, 0.5, P, 0.6])
 def test_coefficients_are_consistent(p):
-    """A constant acceleration is integrated exactly, and so are displacement and velocity under an
+    """A constant acceleration is integrated exactly, as are displacement and velocity under an
     acceleration that is linear in time."""
     _, u_by_a0, u_by_ac, w_by_a0, w_by_ac, v_by_a0, v_by_ac, v_by_a1 = coefficients_of(p)
     assert u_by_a0 + u_by_ac == pytest.approx(1.0 / 2.0, rel=1e-14)

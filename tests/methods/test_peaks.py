@@ -93,8 +93,9 @@ def test_peak_error_is_at_most_error_of_motion_or_steps(buildings, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_peak_errors_of_linear_buildings_are_of_order_of_method(buildings, method):
-    """From dt/2 to dt/8, in the mean of the stories of two buildings; accelerations with order 2 at
-    least. The peak velocities of noh-bathe reach their order from dt/4 on."""
+    """The order is observed from dt/2 to dt/8, in the mean of the stories of two buildings, and
+    that of accelerations is at least 2. The peak velocities of noh-bathe reach their order from
+    dt/4 on."""
     errors = np.zeros((len(QUANTITIES), 2))
     pair = (4, 16) if method == "noh-bathe" else (2, 8)
     for building, record, truth in buildings[:2]:
@@ -156,8 +157,8 @@ def test_reference_peaks_agree_with_dop853():
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 @pytest.mark.parametrize("parts", [1, 3])
 def test_total_shear_of_top_story_is_inertia_force_of_roof(method, parts):
-    """Its total shear is the floor's mass times its absolute acceleration, at all times: so are the
-    peaks."""
+    """The total shear of the top story is the mass of the roof times its absolute acceleration at
+    all times, and so are the peaks."""
     for building, record in ((ten_bilinear(), noise()), (FRAME, noise(seed=3).scaled(1.5))):
         stories = run(building, record, method=method, dt=record.dt / parts).stories
         assert stories.peak_total_shear[-1] == pytest.approx(
@@ -185,7 +186,7 @@ def test_acceleration_peaks_at_yielding_are_found():
 
 
 def test_peaks_are_continuous_in_strength():
-    """Strengths that differ by so little as 5e-4: what peaks change by is a few times that."""
+    """For strengths that differ by only 5e-4, the peaks change by a few times this difference."""
     for method in ("moment4", "gauss4"):
         peaks = []
         for part in (0.9795, 0.98):
@@ -202,7 +203,8 @@ def test_peaks_are_continuous_in_strength():
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 def test_maximum_force_beyond_capping_is_capping_force(method):
-    """It is the capping force, reached within a step; impulse4 locates when to 1e-9 of the step."""
+    """The maximum force is the capping force, which is reached within a step; impulse4 locates this
+    time to 1e-9 of the step."""
     law = {
         "type": "imk",
         "yield_force": 4e5,

@@ -19,7 +19,7 @@ def test_dataclass_may_inherit_from_public_class(name):
 
     @dataclass(frozen=True)
     class Extended(base):
-        """A class with a field of its own."""
+        """A class with an additional field."""
 
         remark: str = "none"
         length: InitVar[int] = 0

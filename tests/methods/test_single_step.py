@@ -1,5 +1,5 @@
-"""Roots at infinity of the single-step methods: what `tdint methods` prints must not hang on how
-they are computed."""
+"""Tests of the roots at infinity of the single-step methods. The output of `tdint methods` must not
+depend on the computation of the roots."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from tdint.methods.single_step import collocation, collocation_theta
     ]
 )
 def eigenvalues(request, monkeypatch):
-    """numpy's eigvals as several versions of numpy and LAPACK return the same roots."""
+    """Return the roots of numpy's eigvals in the orders of several versions of numpy and LAPACK."""
     original = np.linalg.eigvals
 
     def eigvals(matrix):

@@ -1,5 +1,5 @@
-"""Buildings of stories that pinch, soften and fail: order 4, energy, two routes, collapse at its
-time."""
+"""Tests of buildings with stories that pinch, soften and fail: order 4, energy, two independent
+solutions, time of collapse."""
 
 from dataclasses import replace
 
@@ -16,7 +16,8 @@ MASS = 2e5
 
 
 def building(name, seed, **more):
-    """Two to six stories of random properties, weaker and softer towards the roof."""
+    """Return two to six stories with random properties, which are weaker and softer towards the
+    roof."""
     random = np.random.default_rng(seed)
     n = int(random.integers(2, 7))
     stories = []
@@ -54,7 +55,7 @@ def imk(random, strength, dy):
 
 
 def multilinear(random, strength, dy):
-    """Other sides, sometimes, and degradation."""
+    """Return a law with degradation and, in some cases, with different sides."""
     sides = []
     for weaker in (1.0, random.choice([1.0, 0.9])):
         drifts = dy * np.cumsum([1.0, *random.uniform(2.0, 6.0, 3)])
@@ -107,8 +108,8 @@ def failing(**more):
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average"])
 def test_failed_story_is_reported(method):
-    """To yield 0.05 m in 0.0169 s, on against 5 N and more: it fails at 0.3 m with v^2 = 9 - 0.25 -
-    2 (1.25 + ...)."""
+    """The story yields at 0.05 m after 0.0169 s and then moves against 5 N and more. It fails at
+    0.3 m with v^2 = 9 - 0.25 - 2 (1.25 + ...)."""
     response = run(failing(), method=method, dt=0.01, duration=0.5, history=True)
     rise = 0.5 / 0.4
     work = 0.5 * 5.0 * 0.05 + 5.0 * 0.25 + 0.5 * rise * 0.25**2
@@ -134,7 +135,7 @@ def test_failed_story_is_reported(method):
 
 
 def test_collapse_before_story_failure_is_reported():
-    """A drift ratio of 0.02 is passed before the story fails at 0.03."""
+    """The drift ratio 0.02 is exceeded before the story fails at 0.03."""
     response = run(
         replace(failing(), collapse_drift=0.02), method="impulse4", dt=0.01, duration=0.5
     )

@@ -26,7 +26,7 @@ TWO = CapacityCurve((0.02, 0.08), (0.15, 0.2))
 
 
 def restated(curve, n, soft):
-    """Drifts and forces of the stories for a mass of 1 t, by matrices."""
+    """Return drifts and forces of the stories for a mass of 1 t, by matrices."""
     m = np.ones(n)
     m[-1] = 0.75 if n > 1 else 1.0
     m /= m.sum()

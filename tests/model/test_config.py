@@ -264,7 +264,7 @@ def test_many_stories_share_one_entry() -> None:
 
 
 def test_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
-    """100 kN at 1 cm/s to the power 0.5 are 1e5 N (100 s/m)^0.5 = 1e6 N (s/m)^0.5."""
+    """100 kN at 1 cm/s with exponent 0.5 are 1e5 N (100 s/m)^0.5 = 1e6 N (s/m)^0.5."""
     file = tmp_path / "model.yaml"
     file.write_text(
         "units: {length: cm, force: kN, mass: kg}\n"

@@ -1,4 +1,5 @@
-"""Weights, percentages, damping in one word, misspelled sections, models without a file."""
+"""Tests of weights, percentages, damping in one word, misspelled sections, and models without a
+file."""
 
 import io
 import math

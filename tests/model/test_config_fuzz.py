@@ -1,5 +1,4 @@
-"""Which texts are numbers, and that no text at all gives anything but a sound model or a
-`ModelError`."""
+"""Tests of texts that are numbers. Any text gives a valid model or a `ModelError`."""
 
 import io
 import re
@@ -126,7 +125,7 @@ def test_any_sequence_of_tokens_is_read_or_refused(text: str) -> None:
 
 
 def flow(tree: object) -> str:
-    """A tree of lists, mappings and texts as YAML."""
+    """Return a tree of lists, mappings and texts as YAML."""
     if isinstance(tree, dict):
         return "{" + ", ".join(f"{key}: {flow(value)}" for key, value in tree.items()) + "}"
     if isinstance(tree, list):

@@ -26,7 +26,7 @@ NUMBERS = (
 
 
 def read(text: str, more: str = "") -> Story:
-    """A story with a law, in SI."""
+    """Return a story with a law, in SI units."""
     model = (
         f"units: {{force: kN, length: mm, mass: kg}}\nstories: [{{mass: 1, {more}law: {{{text}}}}}]"
     )
@@ -34,7 +34,7 @@ def read(text: str, more: str = "") -> Story:
 
 
 def law(text: str) -> tuple[float, ...]:
-    """Parameters of the law of a story with k = 1 kN/mm, in SI."""
+    """Return the parameters of the law of a story with k = 1 kN/mm, in SI units."""
     return read(text, "stiffness: 1, ").law.parameters
 
 

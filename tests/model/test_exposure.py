@@ -108,8 +108,8 @@ def of_all_kinds() -> dict[str, list[InventoryRow]]:
 
 
 def test_exposure_model_equals_inventory() -> None:
-    """The same buildings, places, numbers and costs in each form of the model. A tag with the name
-    of a column that the rules read gets a prefix."""
+    """Buildings, places, numbers and costs are the same in each form of the model. A tag with the
+    name of a column that the rules read gets a prefix."""
     Path("inventory.csv").write_text(BY_HAND)
     classes = read_classes(str(CONFIGS / "capacity-classes.csv"))
     expected = list(read_inventory("inventory.csv", 1.0, classes=classes)[0])
@@ -142,8 +142,9 @@ def test_exposure_model_equals_inventory() -> None:
 def test_asset_values_by_type_of_cost_and_area(
     cost: str, area: str, values: tuple[float, float]
 ) -> None:
-    """The value of an asset (number times cost of a building) by the definitions of OpenQuake: of
-    all its buildings, per building, or per area, which is of all or per building."""
+    """The value of an asset (number times cost of a building) follows the definitions of OpenQuake:
+    for all its buildings, per building, or per area, which is the area of all buildings or of one
+    building."""
     old = '<costType name="structural" type="per_asset"'
     text = in_xml().replace(old, old.replace("per_asset", cost))
     Path("e.xml").write_text(text.replace('<area type="per_asset"', f'<area type="{area}"'))

@@ -60,8 +60,8 @@ def test_building_has_period_of_its_type(stories):
 
 @pytest.mark.parametrize("stories", [2, 3, 5, 12, 50])
 def test_strength_follows_from_mass_of_first_mode(stories):
-    """alpha1(n) is fitted to that share of the mass of a chain of n equal masses and springs; to 8
-    / pi^2 for many."""
+    """alpha1(n) is fitted to the mass of the first mode of a chain of n equal masses and springs,
+    over the total mass; its limit for large n is 8 / pi^2."""
     made = derive(BuildingFacts("S1", stories, 1990, 800.0))
     row = hazus_types()[made.design_level, made.type]
     chain = 2.0 * np.eye(stories) - np.eye(stories, k=1) - np.eye(stories, k=-1)

@@ -97,8 +97,8 @@ def test_limits_require_isolators_or_heights():
 
 
 def test_story_means_are_compared_and_maximum_ratio_governs():
-    """Two motions, three stories: the means are 0.015, 0.02 and 0.005; the ratios 1.5, 1 and 2. The
-    mean of the maxima (0.025) and the story with the maximum mean are different."""
+    """For two motions and three stories, the means are 0.015, 0.02 and 0.005, and the ratios 1.5, 1
+    and 2. The mean of the maxima (0.025) and the story with the maximum mean are different."""
     ratios = np.array([[0.025, 0.015, 0.004], [0.005, 0.025, 0.006]])
     peaks = {"peak_drift_ratio": ratios}
     limits = [Limit("", "drift_ratio", (0.01, 0.02, 0.0025))]
@@ -123,7 +123,8 @@ def test_residual_drift_ratio_is_absolute_drift_over_height():
 
 
 def test_unknown_demand_does_not_meet_limit():
-    """No comparison with nan is true, and a nan does not hide behind another story."""
+    """A comparison with nan is never true, and a nan is reported even if another story has a larger
+    ratio."""
     peaks = {"peak_drift_ratio": np.array([[NAN, 0.001]])}
     (check,) = check_limits([Limit("", "drift_ratio", (0.01, 0.01))], peaks, np.ones(2), ["a"])
     assert not check.within and check.story == 1
@@ -184,7 +185,8 @@ def sine(size, frequency):
 
 
 def test_limit_check_of_many_runs_uses_story_means():
-    """The mean over the records in each story, then the maximum over the stories, by numpy."""
+    """The result is the mean over the records in each story, then the maximum over the stories, by
+    numpy."""
     model, records = frame("{modal: 5%}"), [sine(1.0, 9.0), sine(2.0, 30.0), sine(0.5, 14.0)]
     runs = tdint.run_many(model, records, scales=[1.0, 2.0])
     checks = runs.limit_checks(0.01)

@@ -17,7 +17,7 @@ from tdint.model.modes import FreeVibration
 
 @pytest.mark.parametrize("stories", [101, 3000])
 def test_single_frequencies_of_uniform_building(stories):
-    """omega_j = 2 sqrt(k / m) sin((2 j - 1) pi / (2 (2 n + 1)))."""
+    """The frequencies are omega_j = 2 sqrt(k / m) sin((2 j - 1) pi / (2 (2 n + 1)))."""
     mass, stiffness, link = np.full(stories, 2e5), np.full(stories, 3e8), np.ones(stories)
     link[0] = 0.0
     vibration = FreeVibration(mass, stiffness, link)
@@ -65,7 +65,7 @@ def test_first_mode_agrees_with_solution_for_all_modes(seed):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_first_frequency_bound_is_maximum_row_sum(seed):
-    """sqrt(max_i sum_j |M^-1 K|_ij) >= the largest frequency (Gershgorin)."""
+    """By Gershgorin, sqrt(max_i sum_j |M^-1 K|_ij) is an upper bound of the largest frequency."""
     rng = np.random.default_rng(seed)
     masses, springs = rng.uniform(1e5, 4e5, 7), rng.uniform(1e8, 9e8, 7)
     building = assemble(model([story(m, k) for m, k in zip(masses, springs, strict=True)]))

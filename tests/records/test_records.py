@@ -81,7 +81,8 @@ def test_final_velocity_is_zero(name):
 
 
 def test_samples_of_reference_motion():
-    """The motion of the published comparisons, so that no change of the maker passes unseen."""
+    """The motion of the published comparisons is fixed, so that any change of its generator is
+    detected."""
     acceleration = read_record(FOLDER / "firm-soil.mseed", component="HN1").acceleration
     assert acceleration[1000] == pytest.approx(0.4338568487862746, rel=1e-12)
     assert acceleration[2500] == pytest.approx(-0.07326727990833307, rel=1e-12)

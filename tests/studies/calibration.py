@@ -45,7 +45,7 @@ def log_probability(points):
 
 
 def slopes(point):
-    """Derivatives of the roof's motion in terms of the noise, a column for each number."""
+    """Return the derivatives of the roof's motion over the noise, with a column for each number."""
     numbers = {name: [value] for name, value in zip(truth, point, strict=True)}
     runs = tdint.run_many(
         frame, ground, vary=numbers, history="displacement", every=10, gradient=list(truth)

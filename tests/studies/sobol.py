@@ -1,4 +1,4 @@
-"""Which number of a building its largest drift hangs on: Sobol indices by SALib."""
+"""Sobol indices, by SALib, of the largest drift of a building for each of its parameters."""
 
 import numpy as np
 from SALib.analyze import sobol as indices

@@ -1,5 +1,5 @@
-"""A surrogate of the largest drift from 10 000 runs: a polynomial of logarithms, judged on runs it
-has not seen."""
+"""A surrogate of the largest drift from 10 000 runs: a polynomial of logarithms, with errors for
+runs that were not used in the fit."""
 
 import numpy as np
 

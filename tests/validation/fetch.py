@@ -118,7 +118,7 @@ def _keep(source: Source, data: bytes, where: str) -> Path:
 
 
 def main() -> int:
-    """The command."""
+    """Run the command."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

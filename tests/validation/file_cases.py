@@ -1,4 +1,4 @@
-"""Cases of the page that need a file: shipped records, or what `fetch.py` gets."""
+"""Cases of the page that require a file: shipped records, or files that `fetch.py` downloads."""
 
 from pathlib import Path
 
@@ -31,8 +31,8 @@ def _spectral_displacements(pairs: list[tuple[float, float]], unit: float) -> Ar
 
 
 def _frame() -> Array:
-    """Chopra's five-story frame: roof displacement (cm), shears of story 5 and 1 (kN), base moment
-    (kN m)."""
+    """Return roof displacement (cm), shears of story 5 and 1 (kN) and base moment (kN m) of
+    Chopra's five-story frame."""
     model = tdint.load_model(
         {
             "units": {"length": "m", "force": "kN", "mass": "t"},
@@ -60,7 +60,7 @@ def _two_stories() -> Array:
 
 
 def el_centro_cases() -> tuple[ValidationCase, ...]:
-    """Chopra's spectra and frames under El Centro."""
+    """Return Chopra's spectra and frames under El Centro."""
     book = (
         "A. K. Chopra, section 6.4, figures 6.6.2, 6.8.4 and 7.4.3a; OpenSees' sdofTransient "
         "verification has the same"
@@ -123,7 +123,7 @@ def el_centro_cases() -> tuple[ValidationCase, ...]:
 
 
 def berkeley_cases() -> tuple[ValidationCase, ...]:
-    """Spectra that a network published with its record."""
+    """Return spectra that a network published with its record."""
     periods = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0)
     published = {
         0.02: (0.025499, 0.099746, 0.13405, 0.14782, 0.11189, 0.10662, 0.099191),

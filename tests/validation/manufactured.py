@@ -51,7 +51,7 @@ class Observed:
 
 
 def model(law: str) -> dict[str, Any]:
-    """The oscillator of 1 kg, its dashpot, and the harmonics of its force."""
+    """Return the oscillator of 1 kg, its dashpot, and the harmonics of its force."""
     declaration, force = LAWS[law]
     story: dict[str, Any] = {"mass": 1.0, "law": dict(declaration), "dashpot": DAMPER}
     if law == "tanh":
@@ -103,6 +103,6 @@ def observe(method: str, law: str) -> Observed | None:
 
 
 def observe_all() -> list[Observed]:
-    """All methods on all smooth laws."""
+    """Return the observations of all methods for all smooth laws."""
     found = (observe(name, law) for law in LAWS for name in catalogue())
     return [observed for observed in found if observed is not None]

@@ -40,7 +40,7 @@ class Frame:
     ratio: float = 0.05
 
     def rayleigh(self) -> tuple[float, float]:
-        """Factors of mass and stiffness."""
+        """Return the factors of mass and stiffness of Rayleigh damping."""
         upper = np.append(self.stiffness[1:], 0.0)
         k = np.diag(self.stiffness + upper) - np.diag(upper[:-1], 1) - np.diag(upper[:-1], -1)
         root = 1.0 / np.sqrt(self.mass)
@@ -52,7 +52,7 @@ class Frame:
 
 
 def problems() -> dict[str, Frame]:
-    """The models by name."""
+    """Return the models by name."""
     ten = np.full(10, 200e3)
     springs = np.full(10, 3.5e8)
     steps = np.arange(10)
@@ -77,7 +77,7 @@ def problems() -> dict[str, Frame]:
 
 
 def ours(frame: Frame) -> Array:
-    """Largest drifts at the steps as tdint computes them, m."""
+    """Return the largest drifts at the steps as tdint computes them, m."""
     import tdint
 
     stories = []

@@ -72,12 +72,12 @@ def tdint_command(*arguments: str) -> str:
 
 
 def number(value: float) -> str:
-    """A number as the page has it."""
+    """Return a number in the format of the page."""
     return f"{value:.7g}" if value else "0"
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table."""
+    """Return a table."""
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
@@ -109,7 +109,7 @@ def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> s
 def with_file(
     results: list[ValidationResult], name: str, group: Callable[[], Sequence[ValidationCase]]
 ) -> str:
-    """Cases that need a fetched file, or how to get it."""
+    """Return cases that need a fetched file, or the instruction to fetch it."""
     source = SOURCES[name]
     if not source.here():
         return (
@@ -123,7 +123,7 @@ def with_file(
 
 
 def code_verification(results: list[ValidationResult]) -> str:
-    """a."""
+    """Return section a of the page, the verification of the code."""
     orders = []
     for row in csv.DictReader(io.StringIO(tdint_command("order", "--frequency-ratio", "0.5"))):
         orders.append(
@@ -169,7 +169,7 @@ def _short(text: str) -> str:
 
 
 def other_programs() -> str:
-    """c."""
+    """Return section c of the page, the comparison with other programs."""
     import opensees
 
     kept = opensees.kept()
@@ -204,7 +204,7 @@ def other_programs() -> str:
 
 
 def work_precision() -> str:
-    """g."""
+    """Return section g of the page, the work-precision diagrams."""
     picture = HERE / "work-precision.png"
     text = tdint_command(*WORK_PRECISION, f"--plot={picture}", "--overwrite")
     command = " ".join(("tdint", *WORK_PRECISION))
@@ -238,7 +238,7 @@ WORK_PRECISION = (
 
 
 def recorded_structures(results: list[ValidationResult]) -> str:
-    """f."""
+    """Return section f of the page, the recorded structures."""
     source = SOURCES["shake-table"]
     if not source.here():
         return (
@@ -296,7 +296,7 @@ def _anchor(title: str) -> str:
 
 
 def main() -> int:
-    """The command."""
+    """Run the command."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -17,8 +17,8 @@ PUBLISHED = (0.951, 0.970, 0.971, 0.985, 0.951, 0.912)
 
 
 def compared(path: Path, command: Callable[..., str]) -> list[float]:
-    """Correlations of floors 1 to 3 and ratios of their peaks, computed over recorded, 0.5 to 25
-    Hz."""
+    """Return the correlations of floors 1 to 3 and the ratios of their peaks, computed over
+    recorded, 0.5 to 25 Hz."""
     with TemporaryDirectory() as folder:
         model, recorded = Path(folder) / "frame.yaml", Path(folder) / "recorded.yaml"
         stories = [{"mass": 1.0, "stiffness": stiffness} for stiffness in STIFFNESS]
@@ -41,7 +41,7 @@ def compared(path: Path, command: Callable[..., str]) -> list[float]:
 
 
 def shake_table_cases(path: Path, command: Callable[..., str]) -> tuple[ValidationCase, ...]:
-    """Floors computed and recorded."""
+    """Return the cases of computed and recorded floors."""
     floors = tuple(
         f"{what}, floor {floor}"
         for what in ("correlation", "ratio of peaks")

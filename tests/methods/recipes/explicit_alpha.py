@@ -41,8 +41,8 @@ def step(
     scratch,
     step_status,
 ):
-    """One step; row ACCELERATION of the state is the method's own, which lags behind that of
-    equilibrium."""
+    """Perform one step. The row ACCELERATION of the state is the acceleration of the method, which
+    lags behind that of equilibrium."""
     n = linear_terms.shape[1] - 1
     alpha, beta, gamma = coefficients[ALPHA], coefficients[BETA], coefficients[GAMMA]
     for i in range(n):
@@ -71,13 +71,14 @@ def step(
 
 
 def coefficients(rho_b):
-    """By the spectral radius at the bifurcation."""
+    """Return the coefficients for a spectral radius at the bifurcation."""
     alpha = (2.0 * rho_b - 1.0) / (1.0 + rho_b)
     return alpha, (5.0 - 3.0 * rho_b) / ((1.0 + rho_b) ** 2 * (2.0 - rho_b)), 1.5 - alpha
 
 
 def limit(rho_b):
-    """Largest stable omega h without damping, where a root of the amplification matrix is -1."""
+    """Return the largest stable omega h without damping, at which a root of the amplification
+    matrix is -1."""
     return math.sqrt(12.0 * (1.0 + rho_b) * (2.0 - rho_b) / (10.0 - 5.0 * rho_b + rho_b**2))
 
 

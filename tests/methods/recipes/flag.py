@@ -23,7 +23,7 @@ def _functions():
 
     @inline
     def way_between(law_parameters, i):
-        """Drift between the two sloping lines along k."""
+        """Return the drift between the two sloping lines along k."""
         soft = (1.0 - law_parameters[HARDENING, i]) * law_parameters[rows.STIFFNESS, i]
         return law_parameters[LOSS, i] * law_parameters[STRENGTH, i] / soft
 

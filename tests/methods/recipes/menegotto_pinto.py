@@ -22,7 +22,7 @@ def _functions():
 
     @inline
     def on_curve(law_parameters, law_state, i, own, drift):
-        """Force and tangent at a drift on the present curve."""
+        """Return force and tangent at a drift on the present curve."""
         k = law_parameters[rows.STIFFNESS, i]
         b = law_parameters[HARDENING, i]
         reach = law_state[own + REACH, i]

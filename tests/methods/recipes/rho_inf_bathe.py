@@ -48,7 +48,7 @@ def step(
     scratch,
     step_status,
 ):
-    """One step; the unknown of each balance is the acceleration at its end."""
+    """Perform one step; the unknown of each equilibrium is the acceleration at its end."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
@@ -111,7 +111,7 @@ def step(
 
 
 def coefficients(rho_inf, gamma):
-    """Noh and Bathe (2019), eqs. 6 to 8."""
+    """Return the coefficients by eqs. 6 to 8 of Noh and Bathe (2019)."""
     q1 = (rho_inf + 1.0) / (2.0 * gamma * (rho_inf - 1.0) + 4.0)
     q2 = 0.5 - gamma * q1
     return gamma, 1.0 - q1 - q2, q1, q2

@@ -38,7 +38,7 @@ G = 1.0 - math.sqrt(0.5)
 
 
 class _Rows(NamedTuple):
-    """Rows of work."""
+    """Rows of the scratch array."""
 
     LOAD: int = 2  # at the start and at the end
     V: int = 1
@@ -69,7 +69,7 @@ def step(
     scratch,
     step_status,
 ):
-    """One step: one factorization, two solves."""
+    """Perform one step, with one factorization and two solutions."""
     n = linear_terms.shape[1] - 1
     by = G * h
     factors = Factors(scratch, ROW.PIVOT, ROW.COUPLING, STORE)

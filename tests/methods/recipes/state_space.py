@@ -1,5 +1,6 @@
-"""A linear building by SciPy's matrix exponential: exact for a ground acceleration that is linear
-between its samples (Van Loan 1978, IEEE Transactions on Automatic Control 23)."""
+"""A method for linear buildings by SciPy's matrix exponential. It is exact for a ground
+acceleration that is linear between its samples (Van Loan 1978, IEEE Transactions on Automatic
+Control 23)."""
 
 import numpy as np
 from scipy.linalg import expm
@@ -8,7 +9,7 @@ from tdint.plugin import Problem
 
 
 def state_space(problem: Problem):
-    """Times and displacements at the samples."""
+    """Return times and displacements at the samples."""
     building, h, n = problem.building, problem.interval, problem.building.stories
     # d/dt of (u, h v, ground, h ground') over a step as the unit of time
     matrix = np.zeros((2 * n + 2, 2 * n + 2))
