@@ -50,7 +50,7 @@ MASKED = np.ma.array([0.1, 0.2], mask=[True, False])
 STORY = {"stories": [{"mass": 1e3, "stiffness": 1e6}]}
 
 
-def odd(call, *values):
+def invalid_call(call, *values):
     """Return a test parameter with a call for each of the values."""
     return [pytest.param(lambda value=value: call(value), id=repr(value)[:9]) for value in values]
 
@@ -58,16 +58,16 @@ def odd(call, *values):
 @pytest.mark.parametrize(
     "call",
     [
-        *odd(
+        *invalid_call(
             lambda r: tdint.order("newmark-average", frequency_ratio=r),
             math.nan,
             math.inf,
             1e6,
             "x",
         ),
-        *odd(lambda s: tdint.order("newmark-average", load="record", stride=s), 1.5),
-        *odd(lambda d: tdint.overshoot("newmark-average", damping=d), math.nan, -1, "x"),
-        *odd(
+        *invalid_call(lambda s: tdint.order("newmark-average", load="record", stride=s), 1.5),
+        *invalid_call(lambda d: tdint.overshoot("newmark-average", damping=d), math.nan, -1, "x"),
+        *invalid_call(
             lambda h: tdint.overshoot("newmark-average", dt_over_t=h),
             -1,
             0.0,
@@ -75,14 +75,16 @@ def odd(call, *values):
             math.inf,
             "x",
         ),
-        *odd(lambda n: tdint.overshoot("newmark-average", steps=n), 0),
-        *odd(lambda d: tdint.stability("hht", [0.1], damping=d), -1, math.nan, "x"),
-        *odd(lambda h: tdint.stability("hht", h), [], [-1.0], [math.nan], [1.0, 0.1], ["x"]),
-        *odd(lambda x: fit_cloud(*CLOUD, lower_threshold=x), math.nan, "x"),
-        *odd(lambda b: tdint.fragility("x.csv", modeling_dispersion=b), "x", -1, math.nan),
-        *odd(lambda x: tdint.run_many(STORY, None, vary={"damping": x}), MASKED),
-        *odd(lambda x: tdint.load_model(STORY).replace(damping=x), 10**400),
-        *odd(lambda name: refuse_network(Path(name)), "\0"),
+        *invalid_call(lambda n: tdint.overshoot("newmark-average", steps=n), 0),
+        *invalid_call(lambda d: tdint.stability("hht", [0.1], damping=d), -1, math.nan, "x"),
+        *invalid_call(
+            lambda h: tdint.stability("hht", h), [], [-1.0], [math.nan], [1.0, 0.1], ["x"]
+        ),
+        *invalid_call(lambda x: fit_cloud(*CLOUD, lower_threshold=x), math.nan, "x"),
+        *invalid_call(lambda b: tdint.fragility("x.csv", modeling_dispersion=b), "x", -1, math.nan),
+        *invalid_call(lambda x: tdint.run_many(STORY, None, vary={"damping": x}), MASKED),
+        *invalid_call(lambda x: tdint.load_model(STORY).replace(damping=x), 10**400),
+        *invalid_call(lambda name: refuse_network(Path(name)), "\0"),
     ],
 )
 def test_numbers_out_of_range_are_refused(call):

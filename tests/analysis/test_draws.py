@@ -115,7 +115,7 @@ def same(many, separate):
     assert many.status.tolist() == separate.status.tolist()
 
 
-def by_themselves(building, values):
+def replaced_buildings(building, values):
     return [
         building.replace(**{name: float(column[d]) for name, column in values.items()})
         for d in range(DRAWS)
@@ -129,7 +129,7 @@ def test_sample_equals_building_made_by_replace(name):
     same(
         drawn,
         tdint.run_many(
-            by_themselves(building, values), RECORD, scales=[0.5, 2.0], method="impulse4"
+            replaced_buildings(building, values), RECORD, scales=[0.5, 2.0], method="impulse4"
         ),
     )
     # the varied parameters affect the results
@@ -150,7 +150,7 @@ def test_building_properties_are_determined_for_each_sample(method, more):
     building, values = CASES["bilinear, Rayleigh"]
     drawn = tdint.run_many(building, [RECORD, SHORT], vary=values, method=method, **more)
     separate = tdint.run_many(
-        by_themselves(building, values), [RECORD, SHORT], method=method, **more
+        replaced_buildings(building, values), [RECORD, SHORT], method=method, **more
     )
     same(drawn, separate)
     if "history" in more:
@@ -185,7 +185,7 @@ def test_collapsed_sample_has_status_of_single_run():
     building = model(BILINEAR, collapse_drift=0.02)
     values = {"strength_factor": np.linspace(0.1, 3.0, DRAWS)}
     drawn = tdint.run_many(building, RECORD, scales=[0.1, 3.0], vary=values)
-    same(drawn, tdint.run_many(by_themselves(building, values), RECORD, scales=[0.1, 3.0]))
+    same(drawn, tdint.run_many(replaced_buildings(building, values), RECORD, scales=[0.1, 3.0]))
     assert {"done", "collapsed"} <= set(drawn.status.tolist())
 
 

@@ -18,7 +18,7 @@ SCALES = (0.5, 1.0, -2.0)
 TWO_PERCENT = RayleighRatio((0.02, 0.02), (1, 2))
 
 
-def small(**more):
+def two_stories(**more):
     """Return a building with two bilinear stories."""
     law = Law("bilinear", (2e4, 0.05))
     return model([story(2e3, 2e6, law, height=3.0)] * 2, damping=TWO_PERCENT, **more)
@@ -32,7 +32,7 @@ def falling():
     )
 
 
-MODELS = [ten_bilinear(), small(), ten_linear()]
+MODELS = [ten_bilinear(), two_stories(), ten_linear()]
 RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
 
 
@@ -44,7 +44,11 @@ def test_histories_exceeding_memory_are_refused_with_size(monkeypatch):
         match=r"3 runs .*7\.2e-06 GB .* 1e-06 GB",
     ):
         tdint.run_many(
-            small(), RECORDS[0], scales=(0.1, 0.2, 0.3), method="newmark-average", history="drift"
+            two_stories(),
+            RECORDS[0],
+            scales=(0.1, 0.2, 0.3),
+            method="newmark-average",
+            history="drift",
         )
 
 
@@ -97,7 +101,9 @@ def test_jobs_and_history_do_not_change_results(method):
     """With a history, runs are made separately; without a history, they are made in one call. A
     method that estimates its own errors has larger arrays."""
     both = [
-        tdint.run_many(small(), RECORDS, scales=SCALES, method=method, history=kept, jobs=jobs)
+        tdint.run_many(
+            two_stories(), RECORDS, scales=SCALES, method=method, history=kept, jobs=jobs
+        )
         for kept, jobs in (("drift", 1), ((), 2))
     ]
     for quantity in STORY:
@@ -169,7 +175,7 @@ def test_histories_are_written_to_given_array(tmp_path, runs):
         "history": "drift",
         "every": 3,
     }
-    found = tdint.run_many(small(), **arguments, out=file)
+    found = tdint.run_many(two_stories(), **arguments, out=file)
     assert found.history["drift"] is file
     thinned = complete[:, : 3 * 50 : 3]
     np.testing.assert_array_equal(np.load(tmp_path / "drift.npy"), thinned.astype(np.float32))
@@ -178,11 +184,11 @@ def test_histories_are_written_to_given_array(tmp_path, runs):
         UsageError,
         match=r"out of drift must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)",
     ):
-        tdint.run_many(small(), **arguments, out={"drift": np.zeros((6, 51, 2))})
+        tdint.run_many(two_stories(), **arguments, out={"drift": np.zeros((6, 51, 2))})
     with pytest.raises(UsageError, match="one array for each of: drift, shear"):
-        tdint.run_many(small(), **{**arguments, "history": ("drift", "shear")}, out=file)
+        tdint.run_many(two_stories(), **{**arguments, "history": ("drift", "shear")}, out=file)
     with pytest.raises(UsageError, match=r"out .* no history"):
-        tdint.run_many(small(), **{**arguments, "history": ()}, out=file)
+        tdint.run_many(two_stories(), **{**arguments, "history": ()}, out=file)
 
 
 def test_zip_records_pairs_models_and_records(runs):
@@ -233,7 +239,7 @@ def test_columns_of_runs(runs):
 )
 def test_invalid_arguments_are_refused(arguments, error, message):
     with pytest.raises(error, match=message):
-        tdint.run_many(**{"models": small(), "records": RECORDS[0], **arguments})
+        tdint.run_many(**{"models": two_stories(), "records": RECORDS[0], **arguments})
 
 
 @pytest.mark.parametrize("method", ["moment4", "impulse4"])

@@ -49,7 +49,7 @@ def damage(states: DamageStates = STATES) -> BuildingDamage:
     )
 
 
-def by_hand(states: DamageStates) -> list[list[float]]:
+def expected_probabilities(states: DamageStates) -> list[list[float]]:
     """Return the probability of each outcome of each run: no damage, the damage states, and the
     collapses."""
     rows = []
@@ -78,7 +78,7 @@ def by_hand(states: DamageStates) -> list[list[float]]:
 @pytest.mark.parametrize("dispersion", [0.5, 0.0])
 def test_damage_outcomes_of_runs(dispersion: float) -> None:
     states = DamageStates(STATES.demand, STATES.states, STATES.medians, dispersion, STATES.losses)
-    of, expected = damage(states), by_hand(states)
+    of, expected = damage(states), expected_probabilities(states)
     np.testing.assert_allclose(of.probability, expected, atol=1e-15)
     losses = [0.0, 0.02, 0.2, 0.7, *[1.0] * len(FALLEN)]
     np.testing.assert_allclose(
@@ -101,7 +101,7 @@ def test_damage_outcomes_of_runs(dispersion: float) -> None:
 def test_damage_of_group_is_mean_of_runs() -> None:
     """All runs with a result have equal weight. Jackknife errors omit one motion at a time; the
     motions have different numbers of runs."""
-    of, expected = damage(), np.array(by_hand(STATES))
+    of, expected = damage(), np.array(expected_probabilities(STATES))
     motions = np.array([key.motion for key in KEYS])
     chosen = np.array([True] * 9 + [False])
     group = _Group(STATES)

@@ -15,7 +15,7 @@ from tdint.units import STANDARD_GRAVITY
 VALUES = Path(__file__).with_name("design_spectra.csv")
 
 
-def _named(text):
+def _design_spectrum(text):
     """Return the design spectrum of mapped values with SDS = 2/3 Fa SS and SD1 = 2/3 Fv S1 (ASCE
     7-16, 11.4.4 and 11.4.5)."""
     name, _, parameters = text.partition(":")
@@ -33,7 +33,7 @@ def test_code_spectra_have_published_values():
         rows = list(csv.DictReader(stream))
     assert len(rows) == 271
     for row in rows:
-        target = read_target(_named(row["spectrum"]))
+        target = read_target(_design_spectrum(row["spectrum"]))
         period, tolerance = float(row["period_s"]), float(row["tolerance_g"])
         value = float(target.at(np.array([period]))[0])
         assert period > 0.0 or value == target.zero

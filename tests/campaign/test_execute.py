@@ -36,7 +36,7 @@ def engine(plan: SimpleNamespace, numbers: Sequence[int]) -> Iterator[SimpleName
 
 
 @pytest.fixture(autouse=True)
-def nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+def no_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "compile_for", lambda plan: None)
 
 

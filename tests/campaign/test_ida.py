@@ -151,7 +151,7 @@ def test_maximum_intensity_censors_capacities(frame):
     ids=[
         "straight on logarithmic axes",
         "below the first run",
-        "not to one that ran away",
+        "not to diverged run",
         "the first counts",
     ],
 )

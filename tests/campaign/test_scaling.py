@@ -50,7 +50,7 @@ def pairs(count):
     return [Horizontals(record(2 * i, "HN1"), record(2 * i + 1, "HN2")) for i in range(count)]
 
 
-def turned(pair, measure, percentile):
+def rotated_percentile(pair, measure, percentile):
     """Return a percentile, over 180 directions, of a measure of the rotated motion, by its
     definition."""
     both = pair.first.acceleration, pair.second.acceleration
@@ -111,7 +111,7 @@ def test_measures_of_pair():
     for measured in (pga(), *map(MotionIntensity, GROUND)):
         for name, percentile in (("rotd50", 50), ("rotd100", 100)):
             assert measured.of(pair, name) == pytest.approx(
-                turned(pair, measured, percentile), rel=1e-9
+                rotated_percentile(pair, measured, percentile), rel=1e-9
             )
 
 

@@ -124,7 +124,7 @@ def test_motions_with_close_start_times_belong_to_one_event():
     assert events[0] == events[1] != events[2] and all(events[:3]) and events[3:] == ["", ""]
 
 
-def named(*files_and_events):
+def motions_with_events(*files_and_events):
     """Return motions of files with the event in their headers."""
     return [
         replace(noise(seed=seed), source=file, event=event)
@@ -134,7 +134,7 @@ def named(*files_and_events):
 
 def test_components_of_recording_belong_to_one_event():
     """One of the two files may state the event, with any spelling."""
-    motions = named(
+    motions = motions_with_events(
         ("A_067.AT2", "Loma Prieta 10/18/1989"),
         ("B_000.AT2", "LOMA PRIETA 10/18/89 00:05"),
         ("A_337.AT2", ""),
@@ -153,7 +153,9 @@ def test_components_of_recording_belong_to_one_event():
 
 def test_recordings_of_several_events_in_one_file_are_distinguished():
     """Different times in one file are different events; equal times have one label."""
-    motions = named(*[("all.csv", f"X 1/1/2001 {clock}") for clock in ("0100", "0400", "0100")])
+    motions = motions_with_events(
+        *[("all.csv", f"X 1/1/2001 {clock}") for clock in ("0100", "0400", "0100")]
+    )
     first, second, third = events_of(motions)
     assert first == third != second
 
@@ -187,7 +189,7 @@ def test_pairs_per_event_are_limited():
 
 
 def test_unknown_events_are_refused(pool):
-    motions = named(("known.AT2", "Kobe 1/16/1995"), ("one.csv", ""), ("two.csv", ""))
+    motions = motions_with_events(("known.AT2", "Kobe 1/16/1995"), ("one.csv", ""), ("two.csv", ""))
     message = (
         r"per_event: the event of 2 motions is unknown: one\.csv, two\.csv; specify the events"
     )
@@ -199,7 +201,9 @@ def test_unknown_events_are_refused(pool):
 
 
 def test_event_table_requires_one_row_per_recording():
-    motions = named(("x/A_067.AT2", ""), ("x/A_337.AT2", ""), ("x/B.mseed", ""), ("x/C.mseed", ""))
+    motions = motions_with_events(
+        ("x/A_067.AT2", ""), ("x/A_337.AT2", ""), ("x/B.mseed", ""), ("x/C.mseed", "")
+    )
     table = {"A_337": "here", "x/B.mseed": "there"}
     assert named_events(motions, table) == ["here", "here", "there", ""]
     assert named_events([Horizontals(*motions[:2])], table) == ["here"]

@@ -70,7 +70,7 @@ def _judged(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> 
     for record in after:
         if not np.isfinite(record.acceleration).all():
             raise Failure("samples that are no finite numbers")
-    if _is_a_whole_part(sound, before, after):
+    if _is_complete_part(sound, before, after):
         return UNTOLD
     if len(after) != len(before):
         return _silent(sound, COUNT, before, after, f"{len(after)} components of {len(before)}")
@@ -81,7 +81,7 @@ def _judged(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> 
     return max(outcomes, key=OUTCOMES.index)
 
 
-def _is_a_whole_part(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> bool:
+def _is_complete_part(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> bool:
     """Return True if complete components or one complete MiniSEED record are missing, because no
     file states their number."""
     if len(after) < len(before):
@@ -114,7 +114,7 @@ def _component_outcome(sound: Sound, before: Record, after: Record) -> str:
     return _silent(sound, ALL, [before], [after], "other samples")
 
 
-def _said(records: Sequence[Record]) -> list[str]:
+def _record_messages(records: Sequence[Record]) -> list[str]:
     """Return the notes and warnings on records, except doubts about samples, which any samples may
     cause."""
     notes = [note for record in records for note in (*record.notes, *record.warnings)]
@@ -126,8 +126,8 @@ def _silent(
 ) -> str:
     """Raise Failure if a change was not reported although the file still contains a statement that
     reveals it."""
-    known = set(_said(before))
-    if any(note not in known for note in _said(after)):
+    known = set(_record_messages(before))
+    if any(note not in known for note in _record_messages(after)):
         return SAID
     still_stated = all(any(what in name for name in record.header_checks) for record in after)
     if what in sound.tells and still_stated:

@@ -169,17 +169,17 @@ SCENES = {
 
 
 @dataclass(frozen=True)
-class _Made:
+class _Outputs:
     """Files that a scene has written: directory, outputs and their bytes."""
 
     folder: Path
     outputs: tuple[str, ...]
 
 
-_KEPT: dict[tuple[str, str], _Made] = {}
+_KEPT: dict[tuple[str, str], _Outputs] = {}
 
 
-def _made(name: str) -> _Made:
+def _written_outputs(name: str) -> _Outputs:
     """Run the commands of a scene once for each sandbox, and check that `rerun` approves them."""
     here = str(Path.cwd())
     if (here, name) in _KEPT:
@@ -205,7 +205,7 @@ def _made(name: str) -> _Made:
             if not file.endswith(("-wal", "-shm", ".lock"))
             and not file.startswith(("one/", "two/"))
         )
-    _KEPT[here, name] = _Made(folder, outputs)
+    _KEPT[here, name] = _Outputs(folder, outputs)
     return _KEPT[here, name]
 
 
@@ -389,7 +389,7 @@ _NOT_COMPARED = re.compile(
 )
 
 
-def _number_of_json(scene: Scene, made: _Made, source: random.Random) -> str | None:
+def _number_of_json(scene: Scene, written: _Outputs, source: random.Random) -> str | None:
     """Change a result in the JSON file."""
 
     def change(about: dict[str, Any]) -> None:
@@ -406,7 +406,7 @@ def _number_of_json(scene: Scene, made: _Made, source: random.Random) -> str | N
     return _forge(scene, change)
 
 
-def _removed_results(scene: Scene, made: _Made, source: random.Random) -> str | None:
+def _removed_results(scene: Scene, written: _Outputs, source: random.Random) -> str | None:
     """Remove a result from the JSON file."""
     about = json.loads(_json_file(scene).read_text())
     paths = [path for path in _keys(about) if not _NOT_COMPARED.search(str(path))]
@@ -424,7 +424,7 @@ def _removed_results(scene: Scene, made: _Made, source: random.Random) -> str | 
     return _forge(scene, change)
 
 
-def _more_files(scene: Scene, made: _Made, source: random.Random) -> str:
+def _more_files(scene: Scene, written: _Outputs, source: random.Random) -> str:
     """List one file more than the command writes."""
     (_json_file(scene).parent / "more.csv").write_text("a\n1\n")
 
@@ -435,9 +435,9 @@ def _more_files(scene: Scene, made: _Made, source: random.Random) -> str:
     return "more.csv"
 
 
-def _listed_file_deleted(scene: Scene, made: _Made, source: random.Random) -> str | None:
+def _listed_file_deleted(scene: Scene, written: _Outputs, source: random.Random) -> str | None:
     """Delete a file and its entries in the list."""
-    outputs = [file for file in made.outputs if Path(file) != _json_file(scene)]
+    outputs = [file for file in written.outputs if Path(file) != _json_file(scene)]
     if not outputs:
         return None
     file = Path(source.choice(outputs))
@@ -454,7 +454,7 @@ def _listed_file_deleted(scene: Scene, made: _Made, source: random.Random) -> st
     return file.name
 
 
-def _input_missing(scene: Scene, made: _Made, source: random.Random) -> str | None:
+def _input_missing(scene: Scene, written: _Outputs, source: random.Random) -> str | None:
     if not scene.inputs:
         return None
     file = Path(source.choice(scene.inputs))
@@ -462,7 +462,7 @@ def _input_missing(scene: Scene, made: _Made, source: random.Random) -> str | No
     return file.name
 
 
-def _input_changed(scene: Scene, made: _Made, source: random.Random) -> str | None:
+def _input_changed(scene: Scene, written: _Outputs, source: random.Random) -> str | None:
     if not scene.inputs:
         return None
     file = Path(source.choice(scene.inputs))
@@ -470,7 +470,7 @@ def _input_changed(scene: Scene, made: _Made, source: random.Random) -> str | No
     return file.name
 
 
-def _input_broken(scene: Scene, made: _Made, source: random.Random) -> str | None:
+def _input_broken(scene: Scene, written: _Outputs, source: random.Random) -> str | None:
     """An input that the command refuses; the attack adds --changed."""
     if not scene.inputs:
         return None
@@ -479,25 +479,25 @@ def _input_broken(scene: Scene, made: _Made, source: random.Random) -> str | Non
     return file.name
 
 
-def _other_argument(scene: Scene, made: _Made, source: random.Random) -> str:
+def _other_argument(scene: Scene, written: _Outputs, source: random.Random) -> str:
     """Append a word that makes the repeated command fail."""
     word = source.choice(("--no-such-option", "surplus\x01word", "--method=none"))
     return _forge(scene, lambda about: about["arguments"].append(word))
 
 
-def _export_fails(scene: Scene, made: _Made, source: random.Random) -> str | None:
+def _export_fails(scene: Scene, written: _Outputs, source: random.Random) -> str | None:
     if len(scene.lines) != 2:
         return None
     word = source.choice(("--by=nothing", "--polygons=none.geojson", "--event=none", "--no-such"))
     return _forge(scene, lambda about: about["export"].append(word))
 
 
-def _other_status(scene: Scene, made: _Made, source: random.Random) -> str:
+def _other_status(scene: Scene, written: _Outputs, source: random.Random) -> str:
     """Claim that the run failed."""
     return _forge(scene, lambda about: about.update(status="unstable-step"))
 
 
-ON_COMMANDS: dict[str, Callable[[Scene, _Made, random.Random], str | None]] = {
+ON_COMMANDS: dict[str, Callable[[Scene, _Outputs, random.Random], str | None]] = {
     "number in the JSON file": _number_of_json,
     "number removed from the JSON file": _removed_results,
     "longer list of files": _more_files,
@@ -529,20 +529,20 @@ def _attacks(name: str, outputs: tuple[str, ...]) -> list[tuple[str, str]]:
 
 def outcome(name: str, seed: int) -> str:
     """Attack a scene within a sandbox; raise Failure if `rerun` accepts it."""
-    made, scene = _made(name), SCENES[name]
-    attacks = _attacks(name, made.outputs)
+    written, scene = _written_outputs(name), SCENES[name]
+    attacks = _attacks(name, written.outputs)
     attack, file = attacks[seed % len(attacks)]
     source = random.Random(f"{name} {seed}")
     folder = Path(tempfile.mkdtemp(prefix=".attack-", dir=Path.cwd()))
     try:
-        shutil.copytree(made.folder, folder, dirs_exist_ok=True, symlinks=True)
+        shutil.copytree(written.folder, folder, dirs_exist_ok=True, symlinks=True)
         with chdir(folder):
-            return _attack(scene, made, (attack, file), source)
+            return _attack(scene, written, (attack, file), source)
     finally:
         shutil.rmtree(folder)
 
 
-def _attack(scene: Scene, made: _Made, attack: tuple[str, str], source: random.Random) -> str:
+def _attack(scene: Scene, written: _Outputs, attack: tuple[str, str], source: random.Random) -> str:
     what, file = attack
     if what in ON_FILES:
         before = Path(file).read_bytes()
@@ -551,7 +551,7 @@ def _attack(scene: Scene, made: _Made, attack: tuple[str, str], source: random.R
         if _is_file(Path(file)) and Path(file).read_bytes() == before:
             return EQUAL
     else:
-        named = ON_COMMANDS[what](scene, made, source)
+        named = ON_COMMANDS[what](scene, written, source)
         if named is None:
             return EQUAL
     arguments = ["rerun", scene.json_path, *(["--changed"] if what == "input broken" else [])]

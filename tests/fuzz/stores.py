@@ -127,7 +127,7 @@ def _row(file: Path, source: random.Random) -> None:
         connection.execute(statement, values)
 
 
-def _beside(file: Path, source: random.Random) -> None:
+def _additional_file(file: Path, source: random.Random) -> None:
     """Write a file that a killed process or a copy may leave next to a store."""
     end = source.choice(("-wal", "-shm", "-journal"))
     content = source.choice(
@@ -143,5 +143,5 @@ def _emptied(file: Path, source: random.Random) -> None:
 
 
 DAMAGES: tuple[Callable[[Path, random.Random], None], ...] = (
-    _bytes, _bytes, _page, _row, _row, _row, _beside, _emptied,
+    _bytes, _bytes, _page, _row, _row, _row, _additional_file, _emptied,
 )  # fmt: skip

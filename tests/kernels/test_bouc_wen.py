@@ -85,12 +85,12 @@ def test_force_does_not_depend_on_number_of_steps(exponent):
         assert lost_once == pytest.approx(lost, abs=1e-5 * FY * DY)
 
 
-def gone_straight(law_parameters, turn, drifts):
+def forces_on_straight_paths(law_parameters, turn, drifts):
     """Return the forces at drifts after a reversal, with straight paths as in most methods."""
     return [follow(law_parameters, [turn, drift])[0][-1] for drift in drifts]
 
 
-def gone_along(law_parameters, turn, drifts, go=forces_behind.function):
+def forces_by_path_integration(law_parameters, turn, drifts, go=forces_behind.function):
     """Return the forces at drifts after a reversal, with the path integration of moment4 in plain
     Python."""
     begun = law_state_table(law_parameters)
@@ -102,21 +102,23 @@ def gone_along(law_parameters, turn, drifts, go=forces_behind.function):
     return forces
 
 
-def gone_along_compiled(law_parameters, turn, drifts):
+def compiled_forces_by_path_integration(law_parameters, turn, drifts):
     """Return the forces of `gone_along`, compiled only for this law."""
     alone = Variant(("bouc-wen",), modal=False, forces=False, dashpots=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compilable, "WHOLE", False)
-        return gone_along(law_parameters, turn, drifts, forces_behind.variant(alone))
+        return forces_by_path_integration(
+            law_parameters, turn, drifts, forces_behind.variant(alone)
+        )
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 20.0])
 @pytest.mark.parametrize(
     ("gone", "reach", "size"),
     [
-        (gone_straight, 4.0, 1001),
-        (gone_along, 2.0, 201),
-        pytest.param(gone_along_compiled, 4.0, 10_001, marks=pytest.mark.slow),
+        (forces_on_straight_paths, 4.0, 1001),
+        (forces_by_path_integration, 2.0, 201),
+        pytest.param(compiled_forces_by_path_integration, 4.0, 10_001, marks=pytest.mark.slow),
     ],
 )
 def test_force_is_continuous_function_of_drift(exponent, gone, reach, size):

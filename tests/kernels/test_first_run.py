@@ -189,14 +189,14 @@ def test_compiler_is_ended_if_no_thread_can_be_started(monkeypatch, first):
 
     monkeypatch.setattr(process.subprocess, "Popen", started)
     monkeypatch.setattr(ThreadPoolExecutor, "submit", refused)
-    (kernel, variant), *_ = loops_of("ten-story")
+    (kernel, variant), *_ = required_loops("ten-story")
     with pytest.raises(AnalysisError, match="no process or thread can be started") as caught:
         list(process.run_all(process.compilations([(kernel, variant, target.NATIVE)])))
     assert "ulimit -u" in str(caught.value)
     assert [compiler.wait(30) != 0 for compiler in compilers] == ([] if first else [True])
 
 
-def loops_of(model):
+def required_loops(model):
     """Return the kernels with variants that a building needs."""
     prepared = PreparedBuilding.of(tdint.load_model(CONFIGS / f"{model}.yaml"))
     return [(integrate, prepared.variant)]
@@ -242,10 +242,10 @@ def test_first_run_succeeds_in_every_environment(tmp_path, way, cache):
         (row,) = rows(tmp_path / "out" / "stories.csv")
         assert float(row["peak_drift_m"]) == pytest.approx(compiled, rel=1e-8)
     finally:
-        end_what_is_marked(str(tmp_path))
+        end_marked_processes(str(tmp_path))
 
 
-def end_what_is_marked(mark):
+def end_marked_processes(mark):
     """End the processes with this text in their environment, because no process waits for their
     results."""
     for entry in Path("/proc").iterdir():

@@ -107,8 +107,9 @@ def pinched(drift):
 
 BACK = pinched(0.5) + 0.01 * (2.0 - pinched(0.5)) / 2.5
 BY_HAND = [
-    # From (3, 2) towards (-1, -1): down with k to 0.05 F3 past zero force, on to a quarter of the
-    # force, no farther from (-1, -1) than the line of k, up to that.
+    # The path leads from (3, 2) towards (-1, -1). It unloads with k to 0.05 F3 beyond zero force,
+    # continues to a quarter of the force, at most up to the line with slope k through (-1, -1), and
+    # then follows this line.
     (
         USUAL,
         [1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9],
@@ -121,8 +122,8 @@ BY_HAND = [
         [1.01, 0.505, 0, -0.5, -1],
         [1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1],
     ),
-    # An unloading force above that of reloading, 0.2 F3 = 0.4 and 0.3 of the yield force: both are
-    # a hundredth off their mean, each on the line that it was on.
+    # The unloading force 0.2 F3 = 0.4 is larger than the reloading force, 0.3 of the yield force.
+    # Both are replaced by their mean minus or plus a hundredth, each on its own line.
     ((0.5, 0.3, 0.2), [3, 0.6535, -0.3535, -1], [2, -0.3465, -0.3535, -1]),
     # Small reversals on the pinched segment: from 0.5 back on the straight line to (3, 2), and from
     # 0.51, where the force already exceeds 0.05 F3, straight to the start of reloading.
@@ -135,7 +136,9 @@ BY_HAND = [
 
 
 @pytest.mark.parametrize(
-    ("pinching", "drifts", "shears"), BY_HAND, ids=["a loop", "no way", "the mean", "small turns"]
+    ("pinching", "drifts", "shears"),
+    BY_HAND,
+    ids=["loop", "no drift pinching", "mean force", "small reversals"],
 )
 def test_loops_agree_with_hand_calculation(pinching, drifts, shears):
     """The backbone curve has the points (1, 1) and (3, 2), and is then flat."""

@@ -86,7 +86,7 @@ def results(law_parameters, state, rise, bend, steady=False):
     return out[:6, 0].copy()
 
 
-def by_simpsons_rule(law_parameters, state, rise, bend, parts=160):
+def simpson_moments(law_parameters, state, rise, bend, parts=160):
     """Return mean and first moment by Simpson's rule over points, between which the law is followed
     along straight drifts."""
     t = np.linspace(0.0, 1.0, 2 * parts + 1)
@@ -148,7 +148,7 @@ def test_integrals_of_force_agree_with_simpson_rule(journey):
     name, law_parameters, visited, _ = journey
     for state, rise, bend in (*visited[:4], *visited[4::7]):
         got = results(law_parameters, state.copy(), rise, bend)
-        expected = by_simpsons_rule(law_parameters, state.copy(), rise, bend)
+        expected = simpson_moments(law_parameters, state.copy(), rise, bend)
         size = abs(state[rows.FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
         assert got[:2] == pytest.approx(expected, abs=INTEGRALS.get(name, 1e-4) * size)
 

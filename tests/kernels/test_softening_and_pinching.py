@@ -177,8 +177,8 @@ class ImkCurves:
         first = (self.pinch,) if self.pinch and z < x else ()
         self.draw(side, (z, 0.0), *first, *self.aim(side, first[0] if first else (z, 0.0)))
 
-    def again(self, side):
-        """Back at the last peak."""
+    def return_to_peak(self, side):
+        """Draw a curve from the last peak."""
         values = self.sides[side]
         peak, far = values["peak"], values["far"]
         force = self.backbone(side, far)
@@ -233,7 +233,7 @@ class ImkCurves:
                     self.to(x, self.f + self.slope * (x - self.x))
                     return
                 self.to(side * peak[0], side * peak[1])
-                self.again(side)
+                self.return_to_peak(side)
         self.along_polygon(x)
 
 

@@ -58,7 +58,7 @@ def secant(law_parameters, law_state, i, previous, trial, drift):
     return law_state[trial + rows.FORCE, i] / drift if drift else K
 
 
-def beyond_its_rows(law_parameters, law_state, i, previous, trial, drift):
+def access_beyond_rows(law_parameters, law_state, i, previous, trial, drift):
     return law_state[rows.EXTRA_ROWS + trial, i]
 
 
@@ -66,14 +66,14 @@ def straight(law_parameters, law_state, i):
     law_state[rows.SLOPE, i] = law_parameters[rows.STIFFNESS, i]
 
 
-def forgets_its_ends(law_parameters, law_state, i, block, event):
+def switch_without_lower_end(law_parameters, law_state, i, block, event):
     """Call `switch` of `gap`, but keep the lower end of the branch."""
     lower = law_state[block + rows.LOWER, i]
     LAWS["gap"].functions().switch(law_parameters, law_state, i, block, event)
     law_state[block + rows.LOWER, i] = lower
 
 
-def keeps_nothing(law_parameters, law_state, i, previous, trial):
+def empty_advance(law_parameters, law_state, i, previous, trial):
     pass
 
 
@@ -115,12 +115,17 @@ CASES = {
     "stop-enter-missing": ("gap", {}, {"enter": None}, "set the ends of the branch"),
     "stop-branches-missing": ("gap", {"kinked": False}, NO_BRANCHES, "declare `curved=True`"),
     "stop-as-curve": ("gap", {"curved": True, "kinked": False}, NO_BRANCHES, True),
-    "stop-half-a-branch": ("gap", {}, {"switch": forgets_its_ends}, "its branches (`enter`,"),
+    "stop-half-a-branch": (
+        "gap",
+        {},
+        {"switch": switch_without_lower_end},
+        "its branches (`enter`,",
+    ),
     "other-stiffness": ("linear", {}, {"force": twice_as_stiff}, "declare `curved=True`"),
     "slope-on-a-curve": ("tanh", {}, {"enter": straight}, "its tangent is not constant"),
     "false-tangent": ("tanh", {}, {"force": secant}, "the tangent is not the slope"),
     "too-few-points": ("tanh", {}, {"points": one_point}, True),
-    "branch-not-kept": ("peak-oriented", {}, {"keep": keeps_nothing}, "`keep` must copy"),
+    "branch-not-kept": ("peak-oriented", {}, {"keep": empty_advance}, "`keep` must copy"),
 }
 
 
@@ -234,7 +239,7 @@ def test_error_in_code_of_law_is_one_line():
     broken = replace(
         law_of("too-few-points"),
         name="broken",
-        functions=lambda: replace(LAWS["tanh"].functions(), force=beyond_its_rows),
+        functions=lambda: replace(LAWS["tanh"].functions(), force=access_beyond_rows),
     )
     register_law(broken)
     with pytest.raises(AnalysisError) as caught:

@@ -135,7 +135,7 @@ MULTILINEAR = "type: multilinear-pinching, pinching: {drift: 0.5, force: 25%, un
 POINTS = "[[10, 4], [20, 6], [40, 5], [80, 1]]"
 
 
-def stiffness_of_its_own(text: str) -> tuple[float, ...]:
+def law_with_own_stiffness(text: str) -> tuple[float, ...]:
     """Return the parameters, in SI units, of a law that defines the stiffness of its story."""
     story = read(text)
     assert story.stiffness == pytest.approx(
@@ -148,7 +148,7 @@ def test_multilinear_pinching_defaults() -> None:
     side = (0.01, 4e3, 0.02, 6e3, 0.04, 5e3, 0.08, 1e3)
     intact = (math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
     expected = (*side, *side, *2 * (0.5, 0.25, 0.05), *intact)
-    assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {POINTS}") == pytest.approx(
+    assert law_with_own_stiffness(f"{MULTILINEAR}, backbone: {POINTS}") == pytest.approx(
         expected, rel=1e-14
     )
 
@@ -161,13 +161,13 @@ def test_multilinear_pinching_defaults() -> None:
     ],
 )
 def test_backbone_with_fewer_points_is_interpolated(points: str, four: tuple[float, ...]) -> None:
-    assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {points}")[:8] == pytest.approx(
+    assert law_with_own_stiffness(f"{MULTILINEAR}, backbone: {points}")[:8] == pytest.approx(
         four, rel=1e-14
     )
 
 
 def test_multilinear_pinching_with_all_parameters() -> None:
-    read = stiffness_of_its_own(
+    read = law_with_own_stiffness(
         f"{MULTILINEAR}, backbone: {POINTS}, ultimate_drift: 80, negative: {{backbone: [[8, 4], "
         "[20, 4]], pinching: {force: 0.3}}, degradation: {capacity: 10, drift: {peak: 0.1, limit: "
         "0.3}, strength: {work: 0.4, peak_exponent: 0.5, work_exponent: 0, limit: 0.9}}"
@@ -211,7 +211,7 @@ def test_multilinear_pinching_with_all_parameters() -> None:
 )
 def test_errors_of_multilinear_pinching(text: str, message: str) -> None:
     with pytest.raises(ModelError) as caught:
-        stiffness_of_its_own(f"{MULTILINEAR}, {text}")
+        law_with_own_stiffness(f"{MULTILINEAR}, {text}")
     assert states(str(caught.value), f"stories[1].{message}")
 
 
@@ -220,4 +220,4 @@ def test_multilinear_pinching_requires_pinching() -> None:
         ModelError,
         match=r"law\.pinching: .*missing; .*drift, force, unl",
     ):
-        stiffness_of_its_own(f"type: multilinear-pinching, backbone: {POINTS}")
+        law_with_own_stiffness(f"type: multilinear-pinching, backbone: {POINTS}")

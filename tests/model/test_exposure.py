@@ -83,7 +83,7 @@ def cells(row: InventoryRow) -> dict[str, str]:
     return dict(zip(row.columns, json.loads(row.cells), strict=True))
 
 
-def of_all_kinds() -> dict[str, list[InventoryRow]]:
+def assets_in_all_forms() -> dict[str, list[InventoryRow]]:
     """Return the same assets from XML and CSV files, from two CSV files, and with renamed
     columns."""
     head, first, second = TABLE.splitlines()
@@ -113,7 +113,7 @@ def test_exposure_model_equals_inventory() -> None:
     Path("inventory.csv").write_text(BY_HAND)
     classes = read_classes(str(CONFIGS / "capacity-classes.csv"))
     expected = list(read_inventory("inventory.csv", 1.0, classes=classes)[0])
-    for name, rows in of_all_kinds().items():
+    for name, rows in assets_in_all_forms().items():
         assert [row.id for row in rows] == ["a1", "a2"], name
         for row, other in zip(rows, expected, strict=True):
             assert (row.facts, row.latitude, row.longitude) == (

@@ -105,7 +105,7 @@ def kept() -> dict[str, Any]:
     return dict(json.loads(KEPT.read_text(encoding="utf-8")))
 
 
-def made_anew() -> dict[str, list[float]]:
+def recomputed_peaks() -> dict[str, list[float]]:
     """Return peak drifts by name, computed with OpenSeesPy, or an empty dictionary if it cannot be
     loaded."""
     if find_spec("openseespy") is None:

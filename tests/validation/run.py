@@ -82,7 +82,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
-def shown(result: ValidationResult) -> str:
+def case_text(result: ValidationResult) -> str:
     """Return the text of a case: description and values."""
     case = result.case
     unit = "" if case.unit == "1" else f", {case.unit}"
@@ -103,7 +103,7 @@ def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> s
     """Compute the cases of a group and return their text."""
     found = [compute_case(case) for case in group]
     results += found
-    return "\n".join(map(shown, found))
+    return "\n".join(map(case_text, found))
 
 
 def with_file(
@@ -173,7 +173,7 @@ def other_programs() -> str:
     import opensees
 
     kept = opensees.kept()
-    made = opensees.made_anew()
+    made = opensees.recomputed_peaks()
     lines = []
     for name, frame in opensees.problems().items():
         ours = opensees.ours(frame)

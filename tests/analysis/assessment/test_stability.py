@@ -75,7 +75,7 @@ def one_point(method, dt_over_t, damping=0.0):
     return stability(parse(method), np.array([dt_over_t]), damping)
 
 
-def shown(text):
+def printed_value(text):
     """Return a number and an error of half a unit in its last digit."""
     decimals = len(text.partition(".")[2])
     return pytest.approx(float(text), abs=0.51 * 10.0**-decimals if float(text) else 1e-9)
@@ -89,8 +89,8 @@ def test_accuracy_is_listed_for_every_method():
 def test_period_error_and_numerical_damping(method):
     curve = one_point(method, 0.1)
     period_error, numerical_damping = ACCURACY[method]
-    assert 100.0 * curve.period_error[0] == shown(period_error)
-    assert 100.0 * curve.numerical_damping[0] == shown(numerical_damping)
+    assert 100.0 * curve.period_error[0] == printed_value(period_error)
+    assert 100.0 * curve.numerical_damping[0] == printed_value(numerical_damping)
     # Damping is d over the modulus, decay that over the phase: they differ by the third power.
     assert curve.amplitude_decay[0] == pytest.approx(
         1.0 - math.exp(-2.0 * math.pi * curve.numerical_damping[0]), rel=2e-3, abs=1e-9

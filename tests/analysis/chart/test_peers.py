@@ -67,7 +67,7 @@ PROBLEMS = {
 }
 
 
-def ours(problem, name, dt):
+def own_reference(problem, name, dt):
     """Return a reference that equals one of our methods with one step, so that errors against it
     are differences from our result."""
     steps = problem.steps(dt)
@@ -112,7 +112,7 @@ def test_average_acceleration_agrees_with_openseespy(name, parts):
     problem = PROBLEMS[name]()
     dt = problem.interval / parts
     points, notes = openseespy_points(
-        problem, [dt], ours(problem, "newmark-average", dt), repeats=1
+        problem, [dt], own_reference(problem, "newmark-average", dt), repeats=1
     )
     assert notes == ([] if name == "linear" else [peers.ITERATED])
     point = next(point for point in points if point.line == "openseespy/newmark-average")
@@ -127,7 +127,7 @@ def test_gap_to_openseespy_detects_different_law(monkeypatch):
     """With twice the hardening, the gap between the programs does not decrease with the time
     step."""
     problem = PROBLEMS["bilinear"]()
-    reference = ours(problem, "impulse4", problem.interval / 16)
+    reference = own_reference(problem, "impulse4", problem.interval / 16)
     gap, note = peers.opensees_gap(problem, reference, 2e-4)
     assert gap < 2e-4 and note.startswith("extrapolated to dt 0 from ")
     monkeypatch.setattr(peers, "_CHECKED", (2, 4))
@@ -149,7 +149,9 @@ def test_gap_to_openseespy_detects_different_law(monkeypatch):
 def test_curved_laws_agree_with_openseespy(law):
     problem = pose(model([story(1e3, 1e6, law), story(1e3, 8e5)]), noise(samples=201, peak=6.0))
     assert (
-        peers.opensees_gap(problem, ours(problem, "impulse4", problem.interval / 16), 2e-5)[0]
+        peers.opensees_gap(
+            problem, own_reference(problem, "impulse4", problem.interval / 16), 2e-5
+        )[0]
         <= 2e-5
     )
 
@@ -180,7 +182,9 @@ def test_hht_and_generalized_alpha_agree_with_openseespy():
     report accelerations from equilibrium at the ends of steps, not algorithmic accelerations."""
     problem = PROBLEMS["linear"]()
     for method in ("hht", "generalized-alpha"):
-        points, _ = openseespy_points(problem, [0.01], ours(problem, method, 0.01), repeats=1)
+        points, _ = openseespy_points(
+            problem, [0.01], own_reference(problem, method, 0.01), repeats=1
+        )
         errors = {point.line.partition("/")[2]: point.errors.displacement for point in points}
         assert errors[method] < 1e-8
         assert errors["newmark-average"] > 1e-4
@@ -193,14 +197,16 @@ def test_failed_and_slow_runs_of_openseespy_are_reported(opensees, monkeypatch):
     """The smallest time steps, which take longest, are run last, and they are reported as
     missing."""
     problem = pose(forced())
-    reference = ours(problem, "newmark-average", 0.02)
+    reference = own_reference(problem, "newmark-average", 0.02)
     points, _ = openseespy_points(problem, [0.01, 0.02], reference, repeats=5)
     assert [(point.dt, point.steps) for point in points] == [(0.02, 100), (0.01, 200)] * 3
     assert {len(point.times) for point in points} == {3}
     assert [point.iterations for point in points] == [100, 200] * 3
     monkeypatch.setattr(opensees_worker, "ITERATIONS", 1)
     yielding = PROBLEMS["bilinear"]()
-    points, _ = openseespy_points(yielding, [0.01], ours(yielding, "newmark-average", 0.01))
+    points, _ = openseespy_points(
+        yielding, [0.01], own_reference(yielding, "newmark-average", 0.01)
+    )
     assert {point.outcome for point in points} == {"not-converged"}
     monkeypatch.setattr(opensees_worker, "SECONDS", -1.0)
     points, notes = openseespy_points(problem, [0.01, 0.02], reference)
@@ -223,7 +229,7 @@ def test_time_limit_applies_to_each_integrator(opensees, monkeypatch):
     monkeypatch.setattr(opensees_worker, "_run", slow)
     monkeypatch.setattr(opensees_worker.time, "process_time", lambda: clock[0])
     problem = pose(forced())
-    reference = ours(problem, "newmark-average", 0.02)
+    reference = own_reference(problem, "newmark-average", 0.02)
     points, _ = openseespy_points(problem, [0.01, 0.02], reference, repeats=1)
     outcomes = {(point.line.partition("/")[2], point.dt): point.outcome for point in points}
     late = outcomes.pop(("generalized-alpha", 0.01))
@@ -243,7 +249,7 @@ def test_time_limit_applies_to_each_integrator(opensees, monkeypatch):
 )
 def test_unsupported_building_is_omitted_for_openseespy(building, reason):
     problem = pose(building, noise(samples=51))
-    points, (note,) = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
+    points, (note,) = openseespy_points(problem, [0.01], own_reference(problem, "impulse4", 0.01))
     assert points == []
     assert note.startswith("openseespy is omitted: ")
     assert reason in note
@@ -267,7 +273,7 @@ def test_failed_openseespy_process_is_one_note(monkeypatch, answer, reason):
 
     monkeypatch.setattr(peers.subprocess, "run", run)
     problem = PROBLEMS["linear"]()
-    points, notes = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
+    points, notes = openseespy_points(problem, [0.01], own_reference(problem, "impulse4", 0.01))
     assert points == [] and each_states(notes, [f"openseespy is omitted: ... {reason}"])
 
 
@@ -304,12 +310,12 @@ def test_errors_of_solve_ivp_decrease_with_tolerance(name, part, monkeypatch):
 
 def test_slow_or_unsupported_solve_ivp_is_omitted():
     problem = PROBLEMS["linear"]()
-    points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01), seconds=0.0)
+    points, notes = solve_ivp_points(problem, own_reference(problem, "impulse4", 0.01), seconds=0.0)
     assert points == []
     assert each_states(notes, [f"{method} ... rtol 0.001 ... 0 s" for method in peers.METHODS])
     hardening = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, 4.0)))])
     problem = pose(hardening, noise(samples=51))
-    points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01))
+    points, notes = solve_ivp_points(problem, own_reference(problem, "impulse4", 0.01))
     assert points == [] and each_states(notes, ["solve_ivp ... linear nor bilinear"])
 
 

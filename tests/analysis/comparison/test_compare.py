@@ -75,7 +75,7 @@ def noise(seed, size=SIZE):
 
 
 @pytest.fixture
-def made(tmp_path):
+def recorded_model(tmp_path):
     """Return a model, its exact response to a noise with median 0, a function that writes the
     response as a table, and a function that reads recordings."""
     (tmp_path / "model.yaml").write_text(MODEL)
@@ -112,10 +112,10 @@ def made(tmp_path):
 
 
 @pytest.mark.parametrize("band", ["", "band: [0.5, 20]\n"])
-def test_result_agrees_with_itself(made, band):
+def test_result_agrees_with_itself(recorded_model, band):
     """The agreement is limited only by the rounding in the file, for any offset of a sensor."""
-    made.usual(floor_1_m_s2=made.motions["floor_1"] + 0.3)
-    for floor in compare(made.model, made.event(FLOORS + band)).floors:
+    recorded_model.usual(floor_1_m_s2=recorded_model.motions["floor_1"] + 0.3)
+    for floor in compare(recorded_model.model, recorded_model.event(FLOORS + band)).floors:
         assert floor.quantity == "acceleration"
         assert floor.rms_difference < 1e-9
         assert floor.peak_ratio == pytest.approx(1.0, abs=1e-9)
@@ -124,24 +124,24 @@ def test_result_agrees_with_itself(made, band):
 
 @pytest.mark.parametrize("law", [LINEAR, Law("bilinear", (5.0, 0.1))])
 @pytest.mark.parametrize("forces", [[], [Force(1, 1.0, 0.0, 5.0)]])
-def test_exact_is_chosen_for_linear_buildings_without_forces(made, law, forces):
+def test_exact_is_chosen_for_linear_buildings_without_forces(recorded_model, law, forces):
     """`exact` is chosen for a linear building that is excited only by its base. Harmonic forces are
     excluded, because `exact` would only use their values at the time steps."""
-    made.usual()
+    recorded_model.usual()
     case = model([story(1.0, 900.0, law), story(1.0, 700.0), story(0.8, 500.0)], forces=forces)
-    taken = case_under(case, made.event()).method.family.linear_only
+    taken = case_under(case, recorded_model.event()).method.family.linear_only
     assert taken == (law is LINEAR and not forces)
 
 
-def test_noise_lowers_correlation_as_predicted(made):
+def test_noise_lowers_correlation_as_predicted(recorded_model):
     """For independent noise with e times the rms of the motion, the correlation is 1 / sqrt(1 +
     e^2), and the difference is e / sqrt(1 + e^2)."""
     part = 0.5
-    clean = made.motions["floor_3"]
+    clean = recorded_model.motions["floor_3"]
     added = np.random.default_rng(5).normal(size=SIZE)
     added *= part * np.std(clean) / np.std(added)
-    made.usual(floor_3_m_s2=clean + added)
-    roof = compare(made.model, made.event()).floors[-1]
+    recorded_model.usual(floor_3_m_s2=clean + added)
+    roof = compare(recorded_model.model, recorded_model.event()).floors[-1]
     sampling = 3.0 / math.sqrt(SIZE)
     assert roof.correlation == pytest.approx(1.0 / math.sqrt(1.0 + part**2), abs=part * sampling)
     assert roof.rms_difference == pytest.approx(
@@ -149,24 +149,24 @@ def test_noise_lowers_correlation_as_predicted(made):
     )
 
 
-def test_sensors_of_floor_are_averaged_with_their_direction(made):
+def test_sensors_of_floor_are_averaged_with_their_direction(recorded_model):
     """The difference of two sensors is a torsional motion, which has no effect on their mean.
     Sensors with different quantities are refused."""
-    made.usual()
-    plain = compare(made.model, made.event())
+    recorded_model.usual()
+    plain = compare(recorded_model.model, recorded_model.event())
     turns = {"base": noise(9), "roof": 0.5 * noise(7)}
-    motions = {"base": made.base, "roof": made.motions["floor_3"]}
+    motions = {"base": recorded_model.base, "roof": recorded_model.motions["floor_3"]}
     sides = {f"{location}_west_m_s2": motions[location] + turns[location] for location in turns}
     sides |= {
         f"{location}_east_cm_s2": -100.0 * (motions[location] - turns[location])
         for location in turns
     }
-    made.usual(**sides, roof_east_m=made.displacements["floor_3"])
+    recorded_model.usual(**sides, roof_east_m=recorded_model.displacements["floor_3"])
     base, roof = (
         f"[{sensor(f'{location}_west_m_s2')}, {sensor(f'{location}_east_cm_s2', ', sign: -1')}]"
         for location in turns
     )
-    mean = compare(made.model, made.event(recording(base, roof=roof)))
+    mean = compare(recorded_model.model, recorded_model.event(recording(base, roof=roof)))
     for floor, other in zip(mean.floors, plain.floors, strict=True):
         assert floor.rms_difference == pytest.approx(other.rms_difference, abs=1e-9)
         np.testing.assert_allclose(floor.computed, other.computed, atol=1e-9)
@@ -174,76 +174,78 @@ def test_sensors_of_floor_are_averaged_with_their_direction(made):
     assert len([note for note in mean.event.notes if "mean of 2 sensors" in note]) == 2
     mixed = f"[{sensor('roof_west_m_s2')}, {sensor('roof_east_m')}]"
     with pytest.raises(RecordError, match=r"floor 3: .* got acceleration and displacement"):
-        made.event(recording(roof=mixed))
+        recorded_model.event(recording(roof=mixed))
 
 
-def test_displacements_are_compared_relative_to_base(made):
+def test_displacements_are_compared_relative_to_base(recorded_model):
     """Displacements, in mm, of a linear building without offsets are compared relative to the base,
     together with an acceleration."""
-    made.usual(floor_1_mm=1e3 * made.displacements["floor_1"])
+    recorded_model.usual(floor_1_mm=1e3 * recorded_model.displacements["floor_1"])
     text = recording(first=sensor("floor_1_mm", DISPLACEMENT), more="band: [0.3, 20]\n")
-    floors = compare(made.model, made.event(text)).floors
+    floors = compare(recorded_model.model, recorded_model.event(text)).floors
     assert [floor.quantity for floor in floors] == ["displacement", "acceleration"]
     assert floors[0].rms_difference < 1e-9
     assert floors[0].peak_ratio == pytest.approx(1.0, abs=1e-9)
 
 
-def test_base_displacement_is_differentiated(made):
+def test_base_displacement_is_differentiated(recorded_model):
     smooth = np.cumsum(np.cumsum(noise(3))) * 1e-4
-    made.usual(base_m=smooth, base_m_s2=differentiated(smooth, DT, "displacement"))
-    by_acceleration = compare(made.model, made.event())
-    by_displacement = compare(made.model, made.event(recording(sensor("base_m"))))
+    recorded_model.usual(base_m=smooth, base_m_s2=differentiated(smooth, DT, "displacement"))
+    by_acceleration = compare(recorded_model.model, recorded_model.event())
+    by_displacement = compare(
+        recorded_model.model, recorded_model.event(recording(sensor("base_m")))
+    )
     for floor, other in zip(by_displacement.floors, by_acceleration.floors, strict=True):
         np.testing.assert_allclose(
             floor.computed, other.computed, atol=1e-6 * np.max(np.abs(other.computed))
         )
 
 
-def test_clock_shift_is_determined(made):
+def test_clock_shift_is_determined(recorded_model):
     """The shift is determined for a recording with twice the sampling rate and a delay of a
     fraction of a sample."""
     late = 0.137
-    made.usual()
-    before = compare(made.model, made.event(FLOORS + "band: [0.5, 8]\n"))
-    spectrum = np.fft.rfft(made.motions["floor_3"], 4 * SIZE)
+    recorded_model.usual()
+    before = compare(recorded_model.model, recorded_model.event(FLOORS + "band: [0.5, 8]\n"))
+    spectrum = np.fft.rfft(recorded_model.motions["floor_3"], 4 * SIZE)
     dense = np.fft.irfft(np.concatenate([spectrum, np.zeros(2 * SIZE)]), 8 * SIZE)[: 2 * SIZE] * 2.0
-    made.write("roof.csv", DT / 2.0, late, roof_m_s2=dense)
+    recorded_model.write("roof.csv", DT / 2.0, late, roof_m_s2=dense)
     roof = sensor("roof_m_s2", file="roof.csv")
     text = f"base: {sensor('base_m_s2')}\nfloors: {{3: {roof}}}\nband: [0.5, 8]\n"
-    found = compare(made.model, made.event(text + "shift: auto\n"))
+    found = compare(recorded_model.model, recorded_model.event(text + "shift: auto\n"))
     assert found.shift == pytest.approx(-late, abs=1e-3)
     assert found.floors[0].correlation == pytest.approx(before.floors[-1].correlation, abs=1e-3)
-    shifted = compare(made.model, made.event(text + f"shift: {-late}\n"))
+    shifted = compare(recorded_model.model, recorded_model.event(text + f"shift: {-late}\n"))
     assert shifted.floors[0].correlation == pytest.approx(found.floors[0].correlation, abs=1e-5)
-    assert compare(made.model, made.event(text)).floors[0].correlation < 0.9
+    assert compare(recorded_model.model, recorded_model.event(text)).floors[0].correlation < 0.9
 
 
-def test_clock_shift_does_not_depend_on_amplitude(made):
-    weak = {name: 1e-4 * values for name, values in made.motions.items()}
-    made.usual(
-        base_m_s2=1e-4 * made.base,
+def test_clock_shift_does_not_depend_on_amplitude(recorded_model):
+    weak = {name: 1e-4 * values for name, values in recorded_model.motions.items()}
+    recorded_model.usual(
+        base_m_s2=1e-4 * recorded_model.base,
         floor_1_m_s2=np.roll(weak["floor_1"], 7),
         floor_3_m_s2=np.roll(weak["floor_3"], 7),
     )
-    assert compare(made.model, made.event(FLOORS + "shift: auto\n")).shift == pytest.approx(
-        -7 * DT, abs=1e-3
-    )
+    assert compare(
+        recorded_model.model, recorded_model.event(FLOORS + "shift: auto\n")
+    ).shift == pytest.approx(-7 * DT, abs=1e-3)
 
 
-def test_recordings_without_common_clock_start_together(made, tmp_path):
+def test_recordings_without_common_clock_start_together(recorded_model, tmp_path):
     """A record states a date, but a table only the time since an unknown start. They are assumed to
     start together, and a note states this."""
     with quiet_import():
         from obspy import Trace, UTCDateTime
 
-    made.usual()
-    plain = compare(made.model, made.event())
+    recorded_model.usual()
+    plain = compare(recorded_model.model, recorded_model.event())
     header = {"delta": DT, "starttime": UTCDateTime(2016, 11, 13), "channel": "HNE"}
-    Trace(made.motions["floor_1"].copy(), header).write(
+    Trace(recorded_model.motions["floor_1"].copy(), header).write(
         str(tmp_path / "floor.mseed"), format="MSEED"
     )
     mixed = recording(first="{file: floor.mseed, units: m/s^2}")
-    other = compare(made.model, made.event(mixed))
+    other = compare(recorded_model.model, recorded_model.event(mixed))
     np.testing.assert_allclose(other.floors[0].recorded, plain.floors[0].recorded, atol=1e-9)
     assert [note for note in other.event.notes if "the files have no common clock" in note]
     assert not [note for note in plain.event.notes if "common clock" in note]
@@ -265,44 +267,54 @@ def test_requirement_is_name_and_positive_number():
             parse_requirement(f"correlation={number}")
 
 
-def test_comparison_is_limited_to_window(made):
-    made.usual()
-    (first, _) = compare(made.model, made.event(FLOORS + "window: [4, 12.5]\n")).floors
+def test_comparison_is_limited_to_window(recorded_model):
+    recorded_model.usual()
+    (first, _) = compare(
+        recorded_model.model, recorded_model.event(FLOORS + "window: [4, 12.5]\n")
+    ).floors
     assert (first.time[0], first.time[-1]) == pytest.approx((4.0, 12.5))
     assert first.time.size == 426
     with pytest.raises(RecordError, match=r"fewer than 10 .* 29\.9 to 40 s"):
-        compare(made.model, made.event(FLOORS + "window: [29.9, 40]\n"))
+        compare(recorded_model.model, recorded_model.event(FLOORS + "window: [29.9, 40]\n"))
 
 
-def test_spectra_of_recorded_and_computed_motion(made):
+def test_spectra_of_recorded_and_computed_motion(recorded_model):
     """For an acceleration, the spectrum is the spectrum of the floor acceleration. For a
     displacement, it is the spectrum of its second derivative."""
-    made.usual(floor_1_m=made.displacements["floor_1"])
+    recorded_model.usual(floor_1_m=recorded_model.displacements["floor_1"])
     band = "band: [0.3, 5]\n"
     periods = np.array([0.25, 0.5, 1.0])
-    by_acceleration = compare(made.model, made.event(FLOORS + band)).spectra(periods, 0.05)[0]
+    by_acceleration = compare(recorded_model.model, recorded_model.event(FLOORS + band)).spectra(
+        periods, 0.05
+    )[0]
     text = recording(first=sensor("floor_1_m"), more=band)
-    by_displacement = compare(made.model, made.event(text)).spectra(periods, 0.05)[0]
+    by_displacement = compare(recorded_model.model, recorded_model.event(text)).spectra(
+        periods, 0.05
+    )[0]
     np.testing.assert_allclose(by_acceleration.computed, by_acceleration.recorded, rtol=1e-9)
     # Second differences lose 1/12 (omega dt)^2 of a frequency: 3 % at 5 Hz.
     np.testing.assert_allclose(by_displacement.computed, by_acceleration.computed, rtol=4e-2)
 
 
-def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
+def test_stiffness_and_damping_are_fitted_from_30_percent_off(recorded_model):
     """The recordings of the floors contain 10 % noise; the initial stiffnesses of the stories
     deviate in different directions."""
     generator = np.random.default_rng(11)
     noisy = {
         f"{name}_m_s2": values + 0.1 * np.std(values) * generator.normal(size=SIZE)
-        for name, values in made.motions.items()
+        for name, values in recorded_model.motions.items()
     }
-    made.usual(**noisy)
-    event = made.event(recording(more=f"  2: {sensor('floor_2_m_s2')}\nband: [0.3, 15]\n"))
+    recorded_model.usual(**noisy)
+    event = recorded_model.event(
+        recording(more=f"  2: {sensor('floor_2_m_s2')}\nband: [0.3, 15]\n")
+    )
     stories = [
         replace(story, stiffness=story.stiffness * factor)
-        for story, factor in zip(made.model.stories, (1.3, 0.7, 1.3), strict=True)
+        for story, factor in zip(recorded_model.model.stories, (1.3, 0.7, 1.3), strict=True)
     ]
-    off = replace(made.model, stories=tuple(stories), damping=ModalDamping((0.05, 0.05, 0.05)))
+    off = replace(
+        recorded_model.model, stories=tuple(stories), damping=ModalDamping((0.05, 0.05, 0.05))
+    )
     found = fit(off, event, ["stiffness", "damping"])
     values = [value.value for value in found.values]
     assert [value.place for value in found.values] == [1, 2, 3, 1, 2, 3]
@@ -312,32 +324,34 @@ def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
     assert all(floor.correlation > 0.99 for floor in compare(found.model, event).floors)
 
 
-def test_offset_of_samples_is_removed(made):
-    base = made.base + 0.3
-    made.usual(base_m_s2=base)
-    event = made.event()
+def test_offset_of_samples_is_removed(recorded_model):
+    base = recorded_model.base + 0.3
+    recorded_model.usual(base_m_s2=base)
+    event = recorded_model.event()
     assert np.median(event.base.acceleration) == pytest.approx(0.0, abs=1e-9)
     assert any("the offset of the base, 0.3 m/s^2" in note for note in event.notes)
     assert has_offset(np.full(50, 9.81) + 1e-3 * noise(4, 50))
     assert not has_offset(np.zeros(50))
 
 
-def test_poorly_determined_parameter_is_reported(made):
+def test_poorly_determined_parameter_is_reported(recorded_model):
     """A warning is given for the damping of a mode far above the frequency band, with noise."""
-    roof = made.motions["floor_3"]
-    made.usual(floor_3_m_s2=roof + 0.2 * np.std(roof) * np.random.default_rng(2).normal(size=SIZE))
-    event = made.event(FLOORS + "band: [0.5, 3]\n")
-    found = fit(made.model, event, ["damping"])
+    roof = recorded_model.motions["floor_3"]
+    recorded_model.usual(
+        floor_3_m_s2=roof + 0.2 * np.std(roof) * np.random.default_rng(2).normal(size=SIZE)
+    )
+    event = recorded_model.event(FLOORS + "band: [0.5, 3]\n")
+    found = fit(recorded_model.model, event, ["damping"])
     assert any("damping_ratio of mode 3 is poorly determined" in note for note in found.notes)
 
 
-def test_unsupported_fit_parameters_are_refused(made):
-    made.usual()
-    event = made.event()
+def test_unsupported_fit_parameters_are_refused(recorded_model):
+    recorded_model.usual()
+    event = recorded_model.event()
     with pytest.raises(UsageError, match="no damping to be fitted"):
-        fit(replace(made.model, damping=None), event, ["damping"])
+        fit(replace(recorded_model.model, damping=None), event, ["damping"])
     with pytest.raises(UsageError, match="stiffness, stiffness-factor, damping, got 'mass'"):
-        fit(made.model, event, ["mass"])
+        fit(recorded_model.model, event, ["mass"])
 
 
 @pytest.mark.parametrize(
@@ -359,94 +373,111 @@ def test_unsupported_fit_parameters_are_refused(made):
         ),
     ],
 )
-def test_inconsistent_files_are_refused(made, text, message):
-    made.usual()
-    made.write("other.csv", start=100.0, roof=made.base)
+def test_inconsistent_files_are_refused(recorded_model, text, message):
+    recorded_model.usual()
+    recorded_model.write("other.csv", start=100.0, roof=recorded_model.base)
     with pytest.raises(RecordError, match=message):
-        made.event(text)
-    cured = made.event(recording(first=sensor("floor_1_m_s2", f"{DISPLACEMENT}, units: cm")))
+        recorded_model.event(text)
+    cured = recorded_model.event(
+        recording(first=sensor("floor_1_m_s2", f"{DISPLACEMENT}, units: cm"))
+    )
     assert cured.floors[0].quantity == "displacement"  # as the first message advises
 
 
-def test_default_time_step_is_at_most_sampling_interval(made):
-    made.usual()
-    event = made.event()
-    coarse = compare(made.model, event, method="newmark-average", dt=DT).floors[-1]
-    fine = compare(made.model, event, method="newmark-average").floors[-1]
+def test_default_time_step_is_at_most_sampling_interval(recorded_model):
+    recorded_model.usual()
+    event = recorded_model.event()
+    coarse = compare(recorded_model.model, event, method="newmark-average", dt=DT).floors[-1]
+    fine = compare(recorded_model.model, event, method="newmark-average").floors[-1]
     assert fine.rms_difference < 0.3 * coarse.rms_difference
 
 
 @pytest.mark.parametrize(("band", "fastest"), [(None, None), ((0.1, 2.0), 4.0 * math.pi)])
-def test_default_time_step_resolves_modes_within_band(made, band, fastest):
+def test_default_time_step_resolves_modes_within_band(recorded_model, band, fastest):
     """The default time step is the first halving of the sampling interval with omega dt of at most
     a quarter."""
-    made.usual()
-    case = case_under(made.model, made.event(), "newmark-average")
+    recorded_model.usual()
+    case = case_under(recorded_model.model, recorded_model.event(), "newmark-average")
     omega = fastest or case.building.fastest
     parts = next(2**i for i in range(9) if omega * DT / 2**i <= 0.25)
     assert parts > 1
     assert respond(case, None, band).dt == pytest.approx(DT / parts)
 
 
-def test_collapsed_building_cannot_be_compared(made):
-    made.usual(base_m_s2=1e3 * made.base)
-    law = replace(made.model.stories[0].law, name="bilinear", parameters=(1.0, -0.3))
-    stories = (replace(made.model.stories[0], law=law, height=3.0), *made.model.stories[1:])
+def test_collapsed_building_cannot_be_compared(recorded_model):
+    recorded_model.usual(base_m_s2=1e3 * recorded_model.base)
+    law = replace(recorded_model.model.stories[0].law, name="bilinear", parameters=(1.0, -0.3))
+    stories = (
+        replace(recorded_model.model.stories[0], law=law, height=3.0),
+        *recorded_model.model.stories[1:],
+    )
     with pytest.raises(AnalysisError):
-        compare(replace(made.model, stories=stories), made.event(), method="impulse4")
+        compare(
+            replace(recorded_model.model, stories=stories),
+            recorded_model.event(),
+            method="impulse4",
+        )
 
 
 # ---- Residual and absolute displacements, several sensors
 
 
-def test_residual_displacement_causes_no_jump(made):
+def test_residual_displacement_causes_no_jump(recorded_model):
     """For a slow ramp to a residual displacement, subtraction of the median would cause a jump at t
     = 0 and an acceleration of the order of 1 / dt^2."""
     time = DT * np.arange(SIZE)
     ramp = 0.05 * 0.5 * (1.0 + np.tanh((time - 6.0) / 0.8))
-    motion = made.displacements["floor_3"] + ramp
-    made.usual(floor_3_m=motion)
+    motion = recorded_model.displacements["floor_3"] + ramp
+    recorded_model.usual(floor_3_m=motion)
     text = recording(roof=sensor("floor_3_m", DISPLACEMENT), more="band: [0.2, 20]\n")
-    (floor,) = compare(made.model, made.event(text)).floors[1:]
-    (_, spectra) = compare(made.model, made.event(text)).spectra(np.array([0.05]), 0.05)
-    without = np.max(np.abs(made.motions["floor_3"]))
+    (floor,) = compare(recorded_model.model, recorded_model.event(text)).floors[1:]
+    (_, spectra) = compare(recorded_model.model, recorded_model.event(text)).spectra(
+        np.array([0.05]), 0.05
+    )
+    without = np.max(np.abs(recorded_model.motions["floor_3"]))
     assert np.max(np.abs(floor.recorded[:5])) < 0.02 * np.max(np.abs(floor.recorded))
     assert spectra.recorded[0] < 2.0 * without
 
 
-def test_absolute_displacement_is_reported(made):
-    wave = np.cumsum(np.cumsum(made.base)) * DT * DT
-    made.usual(
-        floor_3_m=made.displacements["floor_3"] + wave, right_m=made.displacements["floor_3"]
+def test_absolute_displacement_is_reported(recorded_model):
+    wave = np.cumsum(np.cumsum(recorded_model.base)) * DT * DT
+    recorded_model.usual(
+        floor_3_m=recorded_model.displacements["floor_3"] + wave,
+        right_m=recorded_model.displacements["floor_3"],
     )
     absolute, relative = (
         recording(roof=sensor(column, DISPLACEMENT), more="band: [0.5, 20]\n")
         for column in ("floor_3_m", "right_m")
     )
-    (text,) = absolute_displacements(compare(made.model, made.event(absolute)))
+    (text,) = absolute_displacements(compare(recorded_model.model, recorded_model.event(absolute)))
     assert text.startswith("floor 3: the recorded displacement probably is absolute")
-    assert absolute_displacements(compare(made.model, made.event(relative))) == []
+    assert (
+        absolute_displacements(compare(recorded_model.model, recorded_model.event(relative))) == []
+    )
 
 
 # ---- Fits
 
 
-def test_common_stiffness_factor_is_fitted_to_roof_sensor(made):
+def test_common_stiffness_factor_is_fitted_to_roof_sensor(recorded_model):
     """For an error of 30 % of all stiffnesses and one sensor, the common factor is accurate to the
     12 digits of the table. A base motion with a nonzero median is not shifted."""
     for median in (0.004, -0.006):
-        base = made.base + median
+        base = recorded_model.base + median
         record = Record(base, DT, "", "", "", "noise")
-        history = run_case(prepare(made.model, record, method="exact"), history=True).history
-        made.write(base_m_s2=base, floor_3_m_s2=history.acceleration[:, 2])
-        event = made.event(
+        history = run_case(
+            prepare(recorded_model.model, record, method="exact"), history=True
+        ).history
+        recorded_model.write(base_m_s2=base, floor_3_m_s2=history.acceleration[:, 2])
+        event = recorded_model.event(
             f"base: {sensor('base_m_s2')}\nfloors: {{roof: {sensor('floor_3_m_s2')}}}\n"
         )
         assert np.median(event.base.acceleration) == pytest.approx(median)
     soft = replace(
-        made.model,
+        recorded_model.model,
         stories=tuple(
-            replace(story, stiffness=story.stiffness / 1.3) for story in made.model.stories
+            replace(story, stiffness=story.stiffness / 1.3)
+            for story in recorded_model.model.stories
         ),
     )
     found = fit(soft, event, ["stiffness-factor"])
@@ -461,13 +492,19 @@ def test_common_stiffness_factor_is_fitted_to_roof_sensor(made):
         fit(soft, event, ["stiffness", "stiffness-factor"])
 
 
-def test_fit_on_bound_is_reported(made):
+def test_fit_on_bound_is_reported(recorded_model):
     """For a recording without damping, the best ratio is 0, which is below the lower bound."""
-    bare = replace(made.model, damping=None)
-    record = Record(made.base, DT, "", "", "", "noise")
+    bare = replace(recorded_model.model, damping=None)
+    record = Record(recorded_model.base, DT, "", "", "", "noise")
     history = run_case(prepare(bare, record, method="exact"), history=True).history
-    made.usual(floor_1_m_s2=history.acceleration[:, 0], floor_3_m_s2=history.acceleration[:, 2])
-    found = fit(replace(made.model, damping=ModalDamping((0.02,))), made.event(), ["damping"])
+    recorded_model.usual(
+        floor_1_m_s2=history.acceleration[:, 0], floor_3_m_s2=history.acceleration[:, 2]
+    )
+    found = fit(
+        replace(recorded_model.model, damping=ModalDamping((0.02,))),
+        recorded_model.event(),
+        ["damping"],
+    )
     assert found.values[0].on_bound
     assert any(states(note, "damping_ratio ... 0.0001 to 0.5") for note in found.notes)
 
@@ -609,10 +646,10 @@ def test_requirements_at_their_limits(name, limit, met, missed):
     assert not any(meets(value, limit) for value in missed)
 
 
-def test_an_unmet_requirement_is_stated_with_both_bounds(made):
+def test_an_unmet_requirement_is_stated_with_both_bounds(recorded_model):
     """Bounds and value have four digits, and more if the value would read as the bound."""
-    made.usual()
-    comparison = compare(made.model, made.event())
+    recorded_model.usual()
+    comparison = compare(recorded_model.model, recorded_model.event())
     (first, *_) = comparison.floors
     for value, limit, text in (
         (0.895228162611, 0.9, "is 0.8952, required is between 0.9 and 1.111"),
@@ -628,14 +665,14 @@ def test_an_unmet_requirement_is_stated_with_both_bounds(made):
 # ---- Figure
 
 
-def test_figure_shows_floors_with_least_agreement_and_overview(made):
+def test_figure_shows_floors_with_least_agreement_and_overview(recorded_model):
     """The figure shows the floors with the least agreement, over the time of strong shaking, as a
     close-up of eight cycles on both sides of the roof peak, and as spectra. An overview below
     contains all floors."""
     compared = []
     for part in (0.4, 0.3, 0.1, 0.2):
-        made.usual(floor_3_m_s2=made.motions["floor_3"] + part * noise(6))
-        compared.append(compare(made.model, made.event()))
+        recorded_model.usual(floor_3_m_s2=recorded_model.motions["floor_3"] + part * noise(6))
+        compared.append(compare(recorded_model.model, recorded_model.event()))
     floors = [(event, floor) for event in compared for floor in event.floors]
     periods = np.geomspace(0.1, 1.0, 5)
     figure = comparison_picture(compared, periods, 0.05)

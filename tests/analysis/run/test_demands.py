@@ -27,7 +27,7 @@ def largest(numbers):
     return max(known) if known else (math.nan, 0)
 
 
-def by_hand(run):
+def expected_demands(run):
     of = {name: values[run].tolist() for name, values in VALUES.items()}
     residual = [abs(value) for value in of["residual_drift"]]
     return {
@@ -49,12 +49,12 @@ def by_hand(run):
 
 def test_maximum_demands_and_their_positions():
     found = demands_of_runs(PEAKS)
-    assert {declared.name for declared in DECLARED} == set(by_hand(0))
+    assert {declared.name for declared in DECLARED} == set(expected_demands(0))
     for run in (0, 1):
         single = demands(
             StoryPeaks(**{name: values[run] for name, values in VALUES.items()}, height=HEIGHT)
         )
-        for name, expected in by_hand(run).items():
+        for name, expected in expected_demands(run).items():
             demand = getattr(found, name)
             assert (demand.value[run], demand.place[run]) == pytest.approx(expected), name
             assert tuple(getattr(single, name)) == pytest.approx(expected), name
@@ -65,7 +65,7 @@ def test_governing_story_without_heights_has_maximum_drift():
         **VALUES | {"peak_drift_ratio": np.full((2, 3), math.nan)}, height=np.full(3, math.nan)
     )
     assert [cells["peak_drift_story"] for cells in demand_cells(bare)] == [
-        by_hand(run)["drift"][1] for run in (0, 1)
+        expected_demands(run)["drift"][1] for run in (0, 1)
     ]
 
 

@@ -26,7 +26,7 @@ THREE = [
 MOTION = Record(3.0 * np.sin(0.31 * np.arange(240)) * np.hanning(240), 0.02, "", "", "HN1", "made")
 
 
-def whole_and_pieces(
+def run_and_chunks(
     monkeypatch: pytest.MonkeyPatch, rows: int = 7, **wanted: Any
 ) -> tuple[Response, Any]:
     """Return a run with its history, and a function that computes the history again in chunks of
@@ -58,7 +58,7 @@ def same(first: Any, second: Any) -> bool:
 def test_joined_history_chunks_equal_complete_history(
     monkeypatch: pytest.MonkeyPatch, wanted: dict[str, Any]
 ) -> None:
-    response, pieces = whole_and_pieces(monkeypatch, **wanted)
+    response, pieces = run_and_chunks(monkeypatch, **wanted)
     assert response.history is not None
     for every in (1, 3, 10, 240, 5000):
         parts = list(pieces(every))
@@ -68,7 +68,7 @@ def test_joined_history_chunks_equal_complete_history(
 
 
 def test_file_written_in_chunks_is_identical(monkeypatch: pytest.MonkeyPatch) -> None:
-    response, pieces = whole_and_pieces(monkeypatch)
+    response, pieces = run_and_chunks(monkeypatch)
     assert response.history is not None
     at_once, in_pieces = io.BytesIO(), io.BytesIO()
     write_history(response.history.every(3), at_once)

@@ -142,7 +142,7 @@ def test_residual_oscillation_under_forces_is_ignored():
 
 
 @cache
-def drawn(seed):
+def random_run(seed):
     """Return a random building, its motion, a method and the true peaks."""
     building, record, method = checked_building(seed, 502)
     return (
@@ -159,7 +159,7 @@ def test_errors_of_residual_drifts_of_steps_beyond_end_of_record(samples):
     cover the difference."""
     good, changed = [], []
     for seed in range(16):
-        building, record, method, true = drawn(seed)
+        building, record, method, true = random_run(seed)
         response = run(building, record, method=method, dt=samples * record.dt, check=True)
         if response.check.drift_error is None:
             continue

@@ -17,7 +17,7 @@ from tdint.model.definition import Force, ModalDamping
 DAMPED = "configs/fluid-dampers.yaml"
 
 
-def by_parts(model, history):
+def sum_of_shears(model, history):
     """Return the sum of the shears of springs, P-delta, dashpots and Rayleigh or modal damping;
     shape (steps + 1, n)."""
     building = assemble(model)
@@ -41,7 +41,7 @@ def test_total_shear_is_sum_of_parts_and_of_inertia_forces(method):
     moved = -np.cumsum((mass * history.acceleration)[:, ::-1], axis=1)[:, ::-1]
     size = np.max(np.abs(moved))
     np.testing.assert_allclose(history.total_shear, moved, atol=1e-12 * size)
-    np.testing.assert_allclose(history.total_shear, by_parts(model, history), atol=1e-9 * size)
+    np.testing.assert_allclose(history.total_shear, sum_of_shears(model, history), atol=1e-9 * size)
     for peaks, values in (
         (stories.peak_total_shear, history.total_shear),
         (stories.peak_damper_force, history.damper_force),
@@ -91,7 +91,7 @@ def test_total_shear_includes_modal_damping():
     history = response.history
     size = np.max(np.abs(history.total_shear))
     np.testing.assert_allclose(
-        history.total_shear, by_parts(response.model, history), atol=1e-9 * size
+        history.total_shear, sum_of_shears(response.model, history), atol=1e-9 * size
     )
     assert np.all(
         response.stories.peak_total_shear

@@ -30,7 +30,7 @@ def between_samples(values):
     return max(values[0], values[-1], top + (high - low) ** 2 / (8.0 * (2.0 * top - low - high)))
 
 
-def one_story(period, damping, yield_acceleration, hardening):
+def bilinear_story(period, damping, yield_acceleration, hardening):
     """Return a building with a bilinear story of unit mass."""
     omega = 2.0 * math.pi / period
     law = Law("bilinear", (yield_acceleration, hardening))
@@ -91,7 +91,7 @@ def test_strength_of_constant_ductility_reaches_target_in_run(period, hardening)
     for spectrum in constant_ductility(
         record, np.array([period]), [1.5, 4.0], 0.05, hardening=hardening
     ):
-        building = one_story(period, 0.05, spectrum.yield_acceleration[0], hardening)
+        building = bilinear_story(period, 0.05, spectrum.yield_acceleration[0], hardening)
         response = run(building, record, method="impulse4", dt=record.dt / 32)
         stories = response.stories
         assert abs(response.energy.error) < 1e-6
@@ -107,7 +107,7 @@ def test_residual_displacement_equals_end_of_long_run(hardening):
     (spectrum,) = constant_ductility(record, periods, [4.0], 0.1, hardening=hardening)
     quiet = replace(record, acceleration=np.append(record.acceleration, np.zeros(2500)))
     for i, period in enumerate(periods):
-        building = one_story(period, 0.1, spectrum.yield_acceleration[i], hardening)
+        building = bilinear_story(period, 0.1, spectrum.yield_acceleration[i], hardening)
         stories = run(building, quiet, method="impulse4", dt=record.dt / 8).stories
         assert spectrum.residual[i] == pytest.approx(
             stories.residual_drift[0], abs=1e-5 * spectrum.sd[i]

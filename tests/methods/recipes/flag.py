@@ -22,7 +22,7 @@ def _functions():
     from tdint.plugin import follow_branches, inline, outlined, set_branch
 
     @inline
-    def way_between(law_parameters, i):
+    def distance_between_lines(law_parameters, i):
         """Return the drift between the two sloping lines along k."""
         soft = (1.0 - law_parameters[HARDENING, i]) * law_parameters[rows.STIFFNESS, i]
         return law_parameters[LOSS, i] * law_parameters[STRENGTH, i] / soft
@@ -40,7 +40,7 @@ def _functions():
     def switch(law_parameters, law_state, i, block, event):
         k = law_parameters[rows.STIFFNESS, i]
         dy = law_parameters[STRENGTH, i] / k
-        between = way_between(law_parameters, i)
+        between = distance_between_lines(law_parameters, i)
         drift = law_state[block + rows.DRIFT, i]
         branch = abs(law_state[block + rows.INTERNAL, i])
         side = (
@@ -71,7 +71,7 @@ def _functions():
         f = abs(law_state[rows.FORCE, i])
         if law_state[rows.INTERNAL, i] == ELASTIC:
             return 0.5 * f * f / k
-        end = law_parameters[STRENGTH, i] / k - way_between(law_parameters, i)
+        end = law_parameters[STRENGTH, i] / k - distance_between_lines(law_parameters, i)
         d = abs(law_state[rows.DRIFT, i])
         line = k * end + law_parameters[HARDENING, i] * k * (
             d - end
