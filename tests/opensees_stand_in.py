@@ -144,9 +144,12 @@ class Domain:
         self.yields, self.k, self.hardening = np.array(steel).T
         dashpots, beside = (
             np.array(
-                [sum(size[0] for kind, *size in link[1:] if kind == wanted) for link in self.links]
+                [
+                    sum(size[0] for kind, *size in link[1:] if kind == material)
+                    for link in self.links
+                ]
             )
-            for wanted in ("Viscous", "Elastic")
+            for material in ("Viscous", "Elastic")
         )
         self.geometric = self.drifts.T @ np.diag(beside) @ self.drifts
         alpha, beta = self.proportions

@@ -138,8 +138,8 @@ def deviation(number, text, beta=BETA, dampings=DAMPINGS, dts=DTS):
     largest = 0.0
     for xi, w, dt in product(dampings, STEPS, dts):
         expected = compiled_value(number, w, xi, dt, beta)
-        off = abs(stated_value(number, text, w, xi, dt, beta) - expected)
-        largest = max(largest, off / max(1.0, abs(expected)))
+        error = abs(stated_value(number, text, w, xi, dt, beta) - expected)
+        largest = max(largest, error / max(1.0, abs(expected)))
     return largest
 
 
@@ -219,8 +219,8 @@ def kinematics_deviation(factor):
     for coefficients in np.random.default_rng(12).standard_normal((50, 5)):
         u = np.polynomial.Polynomial(coefficients)
         h, v, a = 0.7, u.deriv(), u.deriv(2)
-        off = a(h) - a(0.0) - 6.0 * (v(0.0) + v(h)) / h + factor * (u(h) - u(0.0)) / h**2
-        largest = max(largest, abs(off) / (abs(a(0.0)) + abs(a(h))))
+        residual = a(h) - a(0.0) - 6.0 * (v(0.0) + v(h)) / h + factor * (u(h) - u(0.0)) / h**2
+        largest = max(largest, abs(residual) / (abs(a(0.0)) + abs(a(h))))
     return largest
 
 
@@ -231,8 +231,8 @@ def linear_deviation(steps=(*STEPS, 40.0)):
         printed = matrix(w, xi)
         reduced = printed[:2, :2] + np.outer(printed[:2, 2], [-w * w, -2.0 * xi * w])
         compiled = compiled_step(w, xi)
-        off = np.max(np.abs(reduced - compiled) / np.maximum(1.0, np.abs(compiled)))
-        largest = max(largest, off)
+        error = np.max(np.abs(reduced - compiled) / np.maximum(1.0, np.abs(compiled)))
+        largest = max(largest, error)
     return largest
 
 

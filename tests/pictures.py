@@ -173,5 +173,5 @@ def draw(names: list[str]) -> None:
 if __name__ == "__main__":
     stale = out_of_date()
     draw(sys.argv[1:] or [name for name in stale if not PICTURES[name].timed])
-    if left := [name for name in stale if PICTURES[name].timed and name not in sys.argv]:
-        print("drawn by name, on a quiet machine:", *left)
+    if untimed := [name for name in stale if PICTURES[name].timed and name not in sys.argv]:
+        print("drawn by name, on a quiet machine:", *untimed)

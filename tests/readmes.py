@@ -155,12 +155,12 @@ def model_table():
         comment = "\n".join(
             line[1:].strip() for line in path.read_text().partition("\n\n")[0].splitlines()
         )
-        what, _, remainder = comment.partition("\n\n")
+        text, _, remainder = comment.partition("\n\n")
         assert re.search(r"^Shows: ", remainder, re.MULTILINE), (
             f"{path.name} does not say what it shows"
         )
-        what = " ".join(what.split()).rstrip(".:").replace("|", "\\|")
-        rows.append(f"| [`{path.stem}`]({path.name}) | {what} |")
+        text = " ".join(text.split()).rstrip(".:").replace("|", "\\|")
+        rows.append(f"| [`{path.stem}`]({path.name}) | {text} |")
     return "\n".join(rows) + "\n"
 
 
@@ -213,7 +213,8 @@ def command_list():
     parts = []
     for group, commands in GROUPS.items():
         lines = [
-            f"- `tdint {name}`: {says[0].lower()}{says[1:]}" for name, says in commands.items()
+            f"- `tdint {name}`: {description[0].lower()}{description[1:]}"
+            for name, description in commands.items()
         ]
         parts.append("\n".join([f"**{group}**", "", *lines, ""]))
     return "\n".join(parts)
@@ -310,10 +311,15 @@ def plugin_names():
         groups.setdefault(home, []).append(name)
     parts = []
     for home, names in groups.items():
-        what = _first_sentence(ROOT / "src" / f"{home.replace('.', '/')}.py").rstrip(":")
+        description = _first_sentence(ROOT / "src" / f"{home.replace('.', '/')}.py").rstrip(":")
         lines = {name: _line_of_name(name) for name in names}
         bare = ", ".join(f"`{name}`" for name, line in lines.items() if not line)
-        parts += [f"**{what}**" + f": {bare}" * bool(bare), "", *filter(None, lines.values()), ""]
+        parts += [
+            f"**{description}**" + f": {bare}" * bool(bare),
+            "",
+            *filter(None, lines.values()),
+            "",
+        ]
     return "\n".join(parts)
 
 

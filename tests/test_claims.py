@@ -269,8 +269,8 @@ def test_table_of_moment4_with_unresolved_modes():
     assert len(lines) == 5
     for method, numbers in lines:
         (line,) = re.findall(rf"^{re.escape(method)} +(.*)$", printed, re.MULTILINE)
-        made = [float(cell.partition("/")[0]) for cell in line.split()]
-        assert made == pytest.approx(
+        measured = [float(cell.partition("/")[0]) for cell in line.split()]
+        assert measured == pytest.approx(
             [float(number) for number in numbers.split(" | ")], rel=0.05
         ), method
 

@@ -310,6 +310,6 @@ def test_memory_of_text_column_is_limited() -> None:
     bytes more per text."""
     tracemalloc.start()
     column = TextColumn(f"b{number:07d}" for number in range(100_000))
-    taken = tracemalloc.get_traced_memory()[0]
+    memory = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
-    assert len(column) == 100_000 and taken < 12 * 100_000
+    assert len(column) == 100_000 and memory < 12 * 100_000

@@ -59,10 +59,10 @@ def test_source_archive_contains_checkout():
     listing = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
     if listing.returncode:
         pytest.skip("not a checkout")
-    taken = PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
+    included = PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
     top = {line.partition("/")[0] for line in listing.stdout.splitlines()}
     # files that hatchling includes itself
-    assert top - set(taken) <= {"pyproject.toml", ".gitignore"}
+    assert top - set(included) <= {"pyproject.toml", ".gitignore"}
 
 
 def test_metadata_files_are_consistent():
@@ -225,11 +225,11 @@ def test_paper_has_required_length_sections_and_references():
     )
     assert head.startswith("---\ntitle")
     assert 750 <= len(body.split()) <= 1750
-    asked = (
+    required = (
         "Summary|Statement of need|State of the field|Software design|Research impact statement|AI "
         "usage disclosure"
     )
-    assert len(re.findall(rf"\n# (?:{asked})", body)) == 6
+    assert len(re.findall(rf"\n# (?:{required})", body)) == 6
     entries = re.findall(
         r"@\w+\{(?:.|\n)*?\n\}", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8")
     )

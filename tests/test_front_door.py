@@ -150,8 +150,8 @@ tdint.nothing
 def test_public_names_do_not_shadow_builtins():
     everything: dict[str, object] = {}
     exec("from tdint import *", everything)
-    taken = set(everything) - {"__builtins__"}
-    assert taken == set(tdint.__all__) and not taken & set(dir(builtins))
+    names = set(everything) - {"__builtins__"}
+    assert names == set(tdint.__all__) and not names & set(dir(builtins))
     assert issubclass(tdint.FailedRun, tdint.TdintError)
     assert isinstance(tdint.make_record([0.0, 1.0], dt=0.01, units="g"), tdint.Record)
     with pytest.raises(AttributeError, match="it is 'model_template' now"):

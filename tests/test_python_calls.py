@@ -52,17 +52,17 @@ def test_validation_applies_only_to_failed_calls():
             raise ValueError("a bug")
         return number * 2
 
-    asked = validated_call(call, "call")
-    assert asked("a") == "aa"
+    validated = validated_call(call, "call")
+    assert validated("a") == "aa"
     with pytest.raises(ValueError, match="a bug"):
-        asked(1.0, flag=True)
+        validated(1.0, flag=True)
     with pytest.raises(UsageError, match=r"call: number .*got 'a'"):
-        asked("a", flag=True)
+        validated("a", flag=True)
     with pytest.raises(UsageError, match="call: missing a required argument: 'number'"):
-        asked()
+        validated()
     with pytest.raises(TypeError, match="unexpected"):  # as for any function
-        asked(1.0, other=2)
-    assert inspect.signature(asked) == inspect.signature(call)
+        validated(1.0, other=2)
+    assert inspect.signature(validated) == inspect.signature(call)
 
 
 def test_public_functions_are_picklable():

@@ -29,10 +29,10 @@ def file(tmp_path: Path) -> Path:
 
 def test_paths_are_accepted_for_models_and_records(file: Path) -> None:
     model = tdint.load_model(MODEL)
-    wanted = tdint.run(model, record()).stories.peak_drift
+    expected = tdint.run(model, record()).stories.peak_drift
     for path in (str(file), file):
-        np.testing.assert_array_equal(tdint.run(model, path).stories.peak_drift, wanted)
-        np.testing.assert_array_equal(tdint.run(MODEL, path).stories.peak_drift, wanted)
+        np.testing.assert_array_equal(tdint.run(model, path).stories.peak_drift, expected)
+        np.testing.assert_array_equal(tdint.run(MODEL, path).stories.peak_drift, expected)
         assert (
             tdint.spectrum(path, np.array([1.0])).psa
             == tdint.spectrum(record(), np.array([1.0])).psa

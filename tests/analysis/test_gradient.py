@@ -70,17 +70,17 @@ def test_gradient_agrees_with_larger_differences(method):
         runs = tdint.run_many(building, RECORD, method=method, vary={name: near}, history="drift")
         for peak in PEAKS:
             values = getattr(runs.stories, peak)
-            wanted = (values[1] - values[0]) / (near[1] - near[0])
+            expected = (values[1] - values[0]) / (near[1] - near[0])
             found = getattr(response.gradient, peak)[number]
-            off = np.abs(found - wanted) / np.max(np.abs(wanted))
+            error = np.abs(found - expected) / np.max(np.abs(expected))
             # Some stories are at kinks. Methods that do not locate yielding have a kink if yielding
             # starts at the end of a step, which is small for drifts and large for accelerations.
             room = {"peak_absolute_acceleration": 0.1, "peak_drift": 1e-4}.get(peak, 1e-2)
-            assert np.median(off) < (1e-4 if method == "impulse4" else room), f"{name} {peak}"
-        wanted = (runs.history["drift"][1] - runs.history["drift"][0]) / (near[1] - near[0])
+            assert np.median(error) < (1e-4 if method == "impulse4" else room), f"{name} {peak}"
+        expected = (runs.history["drift"][1] - runs.history["drift"][0]) / (near[1] - near[0])
         found = response.gradient.history["drift"][number]
         room = 1e-3 if method == "impulse4" else 0.05
-        np.testing.assert_allclose(found, wanted, atol=room * np.max(np.abs(wanted)))
+        np.testing.assert_allclose(found, expected, atol=room * np.max(np.abs(expected)))
     runs = tdint.run_many(
         building, [RECORD, RECORD], method=method, scales=[0.5, 1.0], gradient=NAMES
     )
@@ -106,9 +106,9 @@ def test_each_sample_has_its_own_derivatives():
         below, above = (
             tdint.run(building.replace(**changes), RECORD).stories.peak_drift for changes in near
         )
-        wanted = (above - below) / (2e-5 * value)
+        expected = (above - below) / (2e-5 * value)
         np.testing.assert_allclose(
-            drawn.gradient.peak_drift[1, number], wanted, atol=1e-3 * np.max(np.abs(wanted))
+            drawn.gradient.peak_drift[1, number], expected, atol=1e-3 * np.max(np.abs(expected))
         )
 
 
@@ -140,8 +140,8 @@ def test_derivative_at_end_of_range_is_one_sided():
         building, RECORD, gradient=["stories[1].law.hardening", "stories[1].dashpot"]
     ).gradient
     runs = tdint.run_many(building, RECORD, vary={"stories[1].law.hardening": [0.0, 1e-5]})
-    wanted = (runs.stories.peak_drift[1] - runs.stories.peak_drift[0]) / 1e-5
-    np.testing.assert_allclose(gradient.peak_drift[0], wanted, rtol=1e-3)
+    expected = (runs.stories.peak_drift[1] - runs.stories.peak_drift[0]) / 1e-5
+    np.testing.assert_allclose(gradient.peak_drift[0], expected, rtol=1e-3)
     assert np.all(np.isfinite(gradient.peak_drift[1]))
 
 
@@ -200,10 +200,10 @@ def test_derivative_of_wrong_sign_has_large_error():
     gradient = tdint.run(building, record, gradient="record.scale").gradient
     true = tdint.run(building, record, gradient="record.scale", dt=0.02 / 32, check=False).gradient
     assert true.errors is None and "errors not estimated" in repr(true)
-    found, wanted = gradient.peak_drift[0], true.peak_drift[0]
-    assert wanted[1] < 0.0 < found[1]
+    found, expected = gradient.peak_drift[0], true.peak_drift[0]
+    assert expected[1] < 0.0 < found[1]
     assert gradient.errors.peak_drift[0, 1] > abs(found[1]) > 100.0 * gradient.kink.peak_drift[0, 1]
-    assert np.all(np.abs(found - wanted) < gradient.errors.peak_drift[0])
+    assert np.all(np.abs(found - expected) < gradient.errors.peak_drift[0])
 
 
 @pytest.mark.parametrize(
@@ -219,10 +219,10 @@ def test_errors_of_derivatives_agree_with_two_calls(method, factor, least):
     half = tdint.run(
         building, RECORD, method="impulse4", dt=0.005, gradient=names, check=False
     ).gradient
-    off = factor * np.abs(gradient.peak_drift - half.peak_drift)
-    common = least * np.sqrt(np.mean(off**2, axis=1, keepdims=True))
-    wanted = np.maximum(np.maximum(off, common), 1e-5 * np.abs(gradient.peak_drift))
-    np.testing.assert_allclose(gradient.errors.peak_drift, wanted, rtol=1e-12)
+    difference = factor * np.abs(gradient.peak_drift - half.peak_drift)
+    common = least * np.sqrt(np.mean(difference**2, axis=1, keepdims=True))
+    expected = np.maximum(np.maximum(difference, common), 1e-5 * np.abs(gradient.peak_drift))
+    np.testing.assert_allclose(gradient.errors.peak_drift, expected, rtol=1e-12)
     many = tdint.run_many(
         [building, model([story(1e5, 1e7)], damping=ModalDamping((0.05,)))],
         RECORD,

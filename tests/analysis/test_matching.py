@@ -54,11 +54,11 @@ def problem_of(motion, periods):
     return MatchingProblem.prepare(samples, 0.01, periods, wanted=wanted, damping=damping), samples
 
 
-@pytest.mark.parametrize("of", ["motion", "pair"])
-def test_maximum_extremes_equal_spectrum(request, of):
+@pytest.mark.parametrize("case", ["motion", "pair"])
+def test_maximum_extremes_equal_spectrum(request, case):
     """By another kernel: that of the spectra, exact between samples, of pairs over 180
     directions."""
-    problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 3.0, 25))
+    problem, samples = problem_of(request.getfixturevalue(case), np.geomspace(0.1, 3.0, 25))
     found, largest = problem.extremes(samples, 0.9 * problem.wanted)
     np.testing.assert_allclose(largest[0], problem.wanted, rtol=2e-4)
     size = np.linalg.norm(found[VALUE:], axis=0)
@@ -66,12 +66,12 @@ def test_maximum_extremes_equal_spectrum(request, of):
     np.testing.assert_allclose(size[largest[1].astype(int)], largest[0], rtol=1e-15)
 
 
-@pytest.mark.parametrize("of", ["motion", "pair"])
-def test_derivatives_of_extremes_agree_with_differences(request, of):
+@pytest.mark.parametrize("case", ["motion", "pair"])
+def test_derivatives_of_extremes_agree_with_differences(request, case):
     """Without an envelope, the row of an extreme is its change divided by the target for a change
     of the band-limited samples. The first samples are excluded, because rows also extend before the
     motion, where the envelope is zero."""
-    problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 2.0, 12))
+    problem, samples = problem_of(request.getfixturevalue(case), np.geomspace(0.1, 2.0, 12))
     problem.envelope = np.ones_like(problem.envelope)
     found, largest = problem.extremes(samples, 0.99 * problem.wanted)
     columns = largest[1].astype(int)
@@ -110,18 +110,18 @@ def test_quadratic_program_agrees_with_scipy():
             method="SLSQP",
             options={"ftol": 1e-14, "maxiter": 500},
         ).x
-        worth = [0.5 * m @ matrix @ m - short @ m for m in (found, best)]
-        assert worth[0] == pytest.approx(worth[1], rel=5e-3, abs=5e-3)
+        objectives = [0.5 * m @ matrix @ m - short @ m for m in (found, best)]
+        assert objectives[0] == pytest.approx(objectives[1], rel=5e-3, abs=5e-3)
 
 
 def test_motion_is_matched_to_target(motion, matched):
     """The exact spectrum agrees at other periods, and the ground displacement ends at the value of
     the scaled seed."""
     periods = np.geomspace(0.11, 1.9, 333)
-    off = tdint.spectrum(matched.record, periods).psa / matched.target.at(periods) - 1.0
+    deviation = tdint.spectrum(matched.record, periods).psa / matched.target.at(periods) - 1.0
     before = tdint.spectrum(matched.before, periods).psa / matched.target.at(periods) - 1.0
-    assert np.max(np.abs(off)) < 0.08 < np.max(np.abs(before))
-    assert np.mean(np.abs(off)) < 0.01 and matched.mean_misfit < 0.01
+    assert np.max(np.abs(deviation)) < 0.08 < np.max(np.abs(before))
+    assert np.mean(np.abs(deviation)) < 0.01 and matched.mean_misfit < 0.01
     after, seed = (path.displacement for path in matched.motions)
     assert abs(after[-1] - seed[-1]) < 0.02 * np.max(np.abs(seed))
     assert matched.record.dt == motion.dt and "matched to" in matched.record.processing[-1]
@@ -144,12 +144,12 @@ def test_pair_is_matched_in_rotd100(pair):
     factor."""
     matched = tdint.match(pair, TARGET, periods=(0.1, 2.0))
     periods = np.geomspace(0.11, 1.9, 77)
-    off = (
+    deviation = (
         tdint.rotated_spectrum(matched.record, periods, percentiles=[100]).psa[0]
         / matched.target.at(periods)
         - 1.0
     )
-    assert np.max(np.abs(off)) < 0.02
+    assert np.max(np.abs(deviation)) < 0.02
     assert [part.after.component for part in matched.parts] == ["HN1", "HN2"]
     assert matched.parts[1].before.acceleration == pytest.approx(
         matched.factor * pair.second.acceleration
@@ -173,9 +173,9 @@ def test_suite_match_fits_mean_and_keeps_scatter(motion, pair):
     after, before = (
         np.array([getattr(match, name) for match in matches]) for name in ("psa", "seed_psa")
     )
-    off = np.mean(after, axis=0) / read_target(TARGET).at(matches[0].periods) - 1.0
+    deviation = np.mean(after, axis=0) / read_target(TARGET).at(matches[0].periods) - 1.0
     assert (
-        np.mean(np.abs(off))
+        np.mean(np.abs(deviation))
         < 0.005
         < np.mean(np.abs(np.mean(before, axis=0) / np.mean(after, axis=0) - 1.0))
     )

@@ -156,8 +156,8 @@ def test_failed_run_after_collapse_is_collapsed():
         assert single.steps == found.steps[i] < 399
         assert single.stories.peak_drift == found.stories.peak_drift[i] < 1.0
     loose = tdint.run(away, record.scaled(3.0), method="impulse4", allow_unstable=True)
-    made = f"the final energy is {1.0 - loose.energy.error:.3g} times the input energy"
-    with pytest.raises(FailedRun, match=re.escape(made)):
+    reason = f"the final energy is {1.0 - loose.energy.error:.3g} times the input energy"
+    with pytest.raises(FailedRun, match=re.escape(reason)):
         tdint.run(away, record.scaled(3.0), method="impulse4")
     assert np.isnan(found.stories.peak_drift[1])
 

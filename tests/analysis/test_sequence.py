@@ -75,8 +75,8 @@ def test_each_event_has_estimated_errors():
     found = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, check=True)
     fine = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, dt=0.01 / 16)
     for event, truth in zip(found.events, fine.events, strict=True):
-        off = np.abs(event.stories.peak_drift - truth.stories.peak_drift)
-        assert np.all(off <= 1.5 * event.errors.peak_drift)
+        error = np.abs(event.stories.peak_drift - truth.stories.peak_drift)
+        assert np.all(error <= 1.5 * event.errors.peak_drift)
         assert np.all(event.errors.peak_drift < 0.2 * event.stories.peak_drift)
 
 

@@ -29,9 +29,9 @@ def batch(model: str, method: str, **settings: bool | float) -> Batch:
     return Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), RunSettings(**settings))
 
 
-def single(of: Batch, run: Run, **wishes: float) -> tdint.analysis.run.outcome.Response:
+def single(runs: Batch, run: Run, **wishes: float) -> tdint.analysis.run.outcome.Response:
     case = tdint.prepare(
-        of.subject.model, RECORDS[run.motion].scaled(run.scale), method=of.subject.method
+        runs.subject.model, RECORDS[run.motion].scaled(run.scale), method=runs.subject.method
     )
     return tdint.run_case(case, **wishes)
 
@@ -162,10 +162,10 @@ def test_errors_of_events_in_sequence(fixed: int) -> None:
 
 
 def test_run_does_not_depend_on_other_runs() -> None:
-    of = batch("ten-story-bilinear", "impulse4")
-    together = rows_by_run(of.results(RUNS).runs)
-    backwards = rows_by_run(of.results(RUNS[::-1]).runs)
-    assert together == backwards == rows_by_run([of.results([run]).runs[0] for run in RUNS])
+    runs = batch("ten-story-bilinear", "impulse4")
+    together = rows_by_run(runs.results(RUNS).runs)
+    backwards = rows_by_run(runs.results(RUNS[::-1]).runs)
+    assert together == backwards == rows_by_run([runs.results([run]).runs[0] for run in RUNS])
 
 
 def test_failed_run_is_repeated_with_finer_steps() -> None:
@@ -174,10 +174,10 @@ def test_failed_run_is_repeated_with_finer_steps() -> None:
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
     model = tdint.load_model("configs/hardening.yaml")
     subject = Subject(model, "newmark-linear")
-    of = Batch(
+    runs = Batch(
         0, subject, Motions({0: noise}), {0: None}, RunSettings(dt=0.1, duration=noise.duration)
     )
-    (row,) = of.results([Run(0, 3.0)]).runs
+    (row,) = runs.results([Run(0, 3.0)]).runs
     case = tdint.prepare(model, noise.scaled(3.0), method="newmark-linear")
     for repeats in range(REPEATS + 1):
         dt = 0.1 / 2**repeats
@@ -199,7 +199,7 @@ def test_failed_attempt_is_integrated_once(method: str, monkeypatch: pytest.Monk
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
     settings = RunSettings(dt=0.1, duration=noise.duration)
     model = tdint.load_model("configs/hardening.yaml")
-    of = Batch(0, Subject(model, method), Motions({0: noise}), {0: None}, settings)
+    runs = Batch(0, Subject(model, method), Motions({0: noise}), {0: None}, settings)
     individual = []
     real = PreparedBuilding.integrate
 
@@ -211,7 +211,7 @@ def test_failed_attempt_is_integrated_once(method: str, monkeypatch: pytest.Monk
         individual.clear()
         with monkeypatch.context() as patch:
             patch.setattr(PreparedBuilding, "integrate", counted)
-            (row,) = of.results([Run(0, scale)]).runs
+            (row,) = runs.results([Run(0, scale)]).runs
         case = tdint.prepare(model, noise.scaled(scale), method=method)
         try:
             status = tdint.run_case(case, dt=row.dt, duration=noise.duration).status
@@ -222,20 +222,20 @@ def test_failed_attempt_is_integrated_once(method: str, monkeypatch: pytest.Monk
 
 
 def test_unstable_step_has_row_with_status() -> None:
-    of = batch("ten-story-bilinear", "central-difference", dt=0.5)
-    (row,) = of.results([Run(0, 1.0)]).runs
+    runs = batch("ten-story-bilinear", "central-difference", dt=0.5)
+    (row,) = runs.results([Run(0, 1.0)]).runs
     assert (row.status, row.dt, row.peak_drift, row.steps) == ("unstable-step", 0.5, None, None)
     assert row.pga == RECORDS[0].pga
 
 
 def test_chosen_steps_and_unreachable_tolerance() -> None:
     for method, largest, dt in (("newmark-average", 0.008, 0.005), ("impulse4", 0.05, 0.04)):
-        of = batch("ten-story-bilinear", method, **{"dt": 0.02} if dt < 0.02 else {})
-        (row,) = of.results([Run(0, 1.0)], max_step=largest).runs
-        response = single(of, Run(0, 1.0), dt=dt)
+        runs = batch("ten-story-bilinear", method, **{"dt": 0.02} if dt < 0.02 else {})
+        (row,) = runs.results([Run(0, 1.0)], max_step=largest).runs
+        response = single(runs, Run(0, 1.0), dt=dt)
         assert (row.dt, row.steps, row.energy_error) == (dt, response.steps, response.energy.error)
         assert row.peak_drift == demands(response.stories).drift.value
-    (row,) = of.results([Run(0, 1.0)], max_step=None).runs
+    (row,) = runs.results([Run(0, 1.0)], max_step=None).runs
     assert (row.status, row.peak_drift) == ("not-within-tolerance", None)
 
 

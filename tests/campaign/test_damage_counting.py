@@ -32,7 +32,7 @@ KEYS = [Run(motion, 1.0, 0) for motion in (1, 1, 2, 2, 3, 3, 3, 4, 5, 5)]
 
 def damage(states: DamageStates = STATES) -> BuildingDamage:
     probability = probabilities(states, DEMANDS, ENDS)
-    nothing = np.full(len(ENDS), math.nan)
+    unknown = np.full(len(ENDS), math.nan)
     return BuildingDamage(
         1,
         "a",
@@ -44,8 +44,8 @@ def damage(states: DamageStates = STATES) -> BuildingDamage:
         list(ENDS),
         DEMANDS,
         probability,
-        nothing,
-        nothing,
+        unknown,
+        unknown,
     )
 
 
@@ -78,20 +78,20 @@ def expected_probabilities(states: DamageStates) -> list[list[float]]:
 @pytest.mark.parametrize("dispersion", [0.5, 0.0])
 def test_damage_outcomes_of_runs(dispersion: float) -> None:
     states = DamageStates(STATES.demand, STATES.states, STATES.medians, dispersion, STATES.losses)
-    of, expected = damage(states), expected_probabilities(states)
-    np.testing.assert_allclose(of.probability, expected, atol=1e-15)
+    results, expected = damage(states), expected_probabilities(states)
+    np.testing.assert_allclose(results.probability, expected, atol=1e-15)
     losses = [0.0, 0.02, 0.2, 0.7, *[1.0] * len(FALLEN)]
     np.testing.assert_allclose(
-        of.loss,
+        results.loss,
         [math.fsum(p * loss for p, loss in zip(row, losses, strict=True)) for row in expected],
     )
     np.testing.assert_allclose(
-        of.squared_loss,
+        results.squared_loss,
         [math.fsum(p * loss**2 for p, loss in zip(row, losses, strict=True)) for row in expected],
     )
     names = ["none", "slight", "moderate", "severe"]
-    assert of.known.tolist() == [end == DONE or end in FALLEN for end in ENDS]
-    for state, demand, end in zip(of.state, DEMANDS, ENDS, strict=True):
+    assert results.known.tolist() == [end == DONE or end in FALLEN for end in ENDS]
+    for state, demand, end in zip(results.state, DEMANDS, ENDS, strict=True):
         if end == DONE:
             assert state == names[sum(demand >= loss for loss in STATES.medians)]
         else:
@@ -101,12 +101,12 @@ def test_damage_outcomes_of_runs(dispersion: float) -> None:
 def test_damage_of_group_is_mean_of_runs() -> None:
     """All runs with a result have equal weight. Jackknife errors omit one motion at a time; the
     motions have different numbers of runs."""
-    of, expected = damage(), np.array(expected_probabilities(STATES))
+    results, expected = damage(), np.array(expected_probabilities(STATES))
     motions = np.array([key.motion for key in KEYS])
     chosen = np.array([True] * 9 + [False])
     group = _Group(STATES)
     for _ in range(2):
-        group.add(of, chosen, motions)
+        group.add(results, chosen, motions)
     found = group.damage("type", "building", "event", 0.3)
     assert (found.type, found.building, found.event, found.level) == (
         "type",
@@ -117,14 +117,18 @@ def test_damage_of_group_is_mean_of_runs() -> None:
     assert (found.buildings, found.runs, found.failed) == (2, 18, 4)
     known = [i for i in range(9) if ENDS[i] == DONE or ENDS[i] in FALLEN]
     np.testing.assert_allclose(found.probability.value, expected[known].mean(axis=0))
-    loss = of.loss[known]
+    loss = results.loss[known]
     np.testing.assert_allclose(found.loss.value, loss.mean())
     assert found.loss_sd == pytest.approx(
-        math.sqrt(of.squared_loss[known].mean() - loss.mean() ** 2)
+        math.sqrt(results.squared_loss[known].mean() - loss.mean() ** 2)
     )
     groups = [[i for i in known if motions[i] == motion] for motion in (1, 2, 3, 5)]
-    left = [np.mean([of.loss[i] for i in known if i not in group]) for group in groups]
-    np.testing.assert_allclose(found.loss.error, math.sqrt(3.0 * float(np.var(left))))
+    losses_without_group = [
+        np.mean([results.loss[i] for i in known if i not in group]) for group in groups
+    ]
+    np.testing.assert_allclose(
+        found.loss.error, math.sqrt(3.0 * float(np.var(losses_without_group)))
+    )
 
 
 def test_group_without_results_has_unknown_damage() -> None:

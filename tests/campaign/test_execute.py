@@ -49,10 +49,10 @@ def test_remaining_chunks_are_executed_in_order(
     shard_chunks = [
         number for number in range(CHUNKS) if shard is None or number % 3 + 1 == shard.number
     ]
-    wanted: list[int] = []
+    requested: list[int] = []
     for number in shard_chunks:
-        if number not in ready and (max_runs is None or sum(map(size, wanted)) < max_runs):
-            wanted.append(number)
+        if number not in ready and (max_runs is None or sum(map(size, requested)) < max_runs):
+            requested.append(number)
     before = sum(size(number) for number in shard_chunks if number in ready)
     store, reported = Kept(*ready), list[Advance]()
     last = execute_plan(
@@ -63,12 +63,12 @@ def test_remaining_chunks_are_executed_in_order(
         max_runs=max_runs,
         on_chunk=reported.append,
     )
-    assert store.added == wanted
+    assert store.added == requested
     assert [advance.done for advance in reported] == [
-        before + sum(map(size, wanted[: i + 1])) for i in range(len(wanted))
+        before + sum(map(size, requested[: i + 1])) for i in range(len(requested))
     ]
     for advance in (*reported, last):
-        assert (advance.runs, advance.before) == (before + sum(map(size, wanted)), before)
+        assert (advance.runs, advance.before) == (before + sum(map(size, requested)), before)
         assert 0.0 <= advance.seconds < 60.0
     assert last.done == last.runs
 

@@ -236,10 +236,10 @@ def test_standard_errors_are_jackknife_estimates(tmp_path: Path, event: bool) ->
     functions = [fit_table(str(tmp_path / name), request).functions[0]
                  for name in ("runs.csv", "cloud.csv")]  # fmt: skip
     (alone,) = fit_cloud(im, edp, (OVER,))
-    left = [fit_cloud(im[motion != k], edp[motion != k], (OVER,))[0] for k in range(14)]
+    jackknife_fits = [fit_cloud(im[motion != k], edp[motion != k], (OVER,))[0] for k in range(14)]
     for name, values in (
-        ("theta_error", [math.log(fit.theta) for fit in left]),
-        ("beta_error", [fit.beta for fit in left]),
+        ("theta_error", [math.log(fit.theta) for fit in jackknife_fits]),
+        ("beta_error", [fit.beta for fit in jackknife_fits]),
     ):
         error = math.sqrt(13.0 * float(np.var(values)))
         assert [getattr(fit, name) for fit in functions] == pytest.approx([error, error], rel=1e-6)
@@ -258,8 +258,8 @@ def test_capacities_of_one_record_count_as_one_motion(tmp_path: Path) -> None:
     capacity = np.exp(0.4 * np.random.default_rng(12).standard_normal(9))
     rows = [f"{value!r},r{number}" for number, value in enumerate(capacity.tolist())]
     errors = {}
-    for name, of in (("single", rows), ("twins", rows + rows)):
-        (tmp_path / f"{name}.csv").write_text("\n".join(["capacity,record", *of]))
+    for name, capacities in (("single", rows), ("twins", rows + rows)):
+        (tmp_path / f"{name}.csv").write_text("\n".join(["capacity,record", *capacities]))
         errors[name] = (
             fit_table(str(tmp_path / f"{name}.csv"), FragilityRequest()).functions[0].theta_error
         )

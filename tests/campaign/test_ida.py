@@ -58,7 +58,7 @@ def study(frame):
 def curve(*runs, collapse_drift=0.1):
     """Return a curve of runs given as (im, drift ratio), with inf for collapse and nan for a failed
     run."""
-    made = [
+    runs_of_curve = [
         IdaRun(
             im,
             im,
@@ -67,7 +67,7 @@ def curve(*runs, collapse_drift=0.1):
         )
         for im, d in runs
     ]
-    return IdaCurve(motion(), tuple(made), collapse_drift)
+    return IdaCurve(motion(), tuple(runs_of_curve), collapse_drift)
 
 
 def test_ida_curve_of_linear_building_is_straight():

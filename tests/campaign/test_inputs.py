@@ -35,11 +35,13 @@ HALF = replace(BUILDING, stories=(*BUILDING.stories[:2], WITHOUT.stories[2]))
 
 
 def test_analysis_overrides_apply_to_all_buildings() -> None:
-    for of in (BUILDING, WITHOUT):
-        assert adapted(of, AnalysisOverrides()) == of
-        assert adapted(of, AnalysisOverrides(p_delta=False)) == replace(of, p_delta=False)
-        assert adapted(of, AnalysisOverrides(collapse_drift=0.04)) == replace(
-            of, collapse_drift=0.04
+    for building in (BUILDING, WITHOUT):
+        assert adapted(building, AnalysisOverrides()) == building
+        assert adapted(building, AnalysisOverrides(p_delta=False)) == replace(
+            building, p_delta=False
+        )
+        assert adapted(building, AnalysisOverrides(collapse_drift=0.04)) == replace(
+            building, collapse_drift=0.04
         )
     both = adapted(BUILDING, AnalysisOverrides(collapse_drift=0.04, p_delta=True))
     assert both == replace(BUILDING, collapse_drift=0.04, p_delta=True)

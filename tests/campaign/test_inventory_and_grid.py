@@ -226,9 +226,9 @@ def test_buildings_without_coordinates_are_omitted(study: Path) -> None:
     is refused."""
     text, before = (study / "buildings.csv").read_text(), plan(study)
     (study / "buildings.csv").write_text(text.replace(",37.805,-122.265", ",,"))
-    left = plan(study)
-    assert len(left.buildings) == len(before.buildings) - 1
-    ((input_type, reason),) = left.unused
+    remaining_plan = plan(study)
+    assert len(remaining_plan.buildings) == len(before.buildings) - 1
+    ((input_type, reason),) = remaining_plan.unused
     assert (
         input_type == "building"
         and "buildings.csv:4:6: Latitude: is missing; motions at sites require" in reason

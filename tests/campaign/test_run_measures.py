@@ -68,9 +68,9 @@ def test_cav_above_threshold_agrees_with_fine_grid(threshold):
 )
 def test_measure_of_scaled_motion(name):
     """The measure is multiplied by a power of the factor, as for the scaled motion."""
-    record, wanted = noise(2), run_measure(name)
-    assert wanted.of(record, -1.7, 0.8) == pytest.approx(
-        wanted.of(record.scaled(1.7), 1.0, 0.8), rel=1e-9
+    record, measure = noise(2), run_measure(name)
+    assert measure.of(record, -1.7, 0.8) == pytest.approx(
+        measure.of(record.scaled(1.7), 1.0, 0.8), rel=1e-9
     )
 
 
@@ -160,9 +160,11 @@ def test_runs_under_one_motion_are_clustered():
     y = 1.2 * x + shared + 0.1 * rng.standard_normal(36)
     residual = y - np.polyval(np.polyfit(x, y, 1), x)
     slope, intercept = np.polyfit(magnitude, residual, 1)
-    left, about = residual - intercept - slope * magnitude, magnitude - magnitude.mean()
-    total = sum(float(about[motion == number] @ left[motion == number]) ** 2 for number in range(9))
-    error = math.sqrt(total * 9 / 8 * 35 / 34) / float(about @ about)
+    residuals, centered = residual - intercept - slope * magnitude, magnitude - magnitude.mean()
+    total = sum(
+        float(centered[motion == number] @ residuals[motion == number]) ** 2 for number in range(9)
+    )
+    error = math.sqrt(total * 9 / 8 * 35 / 34) / float(centered @ centered)
     (found,) = line(x, y, {"magnitude": magnitude}, motion=motion).dependences
     (alone,) = line(x, y, {"magnitude": magnitude}).dependences
     assert found.p_value == pytest.approx(2.0 * student.sf(abs(slope) / error, 8), rel=1e-9)
@@ -172,8 +174,8 @@ def test_runs_under_one_motion_are_clustered():
         {"magnitude": np.tile(magnitude, 3)},
         motion=np.tile(motion, 3),
     ).dependences
-    of = error * math.sqrt(107 / 106 * 34 / 35)
-    assert thrice.p_value == pytest.approx(2.0 * student.sf(abs(slope) / of, 8), rel=1e-9)
+    expected = error * math.sqrt(107 / 106 * 34 / 35)
+    assert thrice.p_value == pytest.approx(2.0 * student.sf(abs(slope) / expected, 8), rel=1e-9)
 
 
 def test_too_few_runs_and_constant_measure_are_refused():

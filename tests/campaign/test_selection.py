@@ -19,13 +19,13 @@ PERIODS = np.geomspace(0.2, 2.0, 20)
 TARGET = "asce7:sds=1,sd1=0.6,tl=8"
 
 
-def score(off, wanted=None):
+def score(deviations, scatter=None):
     """Return the mean squared deviation of ln Sa from the target plus half the mean squared error
     of the scatter, of a selection or of each selection (axes: selection, motion, period)."""
-    result = np.mean(off.mean(axis=-2) ** 2, axis=-1)
-    if wanted is None:
+    result = np.mean(deviations.mean(axis=-2) ** 2, axis=-1)
+    if scatter is None:
         return result
-    return result + 0.5 * np.mean((off.std(axis=-2, ddof=1) - wanted) ** 2, axis=-1)
+    return result + 0.5 * np.mean((deviations.std(axis=-2, ddof=1) - scatter) ** 2, axis=-1)
 
 
 @pytest.mark.parametrize("scatter", [None, 0.35])
@@ -34,7 +34,7 @@ def test_best_selection_from_small_pools_is_found(scatter, per_event):
     """In at least 9 of 10 pools, the best of all selections of four from twelve motions is found,
     and no result is better."""
     rng, events = np.random.default_rng(58), np.arange(12) // 2
-    wanted = None if scatter is None else np.full(15, scatter)
+    target_scatter = None if scatter is None else np.full(15, scatter)
     choices = np.array(
         [
             c
@@ -44,12 +44,14 @@ def test_best_selection_from_small_pools_is_found(scatter, per_event):
     )
     found = 0
     for _ in range(10):
-        off = 0.3 * rng.normal(0.0, 0.4, (12, 15)).cumsum(axis=1) + rng.normal(0.0, 0.2, (12, 1))
-        best = np.min(score(off[choices], wanted))
-        chosen = _search(off, 4, wanted, events, per_event)
+        deviations = 0.3 * rng.normal(0.0, 0.4, (12, 15)).cumsum(axis=1) + rng.normal(
+            0.0, 0.2, (12, 1)
+        )
+        best = np.min(score(deviations[choices], target_scatter))
+        chosen = _search(deviations, 4, target_scatter, events, per_event)
         assert np.bincount(events[chosen]).max() <= per_event
-        assert score(off[chosen], wanted) >= best * (1.0 - 1e-9)
-        found += score(off[chosen], wanted) <= best * (1.0 + 1e-9)
+        assert score(deviations[chosen], target_scatter) >= best * (1.0 - 1e-9)
+        found += score(deviations[chosen], target_scatter) <= best * (1.0 + 1e-9)
     assert found >= 9
 
 
@@ -71,16 +73,17 @@ def test_mean_of_selected_motions_fits_target(pool):
     alone = tdint.scale([pool[number] for number in scaling.chosen], target=TARGET, periods=PERIODS)
     np.testing.assert_allclose(scaling.factors, alone.factors.clip(0.2, 20.0), rtol=1e-12)
     aim = np.log(scaling.target.at(PERIODS))
-    off = np.log(scaling.spectra(PERIODS)) - aim
+    deviations = np.log(scaling.spectra(PERIODS)) - aim
     others = np.log(scaling.rest) - aim
-    near = sorted([*off, *others], key=lambda row: np.mean(row**2))[:4]
-    assert score(off) <= score(np.array(near))
+    near = sorted([*deviations, *others], key=lambda row: np.mean(row**2))[:4]
+    assert score(deviations) <= score(np.array(near))
     assert list(scaling.to_dict()) == ["record", "component", "factor"]
 
 
 def test_requested_scatter_is_approached(pool):
     narrow, wide = (
-        tdint.select(pool, TARGET, 5, periods=PERIODS, scatter=asked) for asked in (0.0, 0.8)
+        tdint.select(pool, TARGET, 5, periods=PERIODS, scatter=requested)
+        for requested in (0.0, 0.8)
     )
     narrow, wide = (
         np.std(np.log(chosen.spectra(PERIODS)), axis=0, ddof=1).mean() for chosen in (narrow, wide)

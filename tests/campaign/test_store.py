@@ -61,8 +61,10 @@ def plan_of(
     levels = MotionFactors(
         {i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(motions))}
     )
-    given_ones = model_buildings([Subject(model, "newmark-average")] * buildings)
-    return Plan("", given_ones, suite, EveryMotion(len(motions)), levels, RunSettings(**settings))
+    plan_buildings = model_buildings([Subject(model, "newmark-average")] * buildings)
+    return Plan(
+        "", plan_buildings, suite, EveryMotion(len(motions)), levels, RunSettings(**settings)
+    )
 
 
 @settings(max_examples=30)
@@ -81,13 +83,13 @@ def test_chunks_contain_every_run_once_in_order(
         for building in plan.chunk(number).buildings
         for run in building.runs
     ]
-    wanted = [
+    expected = [
         (b, (m, f, 0))
         for b in range(buildings)
         for m in range(len(sizes))
         for f in range(1, factors[m] + 1)
     ]
-    assert found == wanted and len(found) == plan.runs
+    assert found == expected and len(found) == plan.runs
     assert [plan.size(number) for number in range(plan.chunks)] == [
         sum(len(part.runs) for part in plan.chunk(number).buildings)
         for number in range(plan.chunks)

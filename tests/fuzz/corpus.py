@@ -82,7 +82,7 @@ def _units(text: str) -> str | None:
 
 def _written() -> list[Sound]:
     """Return files that ObsPy writes."""
-    made = []
+    files = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "file"
         for encoding in ("FLOAT32", "FLOAT64", "INT32", "STEIM1", "STEIM2"):
@@ -90,7 +90,7 @@ def _written() -> list[Sound]:
             data = data.astype(np.float32) if encoding == "FLOAT32" else data
             write(path, trace(data), reclen=512, encoding=encoding)
             units = None if encoding.startswith("FLOAT") else "1e-6 m/s^2"
-            made.append(Sound(f"MSEED {encoding}", path.read_bytes(), units, frozenset({COUNT})))
+            files.append(Sound(f"MSEED {encoding}", path.read_bytes(), units, frozenset({COUNT})))
         for name, data, units, tells in (
             ("SAC", wave(300).astype(np.float32), "m/s^2", {COUNT, STEP, PEAK}),
             ("GSE2", counts(300), "1e-6 m/s^2", {COUNT, ALL}),
@@ -99,5 +99,5 @@ def _written() -> list[Sound]:
             ("SH_ASC", wave(100), "m/s^2", {COUNT}),
         ):
             write(path, trace(data), format=name)
-            made.append(Sound(name, path.read_bytes(), units, frozenset(tells)))
-    return made
+            files.append(Sound(name, path.read_bytes(), units, frozenset(tells)))
+    return files

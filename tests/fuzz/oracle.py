@@ -122,14 +122,14 @@ def _record_messages(records: Sequence[Record]) -> list[str]:
 
 
 def _silent(
-    sound: Sound, what: str, before: Sequence[Record], after: Sequence[Record], text: str
+    sound: Sound, change: str, before: Sequence[Record], after: Sequence[Record], text: str
 ) -> str:
     """Raise Failure if a change was not reported although the file still contains a statement that
     reveals it."""
     known = set(_record_messages(before))
     if any(note not in known for note in _record_messages(after)):
         return SAID
-    still_stated = all(any(what in name for name in record.header_checks) for record in after)
-    if what in sound.tells and still_stated:
+    still_stated = all(any(change in name for name in record.header_checks) for record in after)
+    if change in sound.tells and still_stated:
         raise Failure(f"changed without a word: {text}")
     return UNTOLD

@@ -543,18 +543,18 @@ def outcome(name: str, seed: int) -> str:
 
 
 def _attack(scene: Scene, written: _Outputs, attack: tuple[str, str], source: random.Random) -> str:
-    what, file = attack
-    if what in ON_FILES:
+    name, file = attack
+    if name in ON_FILES:
         before = Path(file).read_bytes()
-        ON_FILES[what](Path(file), source)
+        ON_FILES[name](Path(file), source)
         named: str | None = Path(file).name
         if _is_file(Path(file)) and Path(file).read_bytes() == before:
             return EQUAL
     else:
-        named = ON_COMMANDS[what](scene, written, source)
+        named = ON_COMMANDS[name](scene, written, source)
         if named is None:
             return EQUAL
-    arguments = ["rerun", scene.json_path, *(["--changed"] if what == "input broken" else [])]
+    arguments = ["rerun", scene.json_path, *(["--changed"] if name == "input broken" else [])]
     # Other processes may use the usual directory of temporary files.
     usual, tempfile.tempdir = tempfile.tempdir, str(Path("temporary").absolute())
     Path(tempfile.tempdir).mkdir()
@@ -563,14 +563,14 @@ def _attack(scene: Scene, written: _Outputs, attack: tuple[str, str], source: ra
             code, out, err = invoked_fully(arguments)
     finally:
         tempfile.tempdir = usual
-    message = f"{what} {file}: exit code {code}: {err[-400:]!r}"
-    if left := sorted(path.name for path in Path("temporary").iterdir()):
-        raise Failure(f"{what} {file}: left behind: {left}")
-    if code in (0, 1) and not (code == 0 and _is_rounding(err, str(named), what, file)):
+    message = f"{name} {file}: exit code {code}: {err[-400:]!r}"
+    if remaining := sorted(path.name for path in Path("temporary").iterdir()):
+        raise Failure(f"{name} {file}: left behind: {remaining}")
+    if code in (0, 1) and not (code == 0 and _is_rounding(err, str(named), name, file)):
         raise Failure(message)
     if "Traceback" in err or "internal error" in err or "encountered in" in err:
         raise Failure(message)
-    if code and str(named) not in err + out and what not in ("status",):
+    if code and str(named) not in err + out and name not in ("status",):
         raise Failure(f"not named: {message}")
     return EQUAL if code == 0 else REFUSED
 
@@ -582,14 +582,14 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _is_rounding(err: str, named: str, what: str, file: str) -> bool:
+def _is_rounding(err: str, named: str, name: str, file: str) -> bool:
     """Return True if the file is reported as equal within rounding, value by value or row by
     row."""
     approved = ("equal within rounding", "the same, ", "only the format was compared")
     lines = [line for line in err.splitlines() if f"{named}: " in line]
     return (
         any(f"{named}: {how}" in line for line in lines for how in approved)
-        and what
+        and name
         in (
             "flipped bit",
             "changed digit",

@@ -90,10 +90,10 @@ def all_outcomes(
                 failures.append(f"{label}: {type(error).__name__} {error}")
                 table[batch[0][0]][FAILED] += 1
                 continue
-            for name, number, what, why in found:
-                table[name][what] += 1
-                if why:
-                    failures.append(f"{name}: seed {number}: {why}")
+            for name, number, outcome, reason in found:
+                table[name][outcome] += 1
+                if reason:
+                    failures.append(f"{name}: seed {number}: {reason}")
                     print(failures[-1][:300], file=sys.stderr, flush=True)
     return table, failures
 

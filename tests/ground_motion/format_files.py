@@ -94,9 +94,9 @@ def cosmos(
     width = 8 if units.startswith("counts") else 10
     form = "(10I8)" if units.startswith("counts") else "(8F10.5)"
     body = []
-    for what, data in [(quantity, values), *(blocks or [])]:
+    for name, data in [(quantity, values), *(blocks or [])]:
         body.append(
-            f"   {npts or len(data)} {what} pts, approx   {round(len(data) * 0.01)} secs, "
+            f"   {npts or len(data)} {name} pts, approx   {round(len(data) * 0.01)} secs, "
             f"units={units},Format={form}"
         )
         body += fortran(data, 8, width, 0 if width == 8 else 5)

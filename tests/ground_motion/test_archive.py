@@ -16,9 +16,9 @@ from tdint.ground_motion.reading.read import read_record, read_records
 
 def packed(members, compression=zipfile.ZIP_DEFLATED):
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", compression) as made:
+    with zipfile.ZipFile(stream, "w", compression) as archive:
         for name, content in members.items():
-            made.writestr(name, content)
+            archive.writestr(name, content)
     return stream.getvalue()
 
 

@@ -215,19 +215,19 @@ class TestText:
 
 
 @pytest.mark.parametrize(
-    ("off", "remarked"), [(0.0, False), (0.9e-3, False), (-0.9e-3, False), (1.2e-3, True)]
+    ("deviation", "has_note"), [(0.0, False), (0.9e-3, False), (-0.9e-3, False), (1.2e-3, True)]
 )
-def test_knet_peaks_are_compared_without_offset(off, remarked):
+def test_knet_peaks_are_compared_without_offset(deviation, has_note):
     """Peaks are in gal, and may differ by a thousandth because of another offset; samples are
     counts of `calib` m/s^2."""
     samples = counts(1000) + 777
     component = trace(samples, calib=2e-5)
     peak = np.max(np.abs(samples - samples.mean())) * 2e-5 * 100.0
-    component.stats.knet = SimpleNamespace(duration=10.0, accmax=peak * (1.0 + off))
+    component.stats.knet = SimpleNamespace(duration=10.0, accmax=peak * (1.0 + deviation))
     number, found = knet_statements(None, [component])
     assert (number.stated, number.found) == (1000, 1000)
     assert found.found == pytest.approx(peak)
-    with pytest.warns(UserWarning, match="states a peak of") if remarked else nullcontext():
+    with pytest.warns(UserWarning, match="states a peak of") if has_note else nullcontext():
         assert compare([number, found]) == ("number of samples", "peak")
     for length in (0.0, float("nan"), -1.0):
         component.stats.knet.duration = length

@@ -242,7 +242,7 @@ def test_resampling_keeps_constant_and_duration(new):
 
 
 @pytest.mark.parametrize(
-    ("wanted", "message"),
+    ("options", "message"),
     [
         (
             {"trim": (0.0, 20.1)},
@@ -268,13 +268,13 @@ def test_resampling_keeps_constant_and_duration(new):
         ({"pad": 8e307}, "pad must add at most 50000000 samples, got 2000000000000000000"),
     ],
 )
-def test_incompatible_processing_is_refused(wanted, message):
+def test_incompatible_processing_is_refused(options, message):
     with pytest.raises(RecordError, match=message):
-        process(noise(), **wanted)
+        process(noise(), **options)
 
 
 @pytest.mark.parametrize(
-    "wanted",
+    "options",
     [
         {"trim": (2.0, 1.0)},
         {"trim": (-1.0, 1.0)},
@@ -296,10 +296,10 @@ def test_incompatible_processing_is_refused(wanted, message):
         {"resample": math.nan},
     ],
 )
-def test_invalid_processing_values_are_refused(wanted):
-    (name, *_), message = wanted, "(filter_order|trim|baseline|pad|highpass|lowpass|resample)"
+def test_invalid_processing_values_are_refused(options):
+    (name, *_), message = options, "(filter_order|trim|baseline|pad|highpass|lowpass|resample)"
     with pytest.raises(UsageError, match=message) as error:
-        process(noise(), **wanted)
+        process(noise(), **options)
     assert name in str(error.value) or "filter_order" in str(error.value)
 
 

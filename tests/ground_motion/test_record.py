@@ -16,20 +16,23 @@ def record(samples):
 
 def test_samples_are_read_only_copy():
     samples = np.array([0, 9, 1, 9, -3, 9])
-    made = record(samples[::2])
+    copied_record = record(samples[::2])
     samples[:] = 7
-    assert made.acceleration.tolist() == [0.0, 1.0, -3.0] and made.acceleration.dtype == np.float64
-    assert (made.duration, made.pga) == (pytest.approx(0.02), 3.0)
+    assert (
+        copied_record.acceleration.tolist() == [0.0, 1.0, -3.0]
+        and copied_record.acceleration.dtype == np.float64
+    )
+    assert (copied_record.duration, copied_record.pga) == (pytest.approx(0.02), 3.0)
     with pytest.raises(ValueError, match="read-only"):
-        made.acceleration[0] = 1.0
+        copied_record.acceleration[0] = 1.0
 
 
 def test_scaling_keeps_other_attributes():
-    made = record([0.0, 1.0, -3.0])
-    half = made.scaled(-0.5)
+    original = record([0.0, 1.0, -3.0])
+    half = original.scaled(-0.5)
     assert half.acceleration.tolist() == [0.0, -0.5, 1.5]
     assert (half.dt, half.id, half.component, half.source) == (0.01, "XX.A..HNE", "HNE", "a.mseed")
-    assert made.pga == 3.0
+    assert original.pga == 3.0
 
 
 @pytest.mark.parametrize(

@@ -119,8 +119,8 @@ def test_frequencies_stopped_by_digital_filter_are_faded_out(tmp_path):
     record = read(tmp_path, 1e8 * np.convolve(PULSE, taps, mode="same"), taps=taps)
     (note,) = (note for note in record.notes if "faded" in note)
     found = re.search(r"faded out from ([\d.]+) to ([\d.]+) Hz", note)
-    for text, left in zip(found.groups(), (np.sqrt(0.5), 0.1), strict=True):
-        assert float(text) == pytest.approx(np.arccos(np.sqrt(left)) / np.pi * 100.0, abs=0.02)
+    for text, gain in zip(found.groups(), (np.sqrt(0.5), 0.1), strict=True):
+        assert float(text) == pytest.approx(np.arccos(np.sqrt(gain)) / np.pi * 100.0, abs=0.02)
     np.testing.assert_allclose(record.acceleration, 1e8 * PULSE / GAIN, atol=1e-6 * record.pga)
     assert not any(note.startswith("ObsPy") for note in record.notes)
 

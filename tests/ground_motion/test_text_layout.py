@@ -109,9 +109,9 @@ class TestColumn:
     names = "Time (s), Sensor A, Sensor B (g), Vel (cm/s), Temp (C)"
     content = table([names], times(), *COLUMNS, np.full(60, 20.0))
 
-    @pytest.mark.parametrize("wanted", ["3", "Sensor B (g)", "sensor b", "SENSOR B (G)"])
-    def test_column_by_number_or_name(self, file, wanted):
-        (record,) = read(file, self.content, column=wanted)
+    @pytest.mark.parametrize("column", ["3", "Sensor B (g)", "sensor b", "SENSOR B (G)"])
+    def test_column_by_number_or_name(self, file, column):
+        (record,) = read(file, self.content, column=column)
         assert (record.component, record.units, record.units_from) == ("Sensor-B", "g", "file")
         assert record.pga == pytest.approx(2.0 * STANDARD_GRAVITY)
 
@@ -131,7 +131,7 @@ class TestColumn:
         np.testing.assert_allclose(record.acceleration[1:-1], speed[1:-1], atol=1e-12)
 
     @pytest.mark.parametrize(
-        ("wanted", "units", "message"),
+        ("column", "units", "message"),
         [
             ("6", None, "column 6 .*columns 1 to 5"),
             ("0", None, "column 0 not found"),
@@ -149,8 +149,8 @@ class TestColumn:
             ),
         ],
     )
-    def test_invalid_columns_are_refused(self, file, wanted, units, message):
-        fails(message, file, self.content, units, column=wanted)
+    def test_invalid_columns_are_refused(self, file, column, units, message):
+        fails(message, file, self.content, units, column=column)
 
     def test_quantity_of_name_must_agree_with_units(self, file):
         for name, units in (("Vel", "g"), ("Acc", "cm/s"), ("Disp", "cm/s")):

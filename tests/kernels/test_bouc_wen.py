@@ -114,18 +114,18 @@ def compiled_forces_by_path_integration(law_parameters, turn, drifts):
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 20.0])
 @pytest.mark.parametrize(
-    ("gone", "reach", "size"),
+    ("start", "reach", "size"),
     [
         (forces_on_straight_paths, 4.0, 1001),
         (forces_by_path_integration, 2.0, 201),
         pytest.param(compiled_forces_by_path_integration, 4.0, 10_001, marks=pytest.mark.slow),
     ],
 )
-def test_force_is_continuous_function_of_drift(exponent, gone, reach, size):
+def test_force_is_continuous_function_of_drift(exponent, start, reach, size):
     """Newton's iteration requires that the force does not jump where the number of substeps or the
     sign of w changes, at a distance of a yield drift."""
     drifts = 3.0 * DY - np.linspace(0.0, reach, size) * DY
-    forces = gone(law(exponent, 0.9), 3.0 * DY, drifts)
+    forces = start(law(exponent, 0.9), 3.0 * DY, drifts)
     slopes = np.diff(forces) / np.diff(drifts)
     assert slopes.max() <= 2.0 * K
     assert slopes.min() >= 0.0

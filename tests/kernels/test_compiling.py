@@ -121,12 +121,12 @@ def computed():
 def test_unwritable_cache_is_tolerated_and_truncated_object_is_recompiled(
     cache, ahead, monkeypatch, caplog
 ):
-    (made,) = ahead.rglob(file_for("native"))
+    (object_file,) = ahead.rglob(file_for("native"))
     compiled = []
 
     def run_all(compilations):
         compiled.extend(compilations)
-        return ((compilation, [made.read_bytes()]) for compilation in compilations)
+        return ((compilation, [object_file.read_bytes()]) for compilation in compilations)
 
     monkeypatch.setattr("tdint.kernels.building.process.run_all", run_all)
     caplog.set_level("INFO", "tdint")
@@ -139,10 +139,10 @@ def test_unwritable_cache_is_tolerated_and_truncated_object_is_recompiled(
         assert computed() == 24.0
         assert message in caplog.messages[-1]
     (file,) = (cache / "folder").rglob("*.object")
-    file.write_bytes(made.read_bytes()[:-100])
+    file.write_bytes(object_file.read_bytes()[:-100])
     assert computed() == computed() == 24.0
     assert len(compiled) == len(caplog.messages) == 3
-    assert file.read_bytes() == made.read_bytes()
+    assert file.read_bytes() == object_file.read_bytes()
     assert not list((cache / "folder").rglob("*.part"))
 
 
@@ -194,9 +194,9 @@ def test_only_required_kernels_are_compiled():
     configs = Path(__file__).parents[2] / "configs"
     variants = {}
     for name in ("ten-story", "ten-story-bilinear"):
-        wanted = kernels_of_model(load_model(configs / f"{name}.yaml"), parse_method("moment4"))
+        required = kernels_of_model(load_model(configs / f"{name}.yaml"), parse_method("moment4"))
         variants[name] = {
-            kernel.name.rpartition(".")[2]: variant.text for kernel, variant in wanted
+            kernel.name.rpartition(".")[2]: variant.text for kernel, variant in required
         }
     for name, variant in (("ten-story", "linear"), ("ten-story-bilinear", "linear,bilinear")):
         assert variants[name].keys() >= {"moment4:step", "loop:integrate", "law_state:follow"}
@@ -462,10 +462,10 @@ def test_missing_loop_without_compiler_is_reported(cache, monkeypatch):
 def test_compilation_error_of_other_module_has_reason_and_line():
     """The message contains the explanation of numba and the last line of the module that numba
     names."""
-    wanted = Compilation(
+    compilation = Compilation(
         SimpleNamespace(name=scaled.name, function=scaled.function, parts=()), EVERYTHING, {}
     )
-    own = wanted.request[1]
+    own = compilation.request[1]
     name = Path(own).name
     text = [
         "Traceback",
@@ -477,14 +477,14 @@ def test_compilation_error_of_other_module_has_reason_and_line():
         "  cannot unify float64 and int64  ",
         "During: typing of assignment",
     ]
-    assert wanted.reason(text) == f"{own}:17: cannot unify float64 and int64"
-    assert wanted.reason([text[0], *text[3:]]) == f"{own}: cannot unify float64 and int64"
+    assert compilation.reason(text) == f"{own}:17: cannot unify float64 and int64"
+    assert compilation.reason([text[0], *text[3:]]) == f"{own}: cannot unify float64 and int64"
     assert (
-        wanted.reason(["NameError", "name 'nowhere' is not defined"])
+        compilation.reason(["NameError", "name 'nowhere' is not defined"])
         == f"{own}: name 'nowhere' is not defined"
     )
-    assert wanted.reason(["one line"]) == f"{own}: one line"
-    assert wanted.reason([]) == ""
+    assert compilation.reason(["one line"]) == f"{own}: one line"
+    assert compilation.reason([]) == ""
     package = Compilation(
         SimpleNamespace(name="a:b", function=follow.function, parts=()), EVERYTHING, {}
     )

@@ -225,10 +225,10 @@ def uneven(random):
         k, drift = random.uniform(0.5, 2.0, 2)
         points = [(drift, k * drift)]
         for _ in range(3):
-            way = random.uniform(0.3, 10.0)
+            length = random.uniform(0.3, 10.0)
             drift, force = points[-1]
-            force = float(np.clip(force + way * random.uniform(-0.3, 0.3) * k, 0.2 * k, 4.9 * k))
-            points.append((drift + way, force))
+            force = float(np.clip(force + length * random.uniform(-0.3, 0.3) * k, 0.2 * k, 4.9 * k))
+            points.append((drift + length, force))
         force = random.uniform(0.02, 1.0)
         sides.append(points)
         pinchings.append((random.uniform(), force, random.uniform(0.0, 0.98 * force)))
@@ -266,10 +266,10 @@ def even(random):
     usual pinching."""
     points = [(1.0, 1.0)]
     for _ in range(3):
-        way = random.uniform(0.3, 10.0)
+        length = random.uniform(0.3, 10.0)
         drift, force = points[-1]
         points.append(
-            (drift + way, float(np.clip(force + way * random.uniform(-0.3, 0.3), 0.2, 4.9)))
+            (drift + length, float(np.clip(force + length * random.uniform(-0.3, 0.3), 0.2, 4.9)))
         )
     return multilinear(points)
 

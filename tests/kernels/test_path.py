@@ -139,8 +139,8 @@ def test_work_is_strain_energy_plus_dissipated_energy(any_journey):
         mean, moment, *_ = results(law_parameters, state, rise, bend, steady)
         after = stored_and_dissipated(law_parameters, state)
         scratch = rise * mean + bend * moment / 12.0
-        way = abs(rise) + abs(bend) + 1e-3 * DY
-        allowed = TOLERANCE.get(name, 1e-12) * 10.0 * FY * way + 1e-14 * sum(map(abs, after))
+        length = abs(rise) + abs(bend) + 1e-3 * DY
+        allowed = TOLERANCE.get(name, 1e-12) * 10.0 * FY * length + 1e-14 * sum(map(abs, after))
         assert scratch == pytest.approx(sum(after) - sum(before), rel=1e-12, abs=allowed)
 
 
@@ -156,7 +156,7 @@ def test_integrals_of_force_agree_with_simpson_rule(journey):
 def test_tangents_are_derivatives_of_integrals(any_journey):
     """The tangents equal central differences, except for a few paths that contain a kink."""
     name, law_parameters, visited, steady = any_journey
-    off = []
+    deviations = []
     for state, rise, bend in visited[3:]:
         got = results(law_parameters, state.copy(), rise, bend, steady)[2:]
         eps = 1e-5 * (abs(rise) + abs(bend))
@@ -173,9 +173,9 @@ def test_tangents_are_derivatives_of_integrals(any_journey):
                 for sign in (1.0, -1.0)
             ]
             numeric.append((ends[0] - ends[1]) / (2.0 * eps))
-        off.append(np.max(np.abs(np.array(numeric).T.ravel() - got)) / K)
-    assert np.quantile(off, 0.9) < TANGENTS.get(name, 2e-5)
-    assert max(off) < 0.05
+        deviations.append(np.max(np.abs(np.array(numeric).T.ravel() - got)) / K)
+    assert np.quantile(deviations, 0.9) < TANGENTS.get(name, 2e-5)
+    assert max(deviations) < 0.05
 
 
 def test_path_on_one_branch_is_integrated_in_closed_form(journey):
@@ -263,14 +263,14 @@ def test_small_cycle_changes_only_laws_that_degrade_at_reversals(steady_journey)
         law_parameters[rows.FIRST_PARAMETER + 33 : rows.FIRST_PARAMETER + 38, 0] = 0.3, 0, 1, 1, 0.5
     largest = 0.0
     for state, _, _ in visited:
-        ways = [DY, -3.0 * DY, 4.0 * DY, -3.0 * DY]
+        increments = [DY, -3.0 * DY, 4.0 * DY, -3.0 * DY]
         side = np.sign(state[rows.RATE_SIGN, 0]) or 1.0
         straight = state.copy()
-        for way in (-1e-6 * DY, 1e-6 * DY):
-            results(law_parameters, state, side * way, 0.0)
-        for way in ways:
-            results(law_parameters, state, side * way, 0.0)
-            results(law_parameters, straight, side * way, 0.0)
+        for increment in (-1e-6 * DY, 1e-6 * DY):
+            results(law_parameters, state, side * increment, 0.0)
+        for increment in increments:
+            results(law_parameters, state, side * increment, 0.0)
+            results(law_parameters, straight, side * increment, 0.0)
             largest = max(largest, abs(state[rows.FORCE, 0] - straight[rows.FORCE, 0]) / FY)
     counts = name in ("imk", "multilinear-pinching")  # they degrade at each turn
     assert (largest > 1e-3) == counts, largest

@@ -90,11 +90,11 @@ def scene(seed):
 
 def arguments(span, linear_terms, law_parameters, old, state, law_state, turns, peaks):
     """Arguments of `find_interstep_peaks`."""
-    nothing = np.zeros((0, linear_terms.shape[1]))
+    no_rows = np.zeros((0, linear_terms.shape[1]))
     flags = np.zeros(rows.FLAGS_SIZE)
     flags[rows.HAS_DASHPOTS] = 1.0
     building = Scene(
-        linear_terms, nothing, law_parameters, np.zeros((0, rows.FORCE_COLUMNS)), flags
+        linear_terms, no_rows, law_parameters, np.zeros((0, rows.FORCE_COLUMNS)), flags
     )
     return [
         span,

@@ -161,10 +161,10 @@ class ImkCurves:
         values = self.sides[side]
         beta = self.beta(self.work - self.at_zero, self.work)
         self.at_zero = self.work
-        left = 1.0 - beta * values["D"]
-        values["F"] *= left
-        values["rise"] *= left
-        values["start"] *= left
+        remaining_share = 1.0 - beta * values["D"]
+        values["F"] *= remaining_share
+        values["rise"] *= remaining_share
+        values["start"] *= remaining_share
         values["far"] *= 1.0 + beta * values["D"]
         far, z = values["far"], side * self.x
         force = self.backbone(side, far)

@@ -74,8 +74,8 @@ def test_specific_variant_and_general_variant_agree_to_last_bit(laws, methods, m
     assembled = building(laws)
     variant = PreparedBuilding(assembled).variant
     # All loops are compiled at once, so that common loops are compiled only once.
-    wanted = [item for method in methods for item in kernels(parse(method), variant)]
-    compile_ahead(wanted, ["native"], None, lambda done: None)
+    required = [item for method in methods for item in kernels(parse(method), variant)]
+    compile_ahead(required, ["native"], None, lambda done: None)
     for method in methods:
         own, everything = {}, {}
         for is_general, result in ((True, everything), (False, own)):

@@ -35,8 +35,8 @@ def dense_integration(method, case, record, steps):
         elif method == "houbolt":
             past_v = np.tensordot(HOUBOLT_V[1:], u[:-4:-1], 1) / h
             past_a = np.tensordot(HOUBOLT_A[1:], u[:-4:-1], 1) / h**2
-            left = HOUBOLT_A[0] / h**2 * M + HOUBOLT_V[0] / h * C + K
-            u.append(np.linalg.solve(left, p - M @ past_a - C @ past_v))
+            effective = HOUBOLT_A[0] / h**2 * M + HOUBOLT_V[0] / h * C + K
+            u.append(np.linalg.solve(effective, p - M @ past_a - C @ past_v))
             v.append(HOUBOLT_V[0] / h * u[-1] + past_v)
         else:
             past_v = np.tensordot(PARK[1:], u[:-4:-1], 1) / h

@@ -172,17 +172,17 @@ def test_acceleration_peaks_at_yielding_are_found():
     truth = run(
         OFFICE, NEAR, method="impulse4", dt=NEAR.dt / FINE, duration=20.0
     ).stories.peak_absolute_acceleration
-    off = {}
+    errors = {}
     for parts in (1, 2):
         response = run(
             OFFICE, NEAR, method="moment4", dt=NEAR.dt / parts, duration=20.0, history=True
         )
-        off[parts] = np.max(np.abs(response.stories.peak_absolute_acceleration / truth - 1.0))
+        errors[parts] = np.max(np.abs(response.stories.peak_absolute_acceleration / truth - 1.0))
         at_steps = np.max(
             np.abs(np.max(np.abs(response.history.acceleration), axis=0) / truth - 1.0)
         )
-        assert off[parts] < 0.1 * at_steps
-    assert off[2] < 0.3 * off[1]
+        assert errors[parts] < 0.1 * at_steps
+    assert errors[2] < 0.3 * errors[1]
 
 
 def test_peaks_are_continuous_in_strength():

@@ -396,9 +396,9 @@ def test_commands_use_methods_and_laws_of_files(workshop, verlet, tmp_path):
     (story,) = workshop("run", "shaken.yaml", *plugins, "--method", "verlet", "--dt", "0.005")
     single = tdint.run("shaken.yaml", method="verlet", dt=0.005).stories
     assert float(story["peak_drift_m"]) == pytest.approx(single.peak_drift[0], rel=1e-11)
-    by_ours = tdint.run("shaken.yaml", method="central-difference", dt=0.005).stories
+    expected = tdint.run("shaken.yaml", method="central-difference", dt=0.005).stories
     np.testing.assert_allclose(
-        single.peak_drift, by_ours.peak_drift, rtol=1e-9
+        single.peak_drift, expected.peak_drift, rtol=1e-9
     )  # without damping they are one
     curve = workshop(
         "stability", "--plugin", "verlet.py", "--method", "verlet", "--dt-over-t", "0.1:0.5:5"
@@ -492,8 +492,8 @@ def test_plugin_files_are_sent_to_workers(workshop, verlet, hyperbolic, tmp_path
     """A process without the two plug-ins, such as a Dask worker, gives the same runs."""
     for file in (verlet, hyperbolic):
         tdint.load_plugin(str(file))
-    wanted = load_campaign("campaign.yaml")
-    chunk = make_plan(wanted, read_inputs(wanted)).chunk(0)
+    campaign = load_campaign("campaign.yaml")
+    chunk = make_plan(campaign, read_inputs(campaign)).chunk(0)
     sent = files_to_send()
     assert [name for name, _ in sent] == ["verlet.py", "hyperbolic.py"]
     worker = (

@@ -44,20 +44,20 @@ def restated(curve, n, soft):
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 12])
 @pytest.mark.parametrize("soft", [False, True])
 def test_derived_buildings_agree_with_restated_rules(n, soft):
-    made = derive_capacity(CapacityFacts(DEMO, n, soft_story=soft))
+    derived = derive_capacity(CapacityFacts(DEMO, n, soft_story=soft))
     drifts, forces = restated(DEMO, n, soft)
-    assert made.drifts == pytest.approx(drifts, rel=1e-12)
-    assert made.forces == pytest.approx(1000.0 * forces, rel=1e-12)
-    assert made.period == pytest.approx(DEMO.period, rel=1e-13)
+    assert derived.drifts == pytest.approx(drifts, rel=1e-12)
+    assert derived.forces == pytest.approx(1000.0 * forces, rel=1e-12)
+    assert derived.period == pytest.approx(DEMO.period, rel=1e-13)
 
 
 def test_published_example_is_reproduced():
-    made = derive_capacity(CapacityFacts(DEMO, 3, as_published=True))
-    assert made.mass == pytest.approx([363.636, 363.636, 272.727], abs=1e-3)
-    assert made.mode == pytest.approx([0.424623, 0.755846, 1.0], abs=1e-6)
-    assert made.participation == pytest.approx(1.28560, abs=1e-5)
-    assert made.drifts[:, 0] == pytest.approx([0.000332, 0.000259, 0.000191], abs=1e-6)
-    assert made.forces[:, 0] / 9810.0 == pytest.approx([0.111129, 0.086685, 0.043174], abs=1e-6)
+    derived = derive_capacity(CapacityFacts(DEMO, 3, as_published=True))
+    assert derived.mass == pytest.approx([363.636, 363.636, 272.727], abs=1e-3)
+    assert derived.mode == pytest.approx([0.424623, 0.755846, 1.0], abs=1e-6)
+    assert derived.participation == pytest.approx(1.28560, abs=1e-5)
+    assert derived.drifts[:, 0] == pytest.approx([0.000332, 0.000259, 0.000191], abs=1e-6)
+    assert derived.forces[:, 0] / 9810.0 == pytest.approx([0.111129, 0.086685, 0.043174], abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -73,25 +73,25 @@ def test_published_example_is_reproduced():
 )
 def test_published_factor_shortens_period(n, ordinary, soft):
     for is_soft, ratio in ((False, ordinary), (True, soft)):
-        made = derive_capacity(CapacityFacts(DEMO, n, soft_story=is_soft, as_published=True))
+        derived = derive_capacity(CapacityFacts(DEMO, n, soft_story=is_soft, as_published=True))
         # published with three digits
-        assert made.period / DEMO.period == pytest.approx(ratio, abs=6e-4)
+        assert derived.period / DEMO.period == pytest.approx(ratio, abs=6e-4)
 
 
 def test_capacity_curves_of_two_and_three_points():
-    made = derive_capacity(CapacityFacts(TWO, 1))
-    assert made.drifts[0] == pytest.approx([0.02, 0.04, 0.06, 0.08])
-    assert made.forces[0] / 9810.0 == pytest.approx([0.15, 0.15 + 0.05 / 3, 0.15 + 0.1 / 3, 0.2])
-    made = derive_capacity(CapacityFacts(THREE, 1))
-    assert made.drifts[0] == pytest.approx([0.01, 0.03, 0.075, 0.12])
+    derived = derive_capacity(CapacityFacts(TWO, 1))
+    assert derived.drifts[0] == pytest.approx([0.02, 0.04, 0.06, 0.08])
+    assert derived.forces[0] / 9810.0 == pytest.approx([0.15, 0.15 + 0.05 / 3, 0.15 + 0.1 / 3, 0.2])
+    derived = derive_capacity(CapacityFacts(THREE, 1))
+    assert derived.drifts[0] == pytest.approx([0.01, 0.03, 0.075, 0.12])
     assert (TWO.damage_begins, THREE.damage_begins) == (0.02, 0.03)
 
 
 def test_given_mass_and_damping_are_used():
-    made = derive_capacity(CapacityFacts(DEMO, 4, mass=5e5, height=14.0, damping_ratio=0.03))
-    assert made.mass.sum() == pytest.approx(5e5)
-    assert made.height.tolist() == [3.5] * 4
-    assert made.period == pytest.approx(DEMO.period, rel=1e-13)
+    derived = derive_capacity(CapacityFacts(DEMO, 4, mass=5e5, height=14.0, damping_ratio=0.03))
+    assert derived.mass.sum() == pytest.approx(5e5)
+    assert derived.height.tolist() == [3.5] * 4
+    assert derived.period == pytest.approx(DEMO.period, rel=1e-13)
     single = derive_capacity(CapacityFacts(DEMO, 1, damping_ratio=0.03))
     omega = 2.0 * math.pi / DEMO.period
     assert single.damping.mass == pytest.approx(2.0 * 0.03 * omega)

@@ -163,7 +163,7 @@ def test_mapping_by_structural_type_without_costs() -> None:
     Path("e.xml").write_text(text)
     rows, faults = read_inventory("e.xml", 1.0, mapping="mapping.csv")
     assert not faults and "cost" not in cells(rows[0])
-    assert [len(of.building.stories) for of in derive_all(rows, "mdof-lu")] == [1, 3]
+    assert [len(derived.building.stories) for derived in derive_all(rows, "mdof-lu")] == [1, 3]
 
 
 @pytest.mark.parametrize(

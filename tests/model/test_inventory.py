@@ -35,25 +35,25 @@ def test_one_story_building_agrees_with_hand_calculation():
     """PC1, high code: a period of 0.35 s per story, yielding at 0.6 g and twice this strength at
     the end; 3000 m^2 have a mass of 3000 t."""
     row = hazus_types()["high", "PC1"]
-    made = derive(BuildingFacts("PC1", 1, 1978, 3000.0))
+    derived = derive(BuildingFacts("PC1", 1, 1978, 3000.0))
     stiffness = 4.0 * math.pi**2 * (0.4053 + 0.405 + 0.1869) * 3e6 / row.period_per_story_s**2
     strength = row.yield_acceleration_g * 3e6 * 9.8
     drift = strength / stiffness * (1.0 + (row.overstrength - 1.0) / row.post_yield_ratio)
-    assert (made.design_level, made.type, made.height.tolist()) == ("high", "PC1", [3.6])
-    assert made.stiffness[0] == pytest.approx(stiffness, rel=1e-14)
-    assert made.yield_force[0] == pytest.approx(strength, rel=1e-14)
-    assert made.ultimate_force[0] == pytest.approx(row.overstrength * strength, rel=1e-14)
-    assert made.ultimate_drift[0] == pytest.approx(drift, rel=1e-14)
-    assert made.yield_drift[0] == pytest.approx(strength / stiffness, rel=1e-14)
-    assert made.period == pytest.approx(2.0 * math.pi * math.sqrt(3e6 / stiffness), rel=1e-13)
+    assert (derived.design_level, derived.type, derived.height.tolist()) == ("high", "PC1", [3.6])
+    assert derived.stiffness[0] == pytest.approx(stiffness, rel=1e-14)
+    assert derived.yield_force[0] == pytest.approx(strength, rel=1e-14)
+    assert derived.ultimate_force[0] == pytest.approx(row.overstrength * strength, rel=1e-14)
+    assert derived.ultimate_drift[0] == pytest.approx(drift, rel=1e-14)
+    assert derived.yield_drift[0] == pytest.approx(strength / stiffness, rel=1e-14)
+    assert derived.period == pytest.approx(2.0 * math.pi * math.sqrt(3e6 / stiffness), rel=1e-13)
 
 
 @pytest.mark.parametrize("stories", [1, 2, 5, 12, 50])
 def test_building_has_period_of_its_type(stories):
     """lambda(n) is fitted to the first period of a chain of n equal masses and springs."""
-    made = derive(BuildingFacts("S1", stories, 1990, 800.0))
-    assert made.period == pytest.approx(made.rule_period, rel=2e-3)
-    shares = made.yield_force / made.yield_force[0]
+    derived = derive(BuildingFacts("S1", stories, 1990, 800.0))
+    assert derived.period == pytest.approx(derived.rule_period, rel=2e-3)
+    shares = derived.yield_force / derived.yield_force[0]
     load = np.arange(1, stories + 1)
     assert shares == pytest.approx(np.cumsum(load[::-1])[::-1] / load.sum(), rel=1e-12)
 
@@ -62,13 +62,13 @@ def test_building_has_period_of_its_type(stories):
 def test_strength_follows_from_mass_of_first_mode(stories):
     """alpha1(n) is fitted to the mass of the first mode of a chain of n equal masses and springs,
     over the total mass; its limit for large n is 8 / pi^2."""
-    made = derive(BuildingFacts("S1", stories, 1990, 800.0))
-    row = hazus_types()[made.design_level, made.type]
+    derived = derive(BuildingFacts("S1", stories, 1990, 800.0))
+    row = hazus_types()[derived.design_level, derived.type]
     chain = 2.0 * np.eye(stories) - np.eye(stories, k=1) - np.eye(stories, k=-1)
     chain[-1, -1] = 1.0
     share = np.sum(np.linalg.eigh(chain)[1][:, 0]) ** 2 / stories
-    assert made.yield_force[0] / (
-        row.yield_acceleration_g * 9.8 * np.sum(made.mass)
+    assert derived.yield_force[0] / (
+        row.yield_acceleration_g * 9.8 * np.sum(derived.mass)
     ) == pytest.approx(share, rel=2e-3)
 
 
@@ -129,28 +129,28 @@ def test_damping_ratio_applies_to_first_and_third_mode():
     lost = derive(BuildingFacts("C1", 8, 1990, 100.0, mass_only=True)).damping
     assert isinstance(lost, RayleighCoefficients)
     assert lost.stiffness == 0.0
-    made = derive(BuildingFacts("C1", 8, 1990, 100.0))
-    springs = np.diag(made.stiffness) + np.diag([*made.stiffness[1:], 0.0])
-    springs -= np.diag(made.stiffness[1:], 1) + np.diag(made.stiffness[1:], -1)
-    first, _, third, *_ = np.sqrt(np.sort(np.linalg.eigvals(springs / made.mass[:, None])))
+    derived = derive(BuildingFacts("C1", 8, 1990, 100.0))
+    springs = np.diag(derived.stiffness) + np.diag([*derived.stiffness[1:], 0.0])
+    springs -= np.diag(derived.stiffness[1:], 1) + np.diag(derived.stiffness[1:], -1)
+    first, _, third, *_ = np.sqrt(np.sort(np.linalg.eigvals(springs / derived.mass[:, None])))
     assert lost.mass == pytest.approx(2.0 * 0.07 * first * third / (first + third), rel=1e-9)
 
 
 def test_model_with_building_equals_written_out_model():
     short = "building: {rules: mdof-lu, type: C1, stories: 4, year: 1985, area: 600, height: 16}\n"
-    made = derive(BuildingFacts("C1", 4, 1985, 600.0, height=16.0))
+    derived = derive(BuildingFacts("C1", 4, 1985, 600.0, height=16.0))
     models = [
         load_model(io.StringIO(text))
-        for text in (short, model_text("a 'b' \"c\"", made, "mdof-lu"))
+        for text in (short, model_text("a 'b' \"c\"", derived, "mdof-lu"))
     ]
     assert models[1].name == "a 'b' \"c\""
     assert models[0].stories == models[1].stories
     assert models[0].damping == models[1].damping
     periods = [2.0 * math.pi / assemble(model).modes().omega[0] for model in models]
-    assert periods == pytest.approx([made.period] * 2, rel=1e-13)
+    assert periods == pytest.approx([derived.period] * 2, rel=1e-13)
     other = load_model(io.StringIO(short + "damping: {modal: 0.02}\nunits: {length: ft}"))
     assert other.damping.ratios == (0.02,)
-    assert other.stories[0].mass == pytest.approx(made.mass[0] * LENGTH["ft"] ** 2, rel=1e-14)
+    assert other.stories[0].mass == pytest.approx(derived.mass[0] * LENGTH["ft"] ** 2, rel=1e-14)
     assert other.stories[0].height == pytest.approx(4.0 * LENGTH["ft"], rel=1e-14)
 
 
@@ -265,14 +265,14 @@ def test_file_without_required_column_is_refused(tmp_path):
 
 
 def test_area_in_square_feet_gives_same_building(tmp_path):
-    made = []
+    buildings = []
     for units, length in (("m", 1.0), ("ft", 0.3048)):
         file = tmp_path / f"{units}.csv"
         file.write_text(f"{HEADER}\nb,3,1990,C1,{600.0 / length**2!r}\n")
-        made += [derived.building for derived in tdint.inventory(str(file), units=units)]
-    assert made[0].mass == pytest.approx(3 * [600.0e3], rel=1e-12)
-    assert made[1].mass == pytest.approx(made[0].mass, rel=1e-12)
-    assert made[1].stiffness == pytest.approx(made[0].stiffness, rel=1e-12)
+        buildings += [derived.building for derived in tdint.inventory(str(file), units=units)]
+    assert buildings[0].mass == pytest.approx(3 * [600.0e3], rel=1e-12)
+    assert buildings[1].mass == pytest.approx(buildings[0].mass, rel=1e-12)
+    assert buildings[1].stiffness == pytest.approx(buildings[0].stiffness, rel=1e-12)
     with pytest.raises(UsageError, match="length 'yd'; known: m,"):
         tdint.inventory(str(file), units="yd")
 
@@ -284,11 +284,11 @@ def test_scatter_is_sampled_by_building_id(tmp_path):
         derived.building
         for derived in derive_all(rows, "mdof-lu", stiffness=0.2, damping=0.1, seed=5)
     ]
-    factors = np.array([made.stiffness[0] / plain.stiffness[0] for made in many])
+    factors = np.array([sample.stiffness[0] / plain.stiffness[0] for sample in many])
     assert np.mean(factors) == pytest.approx(1.0, abs=4.0 * 0.2 / 20.0)
     assert np.std(factors) == pytest.approx(0.2, rel=0.15)
-    assert np.std([made.damping_ratio / 0.07 for made in many]) == pytest.approx(0.1, rel=0.15)
-    assert {made.yield_force[0] for made in many} == {plain.yield_force[0]}
+    assert np.std([sample.damping_ratio / 0.07 for sample in many]) == pytest.approx(0.1, rel=0.15)
+    assert {sample.yield_force[0] for sample in many} == {plain.yield_force[0]}
     # Studies that are continued, divided or repeated with another version need the same samples:
     # two normal numbers for each seed and id.
     first, second = np.random.default_rng([5, *b"b7"]).standard_normal(2)

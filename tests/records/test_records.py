@@ -41,10 +41,14 @@ def test_records_are_reproducible(maker, tmp_path):
             read_records(tmp_path / f"{name}.mseed"),
             strict=True,
         )
-        for kept, made in pairs:
-            assert (kept.id, kept.start, kept.dt) == (made.id, made.start, made.dt)
+        for kept, recomputed in pairs:
+            assert (kept.id, kept.start, kept.dt) == (
+                recomputed.id,
+                recomputed.start,
+                recomputed.dt,
+            )
             np.testing.assert_allclose(
-                kept.acceleration, made.acceleration, rtol=0, atol=1e-12 * kept.pga
+                kept.acceleration, recomputed.acceleration, rtol=0, atol=1e-12 * kept.pga
             )
 
 

@@ -35,13 +35,13 @@ def log_probability(points):
     """Return the log posterior densities of all walkers in one call: flat within the bounds, with
     the misfit of the roof relative to the noise."""
     inside = np.all((points > LOWEST) & (points < HIGHEST), axis=1)
-    told = np.full(len(points), -np.inf)
+    log_values = np.full(len(points), -np.inf)
     if inside.any():
         motions = roof(**dict(zip(truth, points[inside].T, strict=True)))
-        told[inside] = (
+        log_values[inside] = (
             -0.5 * np.sum((np.nan_to_num(motions, nan=1e3) - recorded) ** 2, axis=1) / noise**2
         )
-    return told
+    return log_values
 
 
 def slopes(point):

@@ -126,16 +126,16 @@ def main() -> int:
     parser.add_argument(
         "--from", dest="folder", type=Path, help="copy files from this folder instead"
     )
-    asked = parser.parse_args()
-    unknown = [name for name in asked.names if name not in SOURCES]
+    arguments = parser.parse_args()
+    unknown = [name for name in arguments.names if name not in SOURCES]
     if unknown:
         parser.error(f"no file is called {unknown[0]!r}; the names are {', '.join(SOURCES)}")
     try:
-        if asked.folder is not None:
-            print("copied: " + (", ".join(take_from(asked.folder)) or "nothing"))
-        for name in asked.names:
+        if arguments.folder is not None:
+            print("copied: " + (", ".join(take_from(arguments.folder)) or "nothing"))
+        for name in arguments.names:
             print(fetch(name))
-        if not asked.names and asked.folder is None:
+        if not arguments.names and arguments.folder is None:
             for name, source in SOURCES.items():
                 print(f"{name:12} {'here' if source.here() else 'not here':9} {source.what}")
     except NotFetched as error:

@@ -133,7 +133,7 @@ def code_verification(results: list[ValidationResult]) -> str:
                 *(_short(row[f"{q}_order"]) for q in _QUANTITIES),
             ]
         )
-    made = observe_all()
+    observations = observe_all()
     steps = [f"T/{steps * 2 * np.pi / (5.0 * 4.0):.0f}" for steps in (STEPS[0], STEPS[-1])]
     manufactured = [
         [
@@ -142,7 +142,7 @@ def code_verification(results: list[ValidationResult]) -> str:
             f"{observed.order:.2f}",
             *(f"{observed.errors[end]:.1e}" for end in (0, -1)),
         ]
-        for observed in made
+        for observed in observations
     ]
     return (
         "### Exact solutions\n\n"
@@ -173,16 +173,16 @@ def other_programs() -> str:
     import opensees
 
     kept = opensees.kept()
-    made = opensees.recomputed_peaks()
+    recomputed = opensees.recomputed_peaks()
     lines = []
     for name, frame in opensees.problems().items():
-        ours = opensees.ours(frame)
-        theirs = made.get(name, kept[name]["peak_drift_m"])
-        worst = float(np.max(np.abs(ours / np.asarray(theirs) - 1.0)))
-        lines.append([name, frame.what, number(theirs[0]), number(float(ours[0])), f"{worst:.1e}"])
+        own = opensees.ours(frame)
+        theirs = recomputed.get(name, kept[name]["peak_drift_m"])
+        worst = float(np.max(np.abs(own / np.asarray(theirs) - 1.0)))
+        lines.append([name, frame.what, number(theirs[0]), number(float(own[0])), f"{worst:.1e}"])
     origin = (
         "computed on this machine"
-        if made
+        if recomputed
         else f"stored with {kept['version']}, because OpenSeesPy is not installed"
     )
     return (
@@ -303,9 +303,9 @@ def main() -> int:
     parser.add_argument(
         "--check", action="store_true", help="write nothing; exit code 1 if a case is outside"
     )
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     begin = time.perf_counter()
-    if asked.check:
+    if arguments.check:
         groups = [*closed_form_cases(), *textbook_cases(), *kaikoura_cases()]
         groups += el_centro_cases() if SOURCES["elcentro"].here() else ()
         groups += berkeley_cases() if SOURCES["berkeley"].here() else ()

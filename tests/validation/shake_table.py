@@ -43,8 +43,8 @@ def compared(path: Path, command: Callable[..., str]) -> list[float]:
 def shake_table_cases(path: Path, command: Callable[..., str]) -> tuple[ValidationCase, ...]:
     """Return the cases of computed and recorded floors."""
     floors = tuple(
-        f"{what}, floor {floor}"
-        for what in ("correlation", "ratio of peaks")
+        f"{quantity}, floor {floor}"
+        for quantity in ("correlation", "ratio of peaks")
         for floor in (1, 2, 3)
     )
     return (

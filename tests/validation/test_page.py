@@ -57,10 +57,10 @@ def test_manufactured_forces_satisfy_equation_of_motion(law):
         * (np.sin if harmonic["phase"] == "sin" else np.cos)(harmonic["omega"] * time)
         for harmonic in building["excitation"]["forces"]
     )
-    left = force - (
+    residual = force - (
         -(manufactured.OMEGA**2) * u + manufactured.DAMPER * v + manufactured.LAWS[law][1](u)
     )
-    assert np.max(np.abs(left)) < 1e-11 * np.max(np.abs(force))
+    assert np.max(np.abs(residual)) < 1e-11 * np.max(np.abs(force))
 
 
 def test_every_method_has_its_order_for_manufactured_motions():

@@ -168,20 +168,20 @@ def test_leaders_are_coarse_fine_and_safest():
 def test_lines_by_tolerance_do_not_change_profiles():
     """A line with the total time of a search for a tolerance changes no ratio and is not
     recommended."""
-    ours, choosing = points("a", 2, 1.0), points("a by tolerance", 9, 1e-9)
+    by_steps, by_tolerance = points("a", 2, 1.0), points("a by tolerance", 9, 1e-9)
     alone, beside = (
-        field_chart([measured(ours)]),
-        field_chart([measured(choosing, ours, points("x/b", 2, 1.0))]),
+        field_chart([measured(by_steps)]),
+        field_chart([measured(by_tolerance, by_steps, points("x/b", 2, 1.0))]),
     )
     assert beside.lines == ["a", "a by tolerance", "x/b"] and beside.leaders() == ("a", "a", "a")
     assert [p for p in beside.profiles if p.method == "a"] == list(alone.profiles)
 
 
 def test_other_programs_do_not_change_ratios():
-    ours, theirs = points("a", 2, 1.0), points("prog/b", 2, 0.25)
+    own_points, program_points = points("a", 2, 1.0), points("prog/b", 2, 0.25)
     alone, beside = (
-        field_chart([measured(ours)]),
-        field_chart([measured(ours, theirs), measured(ours)]),
+        field_chart([measured(own_points)]),
+        field_chart([measured(own_points, program_points), measured(own_points)]),
     )
     own_ratios = {(p.quantity, p.tolerance): p.ratios for p in alone.profiles}
     for profile in beside.profiles:
@@ -199,8 +199,8 @@ def test_skipped_runs_do_not_count_as_unsolved():
         if point.dt < 0.5:
             line[i] = replace(point, outcome="not-run", errors=None, times=())
     blow = points("prog/b", 2, 1.0, error=0.01, fails=PARTS)
-    ours = points("a", 2, 1.0)
-    chart = field_chart([measured(ours, line), measured(ours, blow)])
+    own_points = points("a", 2, 1.0)
+    chart = field_chart([measured(own_points, line), measured(own_points, blow)])
     found = {
         profile.tolerance: (profile.problems, profile.solved, profile.taken, profile.not_run)
         for profile in chart.profiles

@@ -345,10 +345,10 @@ def test_timing_is_repeated_until_verdict_is_stable(verdicts, turns):
     """The number of repetitions is at least the requested two, and at most four times this
     number."""
     problem = pose(ten_linear(), noise(samples=21))
-    asked = iter(verdicts)
+    remaining_verdicts = iter(verdicts)
     chart = measure(
         problem, integrators("newmark-average"), (problem.interval,), repeats=2, cached=False,
-        judge=lambda points: next(asked),
+        judge=lambda points: next(remaining_verdicts),
     )  # fmt: skip
     assert len(chart.points[0].times) == turns
 

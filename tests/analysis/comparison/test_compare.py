@@ -129,8 +129,8 @@ def test_exact_is_chosen_for_linear_buildings_without_forces(recorded_model, law
     excluded, because `exact` would only use their values at the time steps."""
     recorded_model.usual()
     case = model([story(1.0, 900.0, law), story(1.0, 700.0), story(0.8, 500.0)], forces=forces)
-    taken = case_under(case, recorded_model.event()).method.family.linear_only
-    assert taken == (law is LINEAR and not forces)
+    exact_is_chosen = case_under(case, recorded_model.event()).method.family.linear_only
+    assert exact_is_chosen == (law is LINEAR and not forces)
 
 
 def test_noise_lowers_correlation_as_predicted(recorded_model):
@@ -312,10 +312,10 @@ def test_stiffness_and_damping_are_fitted_from_30_percent_off(recorded_model):
         replace(story, stiffness=story.stiffness * factor)
         for story, factor in zip(recorded_model.model.stories, (1.3, 0.7, 1.3), strict=True)
     ]
-    off = replace(
+    changed_model = replace(
         recorded_model.model, stories=tuple(stories), damping=ModalDamping((0.05, 0.05, 0.05))
     )
-    found = fit(off, event, ["stiffness", "damping"])
+    found = fit(changed_model, event, ["stiffness", "damping"])
     values = [value.value for value in found.values]
     assert [value.place for value in found.values] == [1, 2, 3, 1, 2, 3]
     assert values[:3] == pytest.approx([900.0, 700.0, 500.0], rel=0.01)
@@ -555,13 +555,13 @@ def test_window_is_exact_to_sample():
         )
         event = Event(SimpleNamespace(window=window), base, (), (), (), ())
         start, end = window or (0.0, 0.99)
-        wanted = [i for i in range(first, last + 1) if start - 1e-9 <= 0.01 * i <= end + 1e-9]
-        if len(wanted) < 10:
+        expected = [i for i in range(first, last + 1) if start - 1e-9 <= 0.01 * i <= end + 1e-9]
+        if len(expected) < 10:
             refused += 1
             with pytest.raises(RecordError, match="fewer than 10 samples"):
                 event.window(recorded, "floor 1")
         else:
-            assert [*range(100)[event.window(recorded, "floor 1")]] == wanted
+            assert [*range(100)[event.window(recorded, "floor 1")]] == expected
     assert 30 < refused < 270
     with pytest.raises(RecordError, match="has fewer than 10 samples"):
         event.window(np.full(100, np.nan), "floor 1")

@@ -28,22 +28,25 @@ def largest(numbers):
 
 
 def expected_demands(run):
-    of = {name: values[run].tolist() for name, values in VALUES.items()}
-    residual = [abs(value) for value in of["residual_drift"]]
+    values_of_run = {name: values[run].tolist() for name, values in VALUES.items()}
+    residual = [abs(value) for value in values_of_run["residual_drift"]]
     return {
-        "roof_displacement": (of["peak_displacement"][2], 3),
-        "base_shear": (of["peak_shear"][0], 1),
-        "total_base_shear": (of["peak_total_shear"][0], 1),
-        "drift": largest(of["peak_drift"]),
+        "roof_displacement": (values_of_run["peak_displacement"][2], 3),
+        "base_shear": (values_of_run["peak_shear"][0], 1),
+        "total_base_shear": (values_of_run["peak_total_shear"][0], 1),
+        "drift": largest(values_of_run["peak_drift"]),
         "drift_ratio": largest(
-            [value / height for value, height in zip(of["peak_drift"], HEIGHT, strict=True)]
+            [
+                value / height
+                for value, height in zip(values_of_run["peak_drift"], HEIGHT, strict=True)
+            ]
         ),
         "residual_drift": largest(residual),
         "residual_drift_ratio": largest(
             [value / height for value, height in zip(residual, HEIGHT, strict=True)]
         ),
-        "ductility": largest(of["ductility"]),
-        "acceleration": largest(of["peak_absolute_acceleration"]),
+        "ductility": largest(values_of_run["ductility"]),
+        "acceleration": largest(values_of_run["peak_absolute_acceleration"]),
     }
 
 
@@ -77,8 +80,8 @@ def test_error_of_demand_covers_all_possible_maxima():
     (drift,) = (quantity for quantity in DECLARED if quantity.name == "drift")
     (roof,) = (quantity for quantity in DECLARED if quantity.name == "roof_displacement")
 
-    def errors(*of):
-        return StoryErrors(**{quantity.name: np.array(of) for quantity in STORY})
+    def errors(*names):
+        return StoryErrors(**{quantity.name: np.array(names) for quantity in STORY})
 
     assert drift.error(peaks, errors(0.01, 0.02, 0.4)) == 0.01
     assert drift.error(peaks, errors(0.01, 0.03, 0.4)) == 0.03

@@ -475,8 +475,10 @@ def test_history_has_error_at_each_step():
         ten_bilinear(), record, method="impulse4", dt=record.dt / 2, history=True, check=False
     ).history
     for name in ("displacement", "velocity", "drift", "shear"):
-        off = getattr(other, name)[::2] - getattr(response.history, name)
-        assert np.array_equal(getattr(response.history.error, name), off) and np.any(off)
+        deviation = getattr(other, name)[::2] - getattr(response.history, name)
+        assert np.array_equal(getattr(response.history.error, name), deviation) and np.any(
+            deviation
+        )
     pieces = [piece.error.drift for piece in response.history_chunks(1)]
     assert np.array_equal(np.concatenate(pieces), response.history.error.drift)
     assert run(ten_bilinear(), record, history=True).history.error is None

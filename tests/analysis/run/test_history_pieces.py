@@ -27,11 +27,11 @@ MOTION = Record(3.0 * np.sin(0.31 * np.arange(240)) * np.hanning(240), 0.02, "",
 
 
 def run_and_chunks(
-    monkeypatch: pytest.MonkeyPatch, rows: int = 7, **wanted: Any
+    monkeypatch: pytest.MonkeyPatch, rows: int = 7, **options: Any
 ) -> tuple[Response, Any]:
     """Return a run with its history, and a function that computes the history again in chunks of
     `rows` rows."""
-    response = run(model(THREE), MOTION, history=True, **wanted)
+    response = run(model(THREE), MOTION, history=True, **options)
     monkeypatch.setattr("tdint.analysis.run.prepared._CHUNK_BYTES", 8 * 26 * rows)
     assert response.history_chunks is not None
     return response, response.history_chunks
@@ -46,7 +46,7 @@ def same(first: Any, second: Any) -> bool:
 
 
 @pytest.mark.parametrize(
-    "wanted",
+    "options",
     [
         {"method": "impulse4"},
         {"method": "newmark-average", "dt": 0.005},
@@ -56,9 +56,9 @@ def same(first: Any, second: Any) -> bool:
     ],
 )
 def test_joined_history_chunks_equal_complete_history(
-    monkeypatch: pytest.MonkeyPatch, wanted: dict[str, Any]
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any]
 ) -> None:
-    response, pieces = run_and_chunks(monkeypatch, **wanted)
+    response, pieces = run_and_chunks(monkeypatch, **options)
     assert response.history is not None
     for every in (1, 3, 10, 240, 5000):
         parts = list(pieces(every))

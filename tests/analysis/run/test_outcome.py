@@ -227,10 +227,12 @@ def test_diverging_story_has_largest_drift():
 def test_largest_stable_step_is_end_of_first_stable_range():
     """The result is rounded down. It is the end of the first of several stable ranges, the complete
     range if all steps are stable, and 0 if no step is stable."""
-    asked = []
+    tried_steps = []
 
     def within(*ranges):
-        return lambda step: asked.append(step) or any(low < step <= high for low, high in ranges)
+        return lambda step: (
+            tried_steps.append(step) or any(low < step <= high for low, high in ranges)
+        )
 
     for ends, expected in (
         (((0.0, 0.37),), 0.37),
@@ -240,7 +242,7 @@ def test_largest_stable_step_is_end_of_first_stable_range():
         found = largest_stable(within(*ends), 2.0)
         assert found <= expected and found == pytest.approx(expected, rel=1e-9)
     assert largest_stable(within((0.5, 9.0)), 2.0) == 0.0
-    assert min(asked) > 0.0 and max(asked) <= 2.0
+    assert min(tried_steps) > 0.0 and max(tried_steps) <= 2.0
 
 
 @pytest.mark.parametrize(

@@ -37,14 +37,14 @@ def moves(response):
 def test_run_until_rest_equals_run_of_campaign(damping, rests):
     record, building = noise(seed=3), ten_bilinear(damping)
     response = run(building, record, method="impulse4", until_rest=True)
-    of = Batch(
+    batch = Batch(
         0,
         Subject(building, "impulse4"),
         Motions({0: record}),
         {0: None},
         RunSettings(until_rest=True),
     )
-    row = of.results([Run(0, 1.0)]).runs[0]
+    row = batch.results([Run(0, 1.0)]).runs[0]
     assert (row.steps, row.at_rest) == (response.steps, rests)
     ratios = np.abs(response.stories.residual_drift) / response.stories.height
     assert row.residual_drift_ratio == np.max(ratios)
@@ -189,12 +189,12 @@ def test_error_of_residual_drift_includes_residual_oscillation():
     is an error."""
     response = run(ten_linear(), noise(seed=3), method="moment4", until_rest=True, check=True)
     assert response.time_at_rest is not None
-    left = np.abs(response.stories.residual_drift)
-    assert np.all(left <= 2.0 * response.check.errors.residual_drift)
+    residual = np.abs(response.stories.residual_drift)
+    assert np.all(residual <= 2.0 * response.check.errors.residual_drift)
     assert np.max(response.check.errors.residual_drift) < AT_REST * np.max(
         response.stories.peak_displacement
     )
     plain = run(
         ten_linear(), noise(seed=3), method="moment4", duration=response.time_at_rest, check=True
     )
-    assert np.any(left > 2.0 * plain.check.errors.residual_drift)
+    assert np.any(residual > 2.0 * plain.check.errors.residual_drift)

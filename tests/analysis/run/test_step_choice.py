@@ -127,8 +127,8 @@ def test_chosen_step_is_at_most_allowed_step():
     """Half of the tolerance would be met by steps of two samples, the finer step of the first
     pair."""
     case = prepare(ten_linear(), noise(), method="impulse4")
-    for largest, taken in ((np.inf, 2), (2 * DT, 2), (1.9 * DT, 1), (DT, 1), (0.9 * DT, 0.5)):
-        assert step_within(case, 0.5, largest=largest) == taken * DT
+    for largest, chosen in ((np.inf, 2), (2 * DT, 2), (1.9 * DT, 1), (DT, 1), (0.9 * DT, 0.5)):
+        assert step_within(case, 0.5, largest=largest) == chosen * DT
     other = prepare(ten_linear(), noise(), method="newmark-average")
     assert (step_within(other, 0.5), step_within(other, 0.5, largest=3.9 * DT)) == (4 * DT, 2 * DT)
 

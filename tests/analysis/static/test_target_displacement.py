@@ -93,13 +93,13 @@ def test_coefficient_method_of_oscillator_agrees_with_hand_calculation(
     force = strength * mass * G
     case = oscillator(mass, force, force / mass * (period / (2.0 * math.pi)) ** 2)
     options = {"site_class": site, "mass_factor": mass_factor}
-    _, made = target_displacements(
+    _, target = target_displacements(
         pushover(case, "0.5m", points=POINTS), flat(tmp_path, acceleration), **options
     )
-    assert made.participation == pytest.approx(1.0, rel=1e-12)
-    assert (made.period, made.strength_ratio) == pytest.approx((period, ratio), rel=1e-6)
-    assert made.factors == pytest.approx(factors, rel=1e-6)
-    assert made.roof_displacement == pytest.approx(
+    assert target.participation == pytest.approx(1.0, rel=1e-12)
+    assert (target.period, target.strength_ratio) == pytest.approx((period, ratio), rel=1e-6)
+    assert target.factors == pytest.approx(factors, rel=1e-6)
+    assert target.roof_displacement == pytest.approx(
         displacement, rel=5e-5
     )  # the digits that were written down
 
@@ -118,13 +118,13 @@ def test_elastic_building_has_elastic_target_displacement():
     expected = (
         shape.sum() / (shape @ shape) * min(0.2, 0.1 * omega / (2.0 * math.pi)) * G / omega**2
     )
-    for made in (n2, coefficients):
-        assert made.period == pytest.approx(2.0 * math.pi / omega, rel=1e-6)
-        assert made.roof_displacement == pytest.approx(expected, rel=1e-6)
-        assert made.drift == pytest.approx(
+    for target in (n2, coefficients):
+        assert target.period == pytest.approx(2.0 * math.pi / omega, rel=1e-6)
+        assert target.roof_displacement == pytest.approx(expected, rel=1e-6)
+        assert target.drift == pytest.approx(
             np.diff(np.concatenate(([0.0], shape))) * expected, rel=1e-6
         )
-        assert np.max(made.ductility) < 1.0
+        assert np.max(target.ductility) < 1.0
     assert n2.strength_ratio < 1.0
 
 
@@ -145,8 +145,8 @@ def test_idealized_curves_balance_areas():
     share = np.cumsum(pushed.forces[::-1])[::-1]
 
     roof = partial(closed_form, strengths, stiffness, hardening, share)
-    n2, made = target_displacements(pushed, EC8)
-    for result, end in ((n2, n2.yield_force), (made, made.base_shear)):
+    n2, target = target_displacements(pushed, EC8)
+    for result, end in ((n2, n2.yield_force), (target, target.base_shear)):
         assert roof(result.base_shear) == pytest.approx(result.roof_displacement, rel=1e-7)
         corners = np.array([0.0, *sorted(strengths / share), result.base_shear])
         work = np.sum(np.diff(roof(corners)) * (corners[1:] + corners[:-1])) / 2.0
@@ -157,7 +157,9 @@ def test_idealized_curves_balance_areas():
             * (result.roof_displacement - result.yield_displacement)
         )
         assert lines == pytest.approx(work, rel=1e-7)
-    assert roof(0.6 * made.yield_force) == pytest.approx(0.6 * made.yield_displacement, rel=1e-7)
+    assert roof(0.6 * target.yield_force) == pytest.approx(
+        0.6 * target.yield_displacement, rel=1e-7
+    )
 
 
 @pytest.mark.parametrize("hardening", [0.02, 0.1, 0.3])
@@ -174,14 +176,14 @@ def test_coefficient_method_of_bilinear_oscillator(tmp_path, hardening, ductilit
     )
     ratio = 1.0 + next(x.real for x in beyond if abs(x.imag) < 1e-9 and x.real > 0.0)
     case = oscillator(mass, strength, yields, hardening)
-    _, made = target_displacements(
+    _, target = target_displacements(
         pushover(case, "4m", points=POINTS), flat(tmp_path, ratio * strength / mass / G)
     )
-    assert (made.yield_force, made.yield_displacement) == pytest.approx(
+    assert (target.yield_force, target.yield_displacement) == pytest.approx(
         (strength, yields), rel=1e-6
     )
-    assert (made.period, made.strength_ratio) == pytest.approx((period, ratio), rel=1e-6)
-    assert made.ductility[0] == pytest.approx(ductility, rel=1e-6)
+    assert (target.period, target.strength_ratio) == pytest.approx((period, ratio), rel=1e-6)
+    assert target.ductility[0] == pytest.approx(ductility, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(16))
@@ -197,32 +199,34 @@ def test_coefficient_method_of_hardening_buildings(seed):
     laws = [Law("bilinear", pair) for pair in zip(strengths, hardening, strict=True)]
     case = model([story(2e5, k, law, height=3.0) for k, law in zip(stiffness, laws, strict=True)])
     pushed = pushover(case, "40%", points=POINTS)
-    made = target_displacements(pushed, f"ec8:type=1,soil=C,ag={draw.uniform(0.2, 0.6):.3f}g")[1]
+    target = target_displacements(pushed, f"ec8:type=1,soil=C,ag={draw.uniform(0.2, 0.6):.3f}g")[1]
     share = np.cumsum(pushed.forces[::-1])[::-1]
 
     roof = partial(closed_form, strengths, stiffness, hardening, share)
     corners = np.array([0.0, *sorted(strengths / share)])
-    corners = np.append(corners[corners < made.base_shear], made.base_shear)
+    corners = np.append(corners[corners < target.base_shear], target.base_shear)
     area = np.sum(np.diff(roof(corners)) * (corners[1:] + corners[:-1])) / 2.0
-    tried = np.linspace(1e-3, 1.0, 100_001) * made.base_shear
-    end = made.roof_displacement
-    excess = (tried * end + made.base_shear * (end - roof(0.6 * tried) / 0.6)) / 2.0 - area
+    tried = np.linspace(1e-3, 1.0, 100_001) * target.base_shear
+    end = target.roof_displacement
+    excess = (tried * end + target.base_shear * (end - roof(0.6 * tried) / 0.6)) / 2.0 - area
     crossed = np.flatnonzero((excess[:-1] < 0.0) & (excess[1:] >= 0.0))
-    if made.strength_ratio <= 1.0 and end < corners[1] / made.base_shear * end:
+    if target.strength_ratio <= 1.0 and end < corners[1] / target.base_shear * end:
         return
     i = crossed[0]
     balanced = tried[i] - excess[i] * (tried[i + 1] - tried[i]) / (excess[i + 1] - excess[i])
-    assert made.yield_force == pytest.approx(balanced, rel=1e-6)
-    assert roof(0.6 * made.yield_force) == pytest.approx(0.6 * made.yield_displacement, rel=1e-6)
+    assert target.yield_force == pytest.approx(balanced, rel=1e-6)
+    assert roof(0.6 * target.yield_force) == pytest.approx(
+        0.6 * target.yield_displacement, rel=1e-6
+    )
 
 
 def test_elastic_building_has_no_strength_warning():
     """Forty stories under P-delta are pushed beyond their peak; a strength ratio below 1 is
     elastic."""
     case = model([story(2e5, 4e8, Law("bilinear", (4e6, 0.0)), height=3.0)] * 40, p_delta=True)
-    _, made = target_displacements(pushover(case, "2%", points=60), "asce7:sds=0.2,sd1=0.1,tl=8")
-    assert made.strength_ratio < 1.0
-    assert made.notes == ()
+    _, target = target_displacements(pushover(case, "2%", points=60), "asce7:sds=0.2,sd1=0.1,tl=8")
+    assert target.strength_ratio < 1.0
+    assert target.notes == ()
 
 
 def test_short_curve_does_not_satisfy_ec8(tmp_path):

@@ -42,10 +42,12 @@ def _functions():
         own = extra_rows(law_state, trial)
         copy_extra_rows(law_state, i, previous, trial)
         before = law_state[previous + rows.DRIFT, i]
-        way = drift - before
-        if way * law_state[own + SIDE, i] < 0.0 or (law_state[own + SIDE, i] == 0.0 and way != 0.0):
+        increment = drift - before
+        if increment * law_state[own + SIDE, i] < 0.0 or (
+            law_state[own + SIDE, i] == 0.0 and increment != 0.0
+        ):
             # At a reversal, a new curve starts at the current point.
-            side = math.copysign(1.0, way)
+            side = math.copysign(1.0, increment)
             law_state[own + SIDE, i] = side
             law_state[own + FROM_DRIFT, i] = before
             law_state[own + FROM_FORCE, i] = law_state[previous + rows.FORCE, i]
@@ -59,9 +61,9 @@ def _functions():
             faded = law_parameters[FADING, i] * excess / (law_parameters[HALF, i] + excess)
             law_state[own + POWER, i] = law_parameters[CURVATURE, i] - faded
         f, tangent = on_curve(law_parameters, law_state, i, own, drift)
-        middle = on_curve(law_parameters, law_state, i, own, before + 0.5 * way)[0]
+        middle = on_curve(law_parameters, law_state, i, own, before + 0.5 * increment)[0]
         law_state[own + DONE, i] += (
-            way / 6.0 * (law_state[previous + rows.FORCE, i] + 4.0 * middle + f)
+            increment / 6.0 * (law_state[previous + rows.FORCE, i] + 4.0 * middle + f)
         )  # Simpson
         law_state[trial + rows.FORCE, i] = f
         return tangent

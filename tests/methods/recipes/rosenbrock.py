@@ -117,9 +117,9 @@ def step(
     )
     for i in range(n):
         change = by * (scratch[ROW.LOAD + 1, i] - scratch[ROW.LOAD, i])
-        taken = 2.0 * linear_terms[rows.MASS, i] * scratch[ROW.KV, i]
+        impulse = 2.0 * linear_terms[rows.MASS, i] * scratch[ROW.KV, i]
         scratch[ROW.KV + 1, i] = (
-            h * (scratch[ROW.LOAD + 1, i] - scratch[ROW.INNER, i]) - taken - change
+            h * (scratch[ROW.LOAD + 1, i] - scratch[ROW.INNER, i]) - impulse - change
         )
     _stage(linear_terms, modal, by, factors, ROW.KU + 1, ROW.KV + 1, n)
     below = 0.0
