@@ -45,8 +45,8 @@ def test_tridiagonal_solution_with_low_rank_term(n, modes):
     assert scratch[2, :n] == pytest.approx(np.linalg.solve(dense, right), rel=1e-12, abs=1e-13)
 
 
-@pytest.mark.parametrize("modes", [0, 1, 5])
-@pytest.mark.parametrize("n", [1, 2, 5])
+@pytest.mark.parametrize("modes", [0, 1, 3, 4, 5])
+@pytest.mark.parametrize("n", [1, 2, 5, 8])
 def test_block_solution_with_low_rank_term(n, modes):
     modes = min(modes, n)
     generator = np.random.default_rng(n * 10 + modes)

@@ -9,7 +9,9 @@ the building is needed:
 
     (T + s W^T W)^-1 = T^-1 - T^-1 W^T [s (I + s W T^-1 W^T)^-1] W T^-1
 
-Here T is the matrix without modal damping. The matrix in brackets has one row for each mode.
+Here T is the matrix without modal damping. The matrix in brackets has one row for each mode. If
+there are two unknowns per floor and most modes are damped, T + s W^T W is factorized as a full
+matrix instead, because this requires fewer operations (`_is_full`).
 
 Pivoting is not necessary: each leading block is the matrix of the part of the building below a
 story, for which the same step has a unique solution.
@@ -415,6 +417,9 @@ def factor_blocks(factors, damping, n):
     backward substitution, so that only one multiplication per floor depends on the result of the
     floor above.
 
+    If most modes are damped, the factorization of the matrix with modal damping is stored in
+    addition (`_factor_full`).
+
     Parameters
     ----------
     factors : Factors
@@ -422,12 +427,15 @@ def factor_blocks(factors, damping, n):
         rows from `coupling` on contain the four entries of B_i. They receive the entries of B_i
         A_(i-1), and the next COUPLING_ROWS / 2 rows the entries of A_i B_(i+1). From `store` on:
         four rows for each mode (both columns of T^-1 (I2 (x) W^T), x before y), the small inverse
-        in 2 modes rows, and a temporary row.
+        in 2 modes rows, and a temporary row. If most modes are damped, these rows contain the
+        factorization of `_factor_full` instead.
     damping : ModalBlocks
         Modal damping.
     n : int
         Number of floors.
     """
+    if _MODAL and _is_full(damping.modal, n):
+        _factor_full(factors, damping, n)
     scratch, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
     for i in range(n):
@@ -469,8 +477,129 @@ def factor_blocks(factors, damping, n):
         scratch[blocks + 3, i] = p * inverse
     for entry in range(4):
         scratch[upper + entry, n - 1] = 0.0
-    if _MODAL:
+    if _MODAL and not _is_full(damping.modal, n):
         _store_blocks_woodbury(factors, damping, n)
+
+
+@inline
+def _is_full(modal, n):
+    """Return True if a matrix with two unknowns per floor is factorized as a full matrix.
+
+    With m damped modes and n floors, the full factorization needs about (2 n)^3 / 3 operations. The
+    terms of the Woodbury formula need about (2 m)^3 + 4 m^2 n + 32 m n operations. The full matrix
+    occupies 4 n of the 6 m + 1 scratch rows, so it can only be used if m is at least 2 n / 3.
+
+    Parameters
+    ----------
+    modal : ndarray
+        W, one row per damped mode.
+    n : int
+        Number of floors.
+    """
+    return 3 * modal.shape[0] >= 2 * n
+
+
+@outlined
+def _factor_full(factors, damping, n):
+    """Factorize a block tridiagonal matrix plus modal damping as a full matrix of 2 x 2 blocks.
+
+    The factorization is a block L U factorization with a unit diagonal of L. The 4 n rows from
+    `factors.store` on contain it: the entries xx of all blocks, one row per floor, then the entries
+    xy, yx and yy. On the diagonal they contain the inverse pivots, below it L, and above it U.
+
+    Parameters
+    ----------
+    factors : Factors
+        Rows of the diagonal blocks and couplings as `factor_blocks` receives them, and row number
+        `store`.
+    damping : ModalBlocks
+        Modal damping.
+    n : int
+        Number of floors.
+    """
+    scratch, blocks, coupling, xx = factors
+    modal = damping.modal
+    xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
+    for i in range(n):
+        for j in range(n):
+            scratch[xx + i, j] = 0.0
+        for mode in range(modal.shape[0]):
+            amplitude = modal[mode, i]
+            for j in range(n):
+                scratch[xx + i, j] += amplitude * modal[mode, j]
+        for j in range(n):
+            product = scratch[xx + i, j]  # entry (i, j) of W^T W
+            scratch[xx + i, j] = damping.xx * product
+            scratch[xy + i, j] = damping.xy * product
+            scratch[yx + i, j] = damping.yx * product
+            scratch[yy + i, j] = damping.yy * product
+        for entry in range(4):
+            row = xx + entry * n + i
+            scratch[row, i] += scratch[blocks + entry, i]
+            if i > 0:
+                scratch[row, i - 1] -= scratch[coupling + entry, i]
+            if i + 1 < n:
+                scratch[row, i + 1] -= scratch[coupling + entry, i + 1]
+    for k in range(n):
+        p, q = scratch[xx + k, k], scratch[xy + k, k]
+        r, s = scratch[yx + k, k], scratch[yy + k, k]
+        inverse = 1.0 / (p * s - q * r)
+        i0, i1, i2, i3 = s * inverse, -q * inverse, -r * inverse, p * inverse
+        scratch[xx + k, k] = i0
+        scratch[xy + k, k] = i1
+        scratch[yx + k, k] = i2
+        scratch[yy + k, k] = i3
+        for i in range(k + 1, n):
+            b0, b1 = scratch[xx + i, k], scratch[xy + i, k]
+            b2, b3 = scratch[yx + i, k], scratch[yy + i, k]
+            # Block of L: the block below the pivot times the inverse pivot
+            m0 = b0 * i0 + b1 * i2
+            m1 = b0 * i1 + b1 * i3
+            m2 = b2 * i0 + b3 * i2
+            m3 = b2 * i1 + b3 * i3
+            scratch[xx + i, k] = m0
+            scratch[xy + i, k] = m1
+            scratch[yx + i, k] = m2
+            scratch[yy + i, k] = m3
+            for j in range(k + 1, n):
+                u0, u1 = scratch[xx + k, j], scratch[xy + k, j]
+                u2, u3 = scratch[yx + k, j], scratch[yy + k, j]
+                scratch[xx + i, j] -= m0 * u0 + m1 * u2
+                scratch[xy + i, j] -= m0 * u1 + m1 * u3
+                scratch[yx + i, j] -= m2 * u0 + m3 * u2
+                scratch[yy + i, j] -= m2 * u1 + m3 * u3
+
+
+@outlined
+def _solve_full(scratch, xx, x, y, n):
+    """Solve a linear system with the factorization of `_factor_full`.
+
+    Parameters
+    ----------
+    scratch : ndarray
+        Scratch array.
+    xx : int
+        First row of the factorization.
+    x, y : int
+        Rows of the right side; they receive the solution.
+    n : int
+        Number of floors.
+    """
+    xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
+    for i in range(1, n):
+        x_i, y_i = scratch[x, i], scratch[y, i]
+        for j in range(i):
+            x_i -= scratch[xx + i, j] * scratch[x, j] + scratch[xy + i, j] * scratch[y, j]
+            y_i -= scratch[yx + i, j] * scratch[x, j] + scratch[yy + i, j] * scratch[y, j]
+        scratch[x, i] = x_i
+        scratch[y, i] = y_i
+    for i in range(n - 1, -1, -1):
+        x_i, y_i = scratch[x, i], scratch[y, i]
+        for j in range(i + 1, n):
+            x_i -= scratch[xx + i, j] * scratch[x, j] + scratch[xy + i, j] * scratch[y, j]
+            y_i -= scratch[yx + i, j] * scratch[x, j] + scratch[yy + i, j] * scratch[y, j]
+        scratch[x, i] = scratch[xx + i, i] * x_i + scratch[xy + i, i] * y_i
+        scratch[y, i] = scratch[yx + i, i] * x_i + scratch[yy + i, i] * y_i
 
 
 @inline
@@ -777,9 +906,12 @@ def solve_blocks_damped(factors, damping, x, y, n):
     n : int
         Number of floors.
     """
-    solve_blocks(factors, x, y, n)
-    if _MODAL and damping.modal.shape[0] > 0:
-        _apply_pairs_woodbury(factors, damping, x, y, n)
+    if _MODAL and _is_full(damping.modal, n):
+        _solve_full(factors.table, factors.store, x, y, n)
+    else:
+        solve_blocks(factors, x, y, n)
+        if _MODAL and damping.modal.shape[0] > 0:
+            _apply_pairs_woodbury(factors, damping, x, y, n)
 
 
 @inline
