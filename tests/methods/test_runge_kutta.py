@@ -2,6 +2,7 @@
 formulas."""
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -119,12 +120,28 @@ def test_building_agrees_with_formulas(method, nonlinear):
         else:
             x.append(gauss_step(rate, jacobian, h, s * h, x[-1]))
     x = np.array(x)
-    np.testing.assert_allclose(
-        history.displacement, x[:, :4], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, :4]))
-    )
-    np.testing.assert_allclose(
-        history.velocity, x[:, 4:], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, 4:]))
-    )
+    # With a curved law, gauss4 solves its equations exactly in the first two steps, then with a
+    # residual that is small compared with the error of the step.
+    limits = ((3, 1e-10), (41, 1e-5)) if method == "gauss4" and nonlinear else ((41, 1e-10),)
+    for count, limit in limits:
+        for found, expected in ((history.displacement, x[:, :4]), (history.velocity, x[:, 4:])):
+            difference = np.max(np.abs(found[:count] - expected[:count]))
+            assert difference <= limit * np.max(np.abs(expected))
+
+
+def test_one_correction_per_step_is_sufficient_for_a_curved_law():
+    """Four stories with cubic hardening: gauss4 is of order 4, although most steps have a single
+    correction, because the tolerance of the residuals decreases with the error."""
+    case, record = building(RAYLEIGH, nonlinear=True), noise(samples=41)
+    case = replace(case, excitation=replace(case.excitation, forces=()))
+    end = [
+        run(case, record, method="gauss4", dt=record.dt / parts, history=True)
+        for parts in (32, 16, 8, 4)
+    ]
+    exact = end[0].history.displacement[-1]
+    errors = [np.max(np.abs(one.history.displacement[-1] - exact)) for one in end[1:]]
+    assert errors[1] > 12.0 * errors[0] and errors[2] > 12.0 * errors[1]
+    assert all(one.iterations <= 1.3 * one.steps for one in end[1:])
 
 
 @pytest.mark.parametrize(
