@@ -2,8 +2,8 @@
 
 Tables: energy (the conservative problems of `tdint failures` at their own steps and four times
 these), random (free vibration of random buildings), yielding (ten stories at parts and multiples of
-the record's step), laws (errors for every drift law), stiff (yielding stories with stiff parts).
-All if none is named.
+the record's step), laws (errors for every drift law), stiff (yielding stories with stiff parts),
+tolerance (time and energy balance by the tolerance of the residuals). All if none is named.
 """
 
 import sys
@@ -17,7 +17,12 @@ from building_cases import story
 from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
 from tdint import load_model, run
 from tdint.analysis.assessment.failures import problems
+from tdint.analysis.chart.profiles import STANDARD, read_problems
+from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.methods import moment4
+from tdint.methods.catalogue import parse
 from tdint.model.definition import LAWS
 
 MODEL = load_model(ROOT / "configs" / "ten-story-bilinear.yaml")
@@ -148,7 +153,36 @@ def stiff():
     table(model, (*METHODS, *dissipative, "bathe"), reference(model), (0.5, 1, 2, 4))
 
 
-TABLES = {one.__name__: one for one in (energy, random, yielding, laws, stiff)}
+def tolerance():
+    """Time, solves and energy balance of two elastic buildings by the tolerance of the residuals.
+
+    The ground motion is near-fault, and the time step is one sampling interval.
+    """
+    print("tolerance: us per step, solves per step, error of the energy balance")
+    original = parse("moment4")
+    for problem in read_problems(STANDARD):
+        if problem.motion != "near-fault" or problem.name not in ("tanh", "stiffening"):
+            continue
+        posed = problem.posed
+        steps = posed.steps(posed.interval)
+        for residual in (1e-13, 1e-11, 1e-9, 1e-7):
+            coefficients = (*moment4.coefficients(1.0)[:-1], residual)
+            method = replace(
+                original.method, coefficients=lambda rho_inf, values=coefficients: values
+            )
+            integrator = replace(original, method=method)
+            # Coefficients are stored by method name, so each tolerance needs a prepared building.
+            prepared = PreparedBuilding.of(posed.model)
+            case = Case(posed.model, prepared, posed.record, integrator)
+            runs = [case.integrate(steps) for _ in range(15)]
+            time = 1e6 * min(one.solver_time for one in runs) / steps.count
+            print(
+                f"{problem.name:12s} {residual:.0e}: {time:5.2f} "
+                f"{runs[0].iterations / steps.count:5.2f} {abs(runs[0].energy.error):8.1e}"
+            )
+
+
+TABLES = {one.__name__: one for one in (energy, random, yielding, laws, stiff, tolerance)}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or TABLES:

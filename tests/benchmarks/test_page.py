@@ -167,6 +167,20 @@ def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points(stored):
     assert set(leaders) == set(named)
 
 
+def test_errors_of_spectra_in_the_review_are_those_of_the_tests_page():
+    """Each number of the answer is in the table of tests/README.md."""
+    tests_page = (HERE.parent / "README.md").read_text(encoding="utf-8")
+    table = tests_page.partition("## Spectra\n")[2].partition("\n## ")[0]
+    rows = {row[1]: row[3:] for row in (line.split("|") for line in table.splitlines()) if row[3:]}
+    rows = {name.strip(): [cell.strip() for cell in cells] for name, cells in rows.items()}
+    text = run.page_tables.SPECTRA
+    assert f"tdint at most {max(rows['tdint'][:4], key=float)}," in text
+    eqsig = rows["eqsig"]
+    assert f"eqsig {eqsig[3]} above 0.1 s and {eqsig[0]} below 0.02 s" in text
+    pyrotd = sorted(float(cell.removesuffix(" %")) for cell in rows["pyrotd"][:4])
+    assert f"pyrotd {pyrotd[0]:g} to {pyrotd[-1]:g} %" in text
+
+
 def test_ratios_of_errors_and_the_cheapest_method_of_made_up_points():
     """With errors of the step squared and equal times, both methods cost the same; a program whose
     errors are twice as large has the ratio 2."""
