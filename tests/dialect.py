@@ -8,8 +8,10 @@
 `test_dialect.py` compares the rate of each layer with `dialect.json`: it may only decrease. Seven
 packages of the field (diffrax, scikit-fem, ObsPy, eqsig, OpenQuake, sqlite-utils, rasterio) have 46
 to 112 markers per 10 000 words. Words like "its" and "one" are English, so zero is not the goal.
-Text in backticks, code blocks and tables is not counted. `dialect_markers.csv` lists each marker
-with its pattern (case is ignored) and plain replacements; add new ones when they are discovered.
+Text in backticks, code blocks and tables is not counted. In the layer `tests`, strings are not
+counted either, because they are inputs and expected outputs; this layer is not part of `total`.
+`dialect_markers.csv` lists each marker with its pattern (case is ignored) and plain replacements;
+add new ones when they are discovered.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 STORED_RATES = Path(__file__).with_suffix(".json")
+TESTS = "tests"  # layer of the test suite
 
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 SECTIONS = "Parameters|Returns|Attributes|Raises|Yields|Notes|Examples|References|See Also"
@@ -87,7 +90,10 @@ def _string_value(node: ast.AST) -> str:
 def pieces(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the first line and the raw text of each text of a file."""
     source = path.read_text("utf8")
-    yield from _paragraphs(source) if path.suffix == ".md" else _python_texts(source)
+    if path.suffix == ".md":
+        yield from _paragraphs(source)
+    else:
+        yield from _python_texts(source, with_strings=layer_of(path) != TESTS)
 
 
 def _paragraphs(source: str) -> Iterator[tuple[int, str]]:
@@ -108,8 +114,8 @@ def _paragraphs(source: str) -> Iterator[tuple[int, str]]:
             paragraph.append(line)
 
 
-def _python_texts(source: str) -> Iterator[tuple[int, str]]:
-    """Yield docstrings, strings of at least four words, and comments of Python source."""
+def _python_texts(source: str, with_strings: bool) -> Iterator[tuple[int, str]]:
+    """Yield docstrings, strings of at least four words (optional), and comments of Python code."""
     nodes = list(ast.walk(ast.parse(source)))
     skipped = set()  # identities of docstrings and of the parts of f-strings
     for node in nodes:
@@ -118,7 +124,7 @@ def _python_texts(source: str) -> Iterator[tuple[int, str]]:
             yield node.body[0].lineno, ast.get_docstring(node) or ""
         if isinstance(node, ast.JoinedStr):
             skipped.update(id(part) for part in node.values)
-    for node in nodes:
+    for node in nodes if with_strings else ():
         text = "" if id(node) in skipped else _string_value(node)
         if " " in text and len(re.findall(r"[A-Za-z]{2,}", text)) >= 4:
             yield node.lineno, text
@@ -141,10 +147,12 @@ class Survey(NamedTuple):
     markers: list[tuple[str, Marker]]
 
     def rates(self) -> dict[str, float]:
-        """Return the markers per 10 000 words by layer, and of all layers as `total`."""
+        """Return the markers per 10 000 words by layer, and of all layers but the tests as
+        `total`."""
         counts = Counter(layer for layer, _ in self.markers)
         rates = {layer: 1e4 * counts[layer] / words for layer, words in self.words.items() if words}
-        rates["total"] = 1e4 * counts.total() / self.words.total()
+        words = self.words.total() - self.words[TESTS]
+        rates["total"] = 1e4 * (counts.total() - counts[TESTS]) / words
         return {layer: round(rate, 1) for layer, rate in sorted(rates.items())}
 
 
@@ -157,8 +165,8 @@ def layer_of(path: Path) -> str:
 
 
 def text_files() -> list[Path]:
-    """Return the Python files and pages that are surveyed: all but tests and the changelog."""
-    roots = [ROOT / name for name in ("src", "cli", "configs", "records", ".github")]
+    """Return the Python files and pages that are surveyed: all but the changelog."""
+    roots = [ROOT / name for name in ("src", "cli", "configs", "records", ".github", TESTS)]
     files = [ROOT / "README.md"]
     for root in roots:
         files += [*root.rglob("*.py"), *root.rglob("*.md")]
