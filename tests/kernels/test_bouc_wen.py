@@ -174,3 +174,14 @@ def test_the_branch_ends_where_w_changes_its_sign(exponent, beta):
             assert state[[rows.UPPER, rows.LOWER], 0].tolist() == [math.inf, -math.inf]
     state[rows.INTERNAL, 0] = 0.0
     assert functions.kink(law_parameters, state, 0, 0, 1.0) == math.inf
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_small_drifts_agree_with_an_integral_within_rounding(exponent):
+    """The drift is the integral of dw / (1 - w^n). A power series is used for small w and exponents
+    below 2; Runge-Kutta steps would err by 1e-9 to 1e-7."""
+    x = np.array([1e-3, 0.02, 0.1, 0.2])
+    forces, _, _ = follow(law(exponent, 0.5), DY * x)
+    for drift, w in zip(x, hysteretic(forces, DY * x), strict=True):
+        found = quad(lambda w: 1.0 / (1.0 - w**exponent), 0.0, w, epsrel=1e-13)[0]
+        assert found == pytest.approx(drift, rel=2e-10)

@@ -401,3 +401,15 @@ def test_the_ultimate_drift_of_trilinear_pinching_is_beyond_the_yield_drift():
     assert "beyond the yield drift" in fault(K, (FY, FY, FY / K, *others))
     assert fault(K, (FY, FY, 1.001 * FY / K, *others)) is None
     assert "at least yield_force" in fault(K, (FY, 0.999 * FY, 1.0, *others))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_least_unloading_stiffness_of_a_peak_oriented_story(side):
+    """hardening / (1 - unloading / 2) of the stiffness k, if it is more than (dy / dmax)^unloading
+    and than the slope of the line to the origin."""
+    hardening, unloading = 0.2, 0.8
+    peak = 100.0 * FY / K
+    table = law_table("peak-oriented", FY, hardening, unloading)
+    forces, _, _ = follow(table, side * np.array([peak, 0.99 * peak]))
+    slope = (forces[0] - forces[1]) / (0.01 * side * peak)
+    assert slope == pytest.approx(K * hardening / (1.0 - 0.5 * unloading), rel=1e-9)

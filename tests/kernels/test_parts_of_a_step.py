@@ -13,10 +13,11 @@ from tdint.kernels.equations import corners, moment4
 from tdint.kernels.equations import impulse4 as equations
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.iteration import RESIDUAL_TOLERANCE, ROUNDING, TANGENT_TOLERANCE
-from tdint.kernels.equations.moment4 import ROW, STORE
+from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, STORE
 from tdint.kernels.linear_terms import force_moment, force_rate
 from tdint.kernels.peaks_between_steps import _max_interior_bezier_point
 from tdint.kernels.stepping import Memory, Scene
+from tdint.kernels.stories.path import Integrals
 from tdint.methods.catalogue import parse
 from tdint.methods.workspace import workspace
 from tdint.model.building import assemble, force_table
@@ -133,7 +134,7 @@ def test_impulse4_tolerates_rounding_of_displacements():
     assert 1.0 < units[0] < 1000.0
 
 
-def over_reversal(dashpot, h=0.1):
+def over_reversal(dashpot, h=0.1, last_rate=-3.0):
     """Evaluate a Bouc-Wen story over a step in which its drift reverses; return the row of the
     kink, the force at the reversal and the tangents.
 
@@ -150,11 +151,11 @@ def over_reversal(dashpot, h=0.1):
     scene = Scene(linear_terms, building.modal, building.law_parameters, no_forces, space.flags)
     space.law_state[rows.DRIFT, 0], space.law_state[rows.RATE_SIGN, 0] = 0.6, 1.0
     space.law_state[rows.INTERNAL, 0] = 0.4
-    space.state[rows.VELOCITY, 0], space.scratch[momentum.V1, 0] = 2.0, -3.0
+    space.state[rows.VELOCITY, 0], space.scratch[momentum.V1, 0] = 2.0, last_rate
     results = equations._evaluate_over_reversal(
         coefficients, scene, h, 0, (0.62, 0.58), space.memory
     )
-    assert results[2]
+    assert results[2] == (last_rate < 0.0)
     kink = float(space.scratch[equations.ROW.KINK, 0])
     return kink, float(space.law_state[rows.THIRD_TRIAL + rows.FORCE, 0]), results
 
@@ -165,6 +166,7 @@ def test_a_dashpot_adds_a_fraction_of_its_smaller_force_to_the_kink():
     assert (force, tangents) == (same_force, same_tangents)
     assert alone > 0.0
     # The dashpot forces at both ends are 5 times 2 and 5 times -3.
+    assert over_reversal(True, last_rate=0.5)[2] == (0.0, 0.0, False)
     added = (kink - alone) * abs(force)
     assert added == pytest.approx(equations._DASHPOT_KINK * 10.0, rel=1e-9)
 
@@ -323,3 +325,74 @@ def test_corrections_of_moment4_are_compared_with_the_rounding_of_displacements(
         assert scratch[ROW.BEND, :n] == pytest.approx(bend + corrections[1], rel=1e-15)
         kept = scratch[ROW.CORRECTION : ROW.CORRECTION + 2, :n]
         assert np.array_equal(kept, corrections)
+
+
+def test_corners_are_sorted_and_those_at_the_ends_are_ignored():
+    space = SingleSteps("moment4").space
+    scratch, near = space.scratch, 0.5 * corners._MIN_DISTANCE
+    scratch[ROW.CORNERS, 0], scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] = 0.0, 3.0
+    results = Integrals(scratch, ROW.CORNERS)
+    times = [0.7, 0.2, near, 1.0 - near, 1.0 + near, 0.9, 0.5, 0.0, 1.0, 0.1, 0.3, 0.6, 0.05]
+    for t in times:
+        corners._store_corner(results, 1, t, -2.0 * t)
+    stored = scratch[ROW.CORNERS + 1 : ROW.CORNERS + 1 + MAX_CORNERS, 0]
+    assert scratch[ROW.CORNERS, 0] == MAX_CORNERS == 6
+    assert stored.tolist() == [0.1, 0.2, 0.3, 0.5, 0.7, 0.9]
+    assert scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] == 3.0
+    corners._store_corner(results, 1, 0.4, -3.5)
+    assert scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] == 3.5
+
+
+@pytest.mark.parametrize("link", [1.0, 0.0])
+@pytest.mark.parametrize("leaving", [0, 1])
+def test_a_step_with_corners_is_searched_if_a_bound_exceeds_a_peak(leaving, link):
+    """Accelerations and total shears at both ends, plus the deviation due to the story that leaves
+    its branch. Other peaks are far."""
+    steps, h = SingleSteps("moment4"), 0.1
+    space, building = steps.space, steps.building
+    linear_terms, random = building.linear_terms.copy(), np.random.default_rng(76)
+    mass = np.array([2.0, 5.0])
+    linear_terms[rows.MASS, :2], linear_terms[rows.INVERSE_MASS, :2] = mass, 1.0 / mass
+    linear_terms[rows.LINK, 1] = link
+    no_forces = np.zeros((0, rows.FORCE_COLUMNS))
+    scene = Scene(linear_terms, building.modal, building.law_parameters, no_forces, space.flags)
+    space.law_state[rows.SLOPE, :2] = 100.0
+    space.law_state[[rows.UPPER, rows.LOWER], :2] = [[1e9], [-1e9]]
+    for _ in range(20):
+        rise, bend, mean, change = random.normal(size=(4, 2)) * [[0.1], [0.1], [h * h], [h * h]]
+        ground = random.normal(size=2)
+        scratch = space.scratch
+        for row, value in (
+            (ROW.RISE, rise),
+            (ROW.BEND, bend),
+            (ROW.A0, mean),
+            (ROW.A1, change),
+        ):
+            scratch[row, :2] = value
+        story = [one[leaving] - (link * one[0] if leaving else 0.0) for one in (rise, bend)]
+        deviation = corners._FORCE_DEVIATION * 100.0 * (abs(story[0]) + 0.5 * abs(story[1]))
+        of_stories = np.zeros(2)
+        of_stories[leaving] = deviation
+        of_floors = of_stories + np.array([link * of_stories[1], 0.0])
+        ends = [
+            (mean + sign * 0.5 * change) / h**2 + g for sign, g in zip((-1, 1), ground, strict=True)
+        ]
+        accelerations = np.max(np.abs(ends), axis=0) + of_floors / mass
+        shears = [np.array([m[0] + link * m[1], m[1]]) for m in (mass * end for end in ends)]
+        total_shears = np.max(np.abs(shears), axis=0) + of_stories
+        for row, bounds in (
+            (rows.PEAK_ACCELERATION, accelerations),
+            (rows.PEAK_TOTAL_SHEAR, total_shears),
+        ):
+            for i in range(2):
+                for factor, expected in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
+                    scratch[ROW.PEAKS : ROW.PEAKS + rows.PEAK_ROWS] = 1e12
+                    scratch[ROW.PEAKS + row, i] = factor * bounds[i]
+                    scratch[ROW.LEAVES_BRANCH, :2] = 0.0
+                    scratch[ROW.LEAVES_BRANCH, leaving] = 1.0
+                    load = np.array([0.0, *ground])
+                    found = corners._may_exceed_peaks(scene, h, load, space.memory)
+                    assert bool(found) == expected
+    scratch[ROW.LEAVES_BRANCH, :2] = 0.0
+    scratch[ROW.PEAKS : ROW.PEAKS + rows.PEAK_ROWS] = 0.0
+    assert not corners._may_exceed_peaks(scene, h, load, space.memory)
