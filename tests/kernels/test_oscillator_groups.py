@@ -426,3 +426,12 @@ def test_a_block_of_steps_and_the_maxima_along_the_axes():
                 state = a @ state - b @ ground[:, 2 + k : 4 + k].T
         assert found[:4, i] == pytest.approx(state.T.ravel(), rel=1e-10, abs=1e-10)
         assert found[4:, i] == pytest.approx(maxima, rel=1e-10)
+
+
+def test_a_power_series_and_its_derivative():
+    coefficients = np.random.default_rng(13).normal(size=8)
+    for count in (1, 2, 5, 8):
+        series = np.polynomial.Polynomial(coefficients[:count])
+        for x in (-0.7, 0.0, 0.4, 1.0):
+            found = between_steps._value(coefficients, count, x)
+            assert found == pytest.approx((series(x), series.deriv()(x)), rel=1e-12, abs=1e-12)

@@ -396,3 +396,36 @@ def test_a_step_with_corners_is_searched_if_a_bound_exceeds_a_peak(leaving, link
     scratch[ROW.LEAVES_BRANCH, :2] = 0.0
     scratch[ROW.PEAKS : ROW.PEAKS + rows.PEAK_ROWS] = 0.0
     assert not corners._may_exceed_peaks(scene, h, load, space.memory)
+
+
+@pytest.mark.parametrize("link", [1.0, 0.0])
+def test_residual_norm_of_moment4_without_motion(link):
+    """For zero rises and bends: a1 = 12 h v / (1 + 6 r), a0 = -r a1, the residuals
+    M a0 + h^2 (F0 - P0) and M a1 - h^2 P1, and the sum of their squares (the second divided by 12)
+    over the masses."""
+    steps, h = SingleSteps("moment4", Law("bilinear", (50.0, 0.1))), 0.1
+    space, building = steps.space, steps.building
+    no_forces = np.zeros((0, rows.FORCE_COLUMNS))
+    coefficients = steps.integrator.coefficients(building, no_forces, h)
+    linear_terms, random = building.linear_terms.copy(), np.random.default_rng(77)
+    linear_terms[rows.LINK, 1] = link
+    scene = Scene(linear_terms, building.modal, building.law_parameters, no_forces, space.flags)
+    for _ in range(5):
+        v, drift, force, p0, p1 = random.normal(size=(5, 2)) * [
+            [1.0],
+            [0.1],
+            [10.0],
+            [30.0],
+            [30.0],
+        ]
+        space.state[rows.VELOCITY, :2] = v
+        space.law_state[rows.DRIFT, :2], space.law_state[rows.FORCE, :2] = drift, force
+        space.scratch[ROW.LOAD, :2], space.scratch[ROW.LOAD + 1, :2] = p0, p1
+        found = moment4._solve_on_branches(coefficients, scene, h, space.memory)
+        r = coefficients[moment4.R]
+        a1 = 12.0 * h * v / (1.0 + 6.0 * r)
+        stories = force + linear_terms[rows.GEOMETRIC, :2] * drift
+        floors = stories - np.array([link * stories[1], 0.0])
+        impulse, moment = -r * a1 + h**2 * (floors - p0), a1 - h**2 * p1  # floors of 1 kg
+        expected = float(impulse @ impulse + moment @ moment / 12.0)
+        assert found == pytest.approx(expected, rel=1e-12)
