@@ -283,3 +283,13 @@ def test_gauss_legendre_rules(points):
     np.testing.assert_allclose(NODES[points, :points], 0.5 * (x + 1.0), atol=4e-16)
     np.testing.assert_allclose(WEIGHTS[points, :points], 0.5 * w, rtol=2e-13)
     assert not NODES[points, points:].any() and not WEIGHTS[points, points:].any()
+
+
+def test_gauss_points_of_a_polynomial_with_unused_coefficients():
+    """A polynomial of degree q of the drift, which is a parabola of time, times the rate is
+    integrated exactly with q + 1 points, whatever the number of rows of the table is."""
+    points = LAWS["polynomial"].functions().points
+    for coefficients in ((K,), (K, 0.0, 5.0), (K, 3.0), (K, 2.0, 1.0, -4.0)):
+        for unused in range(4):
+            values = law_table("polynomial", *coefficients, *[0.0] * unused)
+            assert points(values, np.zeros((1, 2)), 0, DY) == len(coefficients) + 1.0
