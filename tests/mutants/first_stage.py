@@ -234,7 +234,8 @@ def in_copy(compute: Callable[[], object], output: Path) -> int:
         status = 0
     except BaseException:
         output.with_suffix(".error").write_text(traceback.format_exc(), "utf-8")
-    os._exit(status)
+    finally:
+        os._exit(status)
 
 
 def measure(session: Session, names: list[str], kernels: Path) -> dict[str, object]:
