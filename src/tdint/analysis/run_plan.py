@@ -50,8 +50,8 @@ class RunsRequest:
         """Return a building with the parameter values of one sample."""
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
-        # A value of nan leaves the parameter unchanged: neighbors of a run (`run_many._differentiated`)
-        # differ in one parameter each.
+        # A value of nan leaves the parameter unchanged: neighbors of a run
+        # (`run_many._differentiated`) differ in one parameter each.
         return Subject(
             subject.model.changed(
                 {name: number for name, number in numbers.items() if not math.isnan(number)}
