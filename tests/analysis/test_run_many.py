@@ -9,7 +9,7 @@ import pytest
 import tdint
 from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
 from tdint.analysis.run.many_results import HISTORY_FIELDS
-from tdint.analysis.run.outcome import STORY, FailedRun
+from tdint.analysis.run.outcome import STORY_QUANTITIES, FailedRun
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.model.definition import RayleighRatio
 from tdint.units import STANDARD_GRAVITY
@@ -81,7 +81,7 @@ def test_each_run_equals_single_run(runs):
             single.dt,
         )
         assert runs.energy_error[i] == single.energy.error
-        for quantity in STORY:
+        for quantity in STORY_QUANTITIES:
             np.testing.assert_array_equal(
                 getattr(runs.stories, quantity.name)[i, :n], getattr(single.stories, quantity.name)
             )
@@ -106,7 +106,7 @@ def test_jobs_and_history_do_not_change_results(method):
         )
         for kept, jobs in (("drift", 1), ((), 2))
     ]
-    for quantity in STORY:
+    for quantity in STORY_QUANTITIES:
         np.testing.assert_array_equal(*(getattr(found.stories, quantity.name) for found in both))
     np.testing.assert_array_equal(both[0].energy_error, both[1].energy_error)
     assert np.nanmax(np.abs(both[0].history["drift"])) <= np.max(both[0].stories.peak_drift)
@@ -251,7 +251,7 @@ def test_errors_equal_errors_of_single_runs(method):
             len(building.stories),
             tdint.run(building, RECORDS[0], method=method, check=True, history=True),
         )
-        for quantity in STORY:
+        for quantity in STORY_QUANTITIES:
             np.testing.assert_array_equal(
                 getattr(found.errors, quantity.name)[i, :n],
                 getattr(single.check.errors, quantity.name),

@@ -20,7 +20,7 @@ from building_cases import FIVE_PERCENT, Law, model, story
 from tdint import load_model, run
 from tdint.analysis.arguments import model_record
 from tdint.analysis.run.batch import Subject
-from tdint.analysis.run.outcome import STORY
+from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.time_steps import choose_steps
 from tdint.campaign.batch import Batch, Run, RunSettings, building_step
@@ -32,7 +32,7 @@ MODELS = {
 }
 SAMPLES = (1, 2, 4, 8)
 REPEATS = 25
-PEAK_DRIFT = [one.name for one in STORY].index("peak_drift")
+PEAK_DRIFT = [one.name for one in STORY_QUANTITIES].index("peak_drift")
 PEAKS = ("peak_absolute_acceleration", "peak_shear", "peak_velocity", "peak_drift")
 
 

@@ -10,7 +10,7 @@ import pytest
 import tdint
 from tdint.analysis.run.batch import Outcomes, Subject, run_batch
 from tdint.analysis.run.demands import DEMANDS, demand_errors, demands
-from tdint.analysis.run.outcome import STORY, FailedRun
+from tdint.analysis.run.outcome import STORY_QUANTITIES, FailedRun
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.run.sequence import run_sequence
 from tdint.campaign.batch import REPEATS, Batch, Run, RunRow, RunSettings
@@ -85,7 +85,7 @@ def test_rows_equal_single_runs(model: str, method: str) -> None:
         assert [story.story for story in stories] == list(
             range(1, len(subject_batch.subject.model.stories) + 1)
         )
-        for column, quantity in enumerate(STORY):
+        for column, quantity in enumerate(STORY_QUANTITIES):
             story_values = getattr(response.stories, quantity.name)
             np.testing.assert_array_equal([story.values[column] for story in stories], story_values)
     if model == "collapse-prone-frame":
@@ -128,7 +128,7 @@ def test_errors_equal_errors_of_single_runs(
             "base_shear",
         )
         assert row.errors == tuple(own[name] for name in named)
-        for number, quantity in enumerate(STORY):
+        for number, quantity in enumerate(STORY_QUANTITIES):
             np.testing.assert_array_equal(
                 [item.errors[number] for item in stories],
                 getattr(response.check.errors, quantity.name),

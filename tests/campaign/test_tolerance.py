@@ -9,7 +9,7 @@ import pytest
 import tdint
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import STORY
+from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.step_choice import choose_step, step_within
 from tdint.campaign.batch import Batch, Rows, Run, RunSettings, building_step
@@ -33,7 +33,7 @@ RUNS = [Run(motion, scale) for motion in RECORDS for scale in (0.3, 1.0, 2.0)]
 
 
 OFFICE = tdint.load_model("configs/ten-story-bilinear.yaml")
-PEAK_DRIFT = [quantity.name for quantity in STORY].index("peak_drift")
+PEAK_DRIFT = [quantity.name for quantity in STORY_QUANTITIES].index("peak_drift")
 
 
 def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from tdint.analysis.assessment.order import order
-from tdint.analysis.run.outcome import STORY, ErrorHistory
+from tdint.analysis.run.outcome import STORY_QUANTITIES, ErrorHistory
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.campaign.profiles import FloorSuite, Profile
@@ -92,7 +92,7 @@ def test_long_steps_show_all_samples_of_the_record_and_the_peaks_of_the_table():
 
 def profile_of_suite(building, stood, fell, height=3.0):
     """Return the profile of two stories under several ground motions, with some collapses."""
-    peaks = {quantity.name: np.full((stood, 2), 0.03) for quantity in STORY}
+    peaks = {quantity.name: np.full((stood, 2), 0.03) for quantity in STORY_QUANTITIES}
     peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
     named = tuple(f"{i}" for i in range(stood))
     level = (1.0, np.nan, [[]] * stood, 0, fell, 0, ("level", ""), "")

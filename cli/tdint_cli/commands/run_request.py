@@ -113,9 +113,10 @@ class Request(BuildingRequest, SuiteRequest):
     tolerance: float | None = options.analysis.option(
         type=Ratio(0.0, 1.0, min_open=True, max_open=True),
         metavar="1%",
-        help="Use the largest time step for which the estimated error of every peak drift is at "
+        help="Choose a time step for which the estimated error of every peak drift is at "
         "most this fraction of the peak. The search starts at four sampling intervals of the "
-        "record, or at --dt, and ends at 1/256 of it.",
+        "record, or at --dt, and ends at 1/256 of it. It may skip a larger time step that would "
+        "suffice.",
     )
     limit: float | str | None = LIMIT
     require: bool = REQUIRE

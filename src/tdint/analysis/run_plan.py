@@ -51,7 +51,7 @@ class RunsRequest:
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
         # A value of nan leaves the parameter unchanged: neighbors of a run
-        # (`run_many._differentiated`) differ in one parameter each.
+        # (`gradient.neighbor_samples`) differ in one parameter each.
         return Subject(
             subject.model.changed(
                 {name: number for name, number in numbers.items() if not math.isnan(number)}

@@ -24,7 +24,7 @@ from tdint.analysis.run.demands import RUN, demand_columns, demand_errors
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import (
     NO_STEP,
-    STORY,
+    STORY_QUANTITIES,
     Collapse,
     ErrorEstimate,
     FailedRun,
@@ -198,8 +198,8 @@ class StoryRow(NamedTuple):
 
     The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `story` is
     the number of the story, from 1 at the ground; `height` is the story height, m (nan if unknown).
-    `values` contains one value per quantity of `STORY`, in that order; `errors` contains the
-    estimated errors of these values, or is empty if errors were not estimated.
+    `values` contains one value per quantity of `STORY_QUANTITIES`, in that order; `errors` contains
+    the estimated errors of these values, or is empty if errors were not estimated.
     """
 
     building: int
@@ -265,14 +265,16 @@ def story_rows(
 
 
 def _values_by_story(peaks: Any) -> Iterable[tuple[float, ...]]:
-    """Return one tuple per story, which contains one value per quantity of `STORY`.
+    """Return one tuple per story, which contains one value per quantity of `STORY_QUANTITIES`.
 
     Parameters
     ----------
     peaks : StoryPeaks or StoryErrors
         Peak responses, or their errors: one array over the stories per quantity.
     """
-    return zip(*(getattr(peaks, quantity.name).tolist() for quantity in STORY), strict=True)
+    return zip(
+        *(getattr(peaks, quantity.name).tolist() for quantity in STORY_QUANTITIES), strict=True
+    )
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:

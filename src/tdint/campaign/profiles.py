@@ -18,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from tdint.analysis.run.batch import Subject
-from tdint.analysis.run.outcome import STORY
+from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.analysis.run.run import run_case
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
@@ -157,7 +157,8 @@ class Profile(SuiteLevel):
     height : ndarray, shape (n,)
         Story heights, m; NaN if not specified.
     peaks : mapping of str to ndarray, shape (motions, n)
-        Maximum absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
+        Maximum absolute values of each quantity of `tdint.analysis.run.outcome.STORY_QUANTITIES`,
+        by its name.
     peak_errors : mapping of str to ndarray, shape (motions, n)
         Their estimated errors, NaN if missing; empty if not requested.
     limits : tuple of Limit
@@ -301,7 +302,7 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
         baseline_profile = baseline_profiles.get(level_key(compared))
         if baseline_profile is None or compared.building == baseline:
             continue
-        for quantity in STORY:
+        for quantity in STORY_QUANTITIES:
             compared_statistics = compared.statistics(quantity)
             base_statistics = baseline_profile.statistics(quantity)
             result.append(
@@ -399,10 +400,10 @@ def _story_values(store: Store, building: int, has_errors: bool) -> dict[Run, Ar
     Returns
     -------
     dict of Run to ndarray, shape (stories, columns)
-        For each run, the height, the quantities of `STORY` and their errors, if estimated, of each
-        story from the ground up.
+        For each run, the height, the quantities of `STORY_QUANTITIES` and their errors, if
+        estimated, of each story from the ground up.
     """
-    quantities = [quantity.column for quantity in STORY]
+    quantities = [quantity.column for quantity in STORY_QUANTITIES]
     errors = [f"{quantity}_error" for quantity in quantities] if has_errors else []
     columns = ", ".join(("height_m", *quantities, *errors))
     query = (
@@ -572,7 +573,8 @@ def _peaks(
     level : SuiteLevel
         Level.
     values_of_run : mapping of Run to ndarray, shape (stories, columns)
-        Values of each run: in each story its height, the quantities of `STORY`, and their errors.
+        Values of each run: in each story its height, the quantities of `STORY_QUANTITIES`, and
+        their errors.
     stories : int
         Number of stories.
     checked : bool
@@ -586,7 +588,7 @@ def _peaks(
         Quantities by name, and their errors; empty if not estimated.
     """
     if not level.completed:
-        no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY}
+        no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY_QUANTITIES}
         return np.full(stories, math.nan), no_values, no_values if checked else {}
     # Residual drifts are signed: use absolute values. Each item belongs to a motion and has the
     # axes component, story, and column.
@@ -606,12 +608,14 @@ def _peaks(
 
 
 def _by_name(values: Array) -> dict[str, Array]:
-    """Return the values of each quantity of `STORY` by its name, shape (motions, n). `values` is an
-    array of shape (n, quantities, motions)."""
-    return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY)}
+    """Return the values of each quantity of `STORY_QUANTITIES` by its name, shape (motions, n).
+
+    `values` is an array of shape (n, quantities, motions).
+    """
+    return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY_QUANTITIES)}
 
 
-_FIRST_ERROR = 1 + len(STORY)
+_FIRST_ERROR = 1 + len(STORY_QUANTITIES)
 """Index of the first error in the columns of a story, after its height and its quantities."""
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.analysis.run.outcome import STORY
+from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.campaign.batch import RunRow
 from tdint.errors import OutputError
 from tdint.files import is_file, is_there, remove_abandoned
@@ -455,7 +455,11 @@ _HIDDEN = tuple(item.column for item in RUN if item.shown == HIDDEN)
 RUNS = RowTable(
     "run_rows", _KEY, _column_types(RUN) | _column_types(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN
 )
-_STORY_COLUMN_TYPES = {"height_m": float} | _column_types(STORY) | _column_types(STORY, "_error")
+_STORY_COLUMN_TYPES = (
+    {"height_m": float}
+    | _column_types(STORY_QUANTITIES)
+    | _column_types(STORY_QUANTITIES, "_error")
+)
 STORIES = RowTable("story_rows", _KEY | {"story": int}, _STORY_COLUMN_TYPES, "stories")
 _SHOCK_COLUMN_TYPES = {"start_s": float, "pga_m_s2": float} | _column_types(DEMANDED)
 SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _SHOCK_COLUMN_TYPES, "shocks")

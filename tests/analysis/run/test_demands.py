@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 from tdint.analysis.run.demands import DECLARED, demands, demands_of_runs
-from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks
 from tdint.campaign.batch import demand_cells
 
 HEIGHT = np.array([4.0, math.nan, 2.5])
 RANDOM = np.random.default_rng(2)
-VALUES = {declared_quantity.name: RANDOM.uniform(0.5, 2.0, (2, 3)) for declared_quantity in STORY}
+VALUES = {
+    declared_quantity.name: RANDOM.uniform(0.5, 2.0, (2, 3))
+    for declared_quantity in STORY_QUANTITIES
+}
 VALUES["residual_drift"] *= np.array([-1.0, 1.0, -1.0])
 VALUES["peak_drift_ratio"] = VALUES["peak_drift"] / HEIGHT
 PEAKS = StoryPeaks(**VALUES, height=HEIGHT)
@@ -73,7 +76,7 @@ def test_governing_story_without_heights_has_maximum_drift():
 
 
 def test_error_of_demand_covers_all_possible_maxima():
-    values = {quantity.name: np.ones(3) for quantity in STORY} | {
+    values = {quantity.name: np.ones(3) for quantity in STORY_QUANTITIES} | {
         "peak_drift": np.array([1.0, 0.97, 0.5])
     }
     peaks = StoryPeaks(**values, height=np.array([4.0, 3.0, 2.5]))
@@ -81,7 +84,7 @@ def test_error_of_demand_covers_all_possible_maxima():
     (roof,) = (quantity for quantity in DECLARED if quantity.name == "roof_displacement")
 
     def errors(*names):
-        return StoryErrors(**{quantity.name: np.array(names) for quantity in STORY})
+        return StoryErrors(**{quantity.name: np.array(names) for quantity in STORY_QUANTITIES})
 
     assert drift.error(peaks, errors(0.01, 0.02, 0.4)) == 0.01
     assert drift.error(peaks, errors(0.01, 0.03, 0.4)) == 0.03

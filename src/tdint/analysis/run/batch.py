@@ -29,7 +29,7 @@ from tdint.analysis.run.case import (
     rest_criterion,
 )
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
-from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
+from tdint.analysis.run.outcome import STORY_QUANTITIES, Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import NO_FREE_VIBRATION, BatchResult, Motions, PreparedBuilding
 from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, cached_property
@@ -151,7 +151,9 @@ class Outcomes:
 
     def stories_of(self, i: int) -> StoryPeaks:
         """Return the peaks of run `i`."""
-        values = {quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY}
+        values = {
+            quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY_QUANTITIES
+        }
         return StoryPeaks(height=self.stories.height, **values)
 
     def fail(self, i: int, failure: FailedRun) -> None:
@@ -178,7 +180,7 @@ class Outcomes:
 
     def _put(self, i: int, stories: StoryPeaks | None, energy_error: float, steps: int) -> None:
         """Write the results of run `i`; nan if `stories` is None."""
-        for quantity in STORY:
+        for quantity in STORY_QUANTITIES:
             getattr(self.stories, quantity.name)[i] = (
                 getattr(stories, quantity.name) if stories else np.nan
             )

@@ -20,7 +20,7 @@ from tdint.analysis.run.outcome import (
     DIVERGED,
     ENERGY_TERMS,
     NOT_CONVERGED,
-    STORY,
+    STORY_QUANTITIES,
     UNSTABLE,
     Collapse,
     Energy,
@@ -213,7 +213,8 @@ def interstep_peak_errors(
         bounds = story_values(building, largest_peaks, drift_change)
     # The difference is nan for quantities that do not exist, such as ratios without a height.
     differences = {
-        quantity.name: bounds[quantity.name] - reported[quantity.name] for quantity in STORY
+        quantity.name: bounds[quantity.name] - reported[quantity.name]
+        for quantity in STORY_QUANTITIES
     }
     return StoryErrors(**{**differences, "residual_drift": drift_change})
 

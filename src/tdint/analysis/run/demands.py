@@ -13,7 +13,7 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks, StoryValues
+from tdint.analysis.run.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks, StoryValues
 from tdint.arrays import Array
 from tdint.units import Quantity, quantities
 
@@ -196,7 +196,7 @@ DEMANDS: tuple[Demand, ...] = (
     *DECLARED,
     *(
         Demand(quantity.unit, f"{quantity.meaning}; of all stories", name=quantity.name)
-        for quantity in STORY
+        for quantity in STORY_QUANTITIES
         if quantity.name not in _COVERED
     ),
 )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.outcome import (
-    STORY,
+    STORY_QUANTITIES,
     Gradient,
     History,
     StoryErrors,
@@ -144,7 +144,8 @@ class Runs(Tabular):
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
         values = {
-            quantity.name: getattr(self.stories, quantity.name)[runs, :n] for quantity in STORY
+            quantity.name: getattr(self.stories, quantity.name)[runs, :n]
+            for quantity in STORY_QUANTITIES
         }
         return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
 
@@ -183,7 +184,10 @@ class Runs(Tabular):
             building = self.models[model]
             n = len(building.stories)
             standing = runs[self.status[runs] == "done"]
-            peaks = {peak.name: getattr(self.stories, peak.name)[standing, :n] for peak in STORY}
+            peaks = {
+                peak.name: getattr(self.stories, peak.name)[standing, :n]
+                for peak in STORY_QUANTITIES
+            }
             checks[building.name, level] = check_demands(
                 building.limits,
                 limit,

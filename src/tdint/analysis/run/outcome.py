@@ -117,14 +117,16 @@ class StoryValues:
     ]
 
 
-STORY = quantities(StoryValues)
+STORY_QUANTITIES = quantities(StoryValues)
 """Quantities of a story, in the order of their columns."""
 
 
 def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Array]:
     """Return the quantities of all stories by their names."""
     return {
-        quantity.name: quantity.value(building, peaks, end) for quantity in STORY if quantity.value
+        quantity.name: quantity.value(building, peaks, end)
+        for quantity in STORY_QUANTITIES
+        if quantity.value
     }
 
 
@@ -667,7 +669,10 @@ class Response(Tabular):
         from tdint.model.limits import check_demands
 
         stories = self.stories
-        peaks = {quantity.name: getattr(stories, quantity.name)[np.newaxis] for quantity in STORY}
+        peaks = {
+            quantity.name: getattr(stories, quantity.name)[np.newaxis]
+            for quantity in STORY_QUANTITIES
+        }
         return check_demands(
             self.model.limits,
             limit,

@@ -120,10 +120,12 @@ def run(
         half the time step. If this run fails, the errors are unknown. True estimates the errors of
         the history also. False omits the estimates; the run then takes about one third of the time.
     tolerance : float or str, optional
-        Use the largest time step for which the estimated error of every peak drift, divided by that
-        drift, does not exceed this value. The search starts with four sampling intervals of the
-        record, or with `dt` if it is specified, and ends at 1/256 of the sampling interval or of
-        `dt` (`tdint.analysis.run.step_choice`).
+        Choose a time step for which the estimated error of every peak drift, divided by that drift,
+        does not exceed this value. The search starts with four sampling intervals of the record
+        (two for tolerances below 0.3 %), or with `dt` if it is specified, and halves the time step
+        down to 1/256 of the sampling interval or of `dt`. It predicts the number of halvings, and
+        may therefore skip a larger time step that would suffice
+        (`tdint.analysis.run.step_choice`).
     until_rest : bool, default False
         Continue with the ground at rest until free vibration has decayed
         (`tdint.analysis.run.case`), so that residual drifts are those at rest.

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.analysis.run.gradient import SCALE
-from tdint.analysis.run.outcome import STORY, Gradient
+from tdint.analysis.run.outcome import STORY_QUANTITIES, Gradient
 from tdint.arrays import Array
 from tdint.campaign.profiles import Profile
 from tdint.errors import UsageError
@@ -77,7 +77,7 @@ def run_profiles(runs: Runs) -> list[Profile]:
                     height=np.array([story.height or math.nan for story in model.stories]),
                     peaks={
                         quantity.name: getattr(runs.stories, quantity.name)[done, :n]
-                        for quantity in STORY
+                        for quantity in STORY_QUANTITIES
                     },
                     peak_errors={},
                 )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
+from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.model.definition import parameter_meaning
 from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM

@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from tdint.analysis.run.demands import RUN
-from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
+from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.store_schema import STORIES
 from tdint.errors import UsageError

@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, Gradient, History
-from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
+from tdint.analysis.run.outcome import (
+    ENERGY_TERMS,
+    STORY_QUANTITIES,
+    ErrorHistory,
+    Gradient,
+    History,
+)
 from tdint.output.tables.table import (
     Cell,
     Column,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors
-from tdint.analysis.run.outcome import STORY, History
+from tdint.analysis.run.outcome import STORY_QUANTITIES, History
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
@@ -135,7 +135,7 @@ def to_xarray(runs: Runs) -> Any:
     }
     # Each variable is a tuple of its dimensions, its values and its attributes.
     variables: dict[str, Any] = {}
-    for quantity in STORY:
+    for quantity in STORY_QUANTITIES:
         values = getattr(runs.stories, quantity.name)
         attributes = {"units": quantity.unit, "long_name": quantity.meaning}
         variables[quantity.name] = (("run", "story"), values, attributes)
