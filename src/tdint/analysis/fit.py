@@ -211,7 +211,7 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
             problem.spectral_differences, start, bounds, xtol=1e-4, ftol=1e-4, max_nfev=15
         )
         spectral_fits.append((solution.cost, solution.x))
-    # Continue the best of them with the histories.
+    # Continue the best fits with the histories.
     spectral_fits.sort(key=lambda candidate: float(candidate[0]))
     best = None
     for _, start in spectral_fits[:_CONTINUED_FITS]:

@@ -467,7 +467,7 @@ def _match_seed(
     motion = _with_samples(seed, best_samples, description)
     matched_spectra = _spectra(motion, checked, dampings)
     report_stage(_STAGES + 1)
-    # One result per damping ratio; the first contains the others.
+    # The first result, of the first damping ratio, contains the results of the other ratios.
     results = [
         Match(motion, seed, factor, target, checked, psa, factor * seed_psa, ratio)
         for target, psa, seed_psa, ratio in zip(

@@ -215,7 +215,7 @@ class _QuadraticProgram:
         Parameters
         ----------
         damping : float
-            Damping of the step, by which the damping of the rows is multiplied.
+            Damping of the step, a factor on the damping of each row.
         """
         # Differences below 0.01 % are not relevant.
         absolute_shortfall = np.abs(self.shortfall) + 1e-4
@@ -608,7 +608,7 @@ class MatchingProblem:
             if not is_stepwise and is_near:
                 is_stepwise, damping = True, min(damping, _REFINEMENT_DAMPING)
                 state = replace(state, merit=self.merits(state.maxima, is_stepwise)[0])
-            # Required change of the rows, and their damping relative to that of the step
+            # Required change of the rows, and relative damping of each row
             required_change = quadratic_program.shortfall
             row_damping = np.ones(required_change.size)
             if is_stepwise:
@@ -660,7 +660,7 @@ class MatchingProblem:
         """Return the rows, their products and the differences from the targets for a motion.
 
         Two further equations per component require that the final velocity and displacement of
-        the ground remain those of the seed.
+        the ground equal those of the seed.
         """
         oscillator, when, directions, shortfall, is_equality = self.equations(
             state.extremes, state.maxima

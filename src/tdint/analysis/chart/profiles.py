@@ -499,8 +499,7 @@ def _repeat_contenders(
     posed : Problem
         Building with its excitation.
     points : dict
-        Points that were timed once, by method and time step. The points with further times replace
-        them.
+        Timed points, by method and time step. They are replaced by points with further times.
     repeats : int
         Number of times per point, the first included.
     progress : callable

@@ -181,7 +181,7 @@ def neighbor_samples(
         Two neighbors of the value of each parameter, by the indices of building and sample.
     names : sequence of str
         Parameters.
-    parameters : mapping of str to ndarray, shape (draws,)
+    parameters : mapping of str to ndarray, shape (samples,)
         Values of the varied parameters of buildings in the original samples.
 
     Returns
