@@ -17,6 +17,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.time_steps import Steps
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
+from tdint.kernels.laws.branch_following import set_branch
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law, register_law, simple_model, simple_story
@@ -73,6 +74,29 @@ def switch_without_lower_end(law_parameters, law_state, i, block, event):
     law_state[block + rows.LOWER, i] = lower
 
 
+STOP = 0.05  # m, beyond the short paths on which the tangents of curved laws are verified
+
+
+def stiff_beyond_stop(law_parameters, law_state, i, previous, trial, drift):
+    near = min(drift, STOP)
+    tangent = LAWS["tanh"].functions().force(law_parameters, law_state, i, previous, trial, near)
+    law_state[trial + rows.FORCE, i] += 0.3 * K * (drift - near)
+    return tangent if drift == near else 0.3 * K
+
+
+def enter_flat_branch(law_parameters, law_state, i):
+    drift = law_state[rows.DRIFT, i]
+    switch_to_flat_branch(law_parameters, law_state, i, 0, rows.ABOVE if drift > STOP else None)
+
+
+def switch_to_flat_branch(law_parameters, law_state, i, block, event):
+    """Beyond `STOP` the branch has 0.001 instead of 0.3 K; below, the law is curved."""
+    if event == rows.ABOVE:
+        set_branch(law_state, i, block, 0.001 * K, STOP, math.inf, 0.0)
+    else:
+        set_branch(law_state, i, block, math.inf, -math.inf, STOP, 0.0)
+
+
 def empty_advance(law_parameters, law_state, i, previous, trial):
     pass
 
@@ -125,6 +149,17 @@ CASES = {
     "slope-on-a-curve": ("tanh", {}, {"enter": straight}, "its tangent is not constant"),
     "false-tangent": ("tanh", {}, {"force": secant}, "the tangent is not the slope"),
     "too-few-points": ("tanh", {}, {"points": one_point}, True),
+    "branch-of-a-curve": (
+        "tanh",
+        {"curved": True, "kinked": True},
+        {
+            "force": stiff_beyond_stop,
+            "enter": enter_flat_branch,
+            "switch": switch_to_flat_branch,
+            "advance": None,
+        },
+        "set row SLOPE to infinity there",
+    ),
     "branch-not-kept": ("peak-oriented", {}, {"keep": empty_advance}, "`keep` must copy"),
 }
 

@@ -269,6 +269,10 @@ def _store_forces(scene, h, memory, i, count):
     - for a curved law, the parabola of s = t - 1/2 with the mean F0, the first moment F1 and
       the initial value f0 of the force: F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2).
 
+    The path to a corner ends on the branch before or after the corner, depending on rounding.
+    The slope of the branch is therefore taken from the midpoint before the corner. If the drift of
+    the node exceeds that of the corner, the slope is taken from the midpoint after the corner.
+
     Parameters
     ----------
     scene : Scene
@@ -303,7 +307,8 @@ def _store_forces(scene, h, memory, i, count):
         )
     elif leaves_branch:
         path.copy(law_state, i, 0, rows.SECOND_TRIAL)
-    previous_t = 0.0
+    previous_t = previous_distance = previous_direction = 0.0
+    slope = law_state[rows.SLOPE, i]
     for k in range(count):
         t = scratch[ROW.NODE_FORCE + k, n]
         s = t - 0.5
@@ -328,12 +333,17 @@ def _store_forces(scene, h, memory, i, count):
                 Integrals(scratch, ROW.CORNERS),
             )
             # The drift of the node differs slightly from the parabola of drift, along which the law
-            # was evaluated.
+            # was evaluated. The slope of the branch adds the difference.
             distance = drift - law_state[rows.SECOND_TRIAL + rows.DRIFT, i]
-            force = (
-                law_state[rows.SECOND_TRIAL + rows.FORCE, i]
-                + law_state[rows.SECOND_TRIAL + rows.SLOPE, i] * distance
-            )
+            if k % 2 == 1:  # a midpoint, where rounding does not decide about the branch
+                slope_before = slope
+                slope = law_state[rows.SECOND_TRIAL + rows.SLOPE, i]
+                if previous_distance * direction > 0.0 and previous_direction * direction > 0.0:
+                    # The drift of the last node is beyond the end of the branch before it.
+                    scratch[ROW.NODE_FORCE + k - 1, i] += (slope - slope_before) * previous_distance
+            force = law_state[rows.SECOND_TRIAL + rows.FORCE, i] + slope * distance
+            previous_distance = distance
+            previous_direction = direction
             previous_t = t
         scratch[ROW.NODE_FORCE + k, i] = force + geometric * drift
 

@@ -392,6 +392,8 @@ def find_sign_change(r0, r1, r2):
         quadratic is then not constant, and no divisor is 0: b >= 0 implies r2 < 0 and a < 0.
     """
     if r0 <= 0.0:
+        # The larger root would locate a second reversal. It does not reduce the errors at steps of
+        # up to five samples (tests/README.md, "Location of branch changes").
         return 0.0 if r1 < 0.0 else NONE
     a = r0 - 2.0 * r1 + r2
     b = r1 - r0
