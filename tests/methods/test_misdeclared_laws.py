@@ -158,7 +158,7 @@ CASES = {
             "switch": switch_to_flat_branch,
             "advance": None,
         },
-        "set row SLOPE to infinity there",
+        "set row SLOPE to infinity on this branch",
     ),
     "branch-not-kept": ("peak-oriented", {}, {"keep": empty_advance}, "`keep` must copy"),
 }

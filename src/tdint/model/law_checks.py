@@ -229,9 +229,9 @@ def path_faults(
     yield_sizes = []
     if 0.0 < yield_drift < math.inf:
         yield_sizes = [yield_drift * multiple for multiple in _YIELD_MULTIPLES]
-    # The tangent of a curved law is verified on short paths. On long paths its slope is nearly
-    # zero, and finite differences of the force are not accurate. Long paths are only necessary if
-    # the law has branches: a branch with a finite slope may begin at any drift.
+    # The tangent of a curved law is verified on short paths. On long paths, finite differences of
+    # nearly constant forces are inaccurate. If the law has branches, the forces on long paths are
+    # compared, because a branch with a finite slope can start at large drifts.
     sizes = sorted([*yield_sizes, *_DECADES])
     short_sizes = (yield_sizes[:2] or _DECADES[:3]) if law.curved else sizes
     for size in short_sizes if law.curved and not law.kinked else sizes:
@@ -288,7 +288,7 @@ def _branch_force_fault(story: _LawStory, point: _PathPoint) -> str:
             "`enter` and `switch` and declare `kinked=True`"
         )
     if point.is_on_branch:
-        remedy = "set row SLOPE to infinity there" if law.curved else "declare `curved=True`"
+        remedy = "set row SLOPE to infinity on this branch" if law.curved else "declare `curved=True`"
         return (
             f"law {law.name}: its force is not linear on the branch from {point.lower:.6g} to "
             f"{point.upper:.6g} m. The slope of this branch (row SLOPE) gives {forces}; {remedy}, "
