@@ -288,7 +288,8 @@ def _branch_force_fault(story: _LawStory, point: _PathPoint) -> str:
             "`enter` and `switch` and declare `kinked=True`"
         )
     if point.is_on_branch:
-        remedy = "set row SLOPE to infinity on this branch" if law.curved else "declare `curved=True`"
+        curved = "set row SLOPE to infinity on this branch"
+        remedy = curved if law.curved else "declare `curved=True`"
         return (
             f"law {law.name}: its force is not linear on the branch from {point.lower:.6g} to "
             f"{point.upper:.6g} m. The slope of this branch (row SLOPE) gives {forces}; {remedy}, "
