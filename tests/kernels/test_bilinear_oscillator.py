@@ -18,7 +18,7 @@ def state(**values):
 
 
 @pytest.mark.parametrize(("k", "c"), [(0.0, 0.0), (400.0, 0.0), (900.0, 12.0), (0.0, 30.0)])
-def test_the_series_of_a_linear_oscillator(k, c):
+def test_series_agrees_with_linear_oscillator(k, c):
     """Under a load that is linear in time, up to the longest step, omega h = 1."""
     h = 1.0 / 30.0
     series = np.zeros(bilinear._MAX_TERMS)
@@ -37,7 +37,7 @@ def test_the_series_of_a_linear_oscillator(k, c):
         assert not np.any(negligible[4:-2] & negligible[5:-1])
 
 
-def test_the_recursion_of_a_branch():
+def test_recursion_of_branch_agrees_with_matrix_exponential():
     for k, c in ((0.0, 3.0), (900.0, 12.0)):
         steps = np.full(20, np.nan)
         bilinear._coefficients(steps, 3, np.zeros(bilinear._MAX_TERMS), k, c, 0.03)
@@ -79,7 +79,7 @@ def test_values_and_crossings_of_a_series():
     assert bilinear._root(np.array([0.0, -1.0]), 2, 0, -2.0, 1.0, 2.0) == pytest.approx(2.0)
 
 
-def test_a_crossing_is_next_to_the_event():
+def test_crossing_is_next_to_event():
     """The result is on the side of the crossing that was computed last, within rounding."""
     random = np.random.default_rng(3)
     for _ in range(50):
@@ -88,7 +88,7 @@ def test_a_crossing_is_next_to_the_event():
         assert abs(Polynomial(series)(t)) < 3e-15
 
 
-def test_the_end_of_yielding():
+def test_end_of_yielding_is_found():
     """The velocity side (t - first) (t - second), monotonic on both sides of their mean."""
     for side in (1.0, -1.0):
         for first, second, expected in (
@@ -114,7 +114,7 @@ def test_the_end_of_yielding():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_the_end_of_the_elastic_branch(sign):
+def test_end_of_elastic_branch_is_found(sign):
     """The displacement has a maximum at 0.25 and a minimum at 0.85, below its start."""
     u = 16.0 * Polynomial.fromroots([0.25, 0.85]).integ() + 0.2
     high, low = float(u(0.25)), float(u(0.85))
@@ -128,8 +128,8 @@ def test_the_end_of_the_elastic_branch(sign):
         (9.0, low - 1e-6),
     ):
         limits = sorted((sign * upper, sign * lower))
-        one = state(UPPER=limits[1] + 1e-15, LOWER=limits[0] - 1e-15)
-        found = bilinear._end_of_elastic_branch(sign * u.coef, 4, one, 0.55, 0.95)
+        oscillator_state = state(UPPER=limits[1] + 1e-15, LOWER=limits[0] - 1e-15)
+        found = bilinear._end_of_elastic_branch(sign * u.coef, 4, oscillator_state, 0.55, 0.95)
         outside = (u(times) > upper + 1e-12) | (u(times) < lower - 1e-12)
         first = int(np.argmax(outside))
         reached = high
@@ -139,23 +139,25 @@ def test_the_end_of_the_elastic_branch(sign):
         else:
             assert found == pytest.approx(times[first], abs=2e-5)
             reached = 0.0 if times[first] < 0.25 else high
-        assert one[bilinear.PEAK] == pytest.approx(reached, rel=1e-12)
+        assert oscillator_state[bilinear.PEAK] == pytest.approx(reached, rel=1e-12)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_states_at_changes_of_branch(side):
     k, hardening, strength = 50.0, 0.2, 3.0
     oscillator = bilinear._Hysteretic(k, 0.0, hardening, strength)
-    one = state(U=0.7, V=0.1, SIDE=side)
-    bilinear._end_yielding(one, oscillator)
+    oscillator_state = state(U=0.7, V=0.1, SIDE=side)
+    bilinear._end_yielding(oscillator_state, oscillator)
     yield_displacement = strength / ((1.0 - hardening) * k)
     other = 0.7 - 2.0 * side * yield_displacement
-    assert one[[bilinear.SIDE, bilinear.V]].tolist() == [0.0, 0.0]
-    assert one[bilinear.UPPER] == pytest.approx(max(0.7, other), rel=1e-12)
-    assert one[bilinear.LOWER] == pytest.approx(min(0.7, other), rel=1e-12)
+    assert oscillator_state[[bilinear.SIDE, bilinear.V]].tolist() == [0.0, 0.0]
+    assert oscillator_state[bilinear.UPPER] == pytest.approx(max(0.7, other), rel=1e-12)
+    assert oscillator_state[bilinear.LOWER] == pytest.approx(min(0.7, other), rel=1e-12)
     # The plastic part of the force is +- strength at both limits.
     for u, expected in ((0.7, side * strength), (other, -side * strength)):
-        assert one[bilinear.OFFSET] + (1.0 - hardening) * k * u == pytest.approx(expected)
+        assert oscillator_state[bilinear.OFFSET] + (1.0 - hardening) * k * u == pytest.approx(
+            expected
+        )
     for rate in (2.0, -2.0):
         two = state(U=0.5 + side * 0.9, V=rate, UPPER=1.5, LOWER=-0.5)
         bilinear._start_yielding(two, strength)
@@ -207,7 +209,7 @@ def test_steps_without_events_agree_with_steps_that_are_searched(seed):
         assert found[row] == pytest.approx(expected[row], rel=1e-9, abs=1e-8 * size), name
 
 
-def test_the_residual_displacement():
+def test_residual_displacement_is_computed():
     """Within the branch it is the center of the free vibration. A larger vibration first yields
     and dissipates energy, until it remains within the branch."""
     k, strength = 100.0, 5.0
@@ -216,27 +218,27 @@ def test_the_residual_displacement():
     limits = {"UPPER": 0.25 + 0.05, "LOWER": 0.25 - 0.05}
     offset = -k * 0.25
     for u, v in ((0.25 + 0.03, 0.04 * 10.0), (0.25, -0.0499 * 10.0), (0.25 - 0.05, 0.0)):
-        one = state(U=u, V=v, OFFSET=offset, **limits)
-        found = bilinear._residual_displacement(one, series, oscillator)
+        oscillator_state = state(U=u, V=v, OFFSET=offset, **limits)
+        found = bilinear._residual_displacement(oscillator_state, series, oscillator)
         assert found == pytest.approx(0.25, rel=1e-12)
     # A vibration that exceeds the limit by 1 % of a small range yields.
     small = {"UPPER": 0.25 + 1e-4, "LOWER": 0.25 - 1e-4}
     tiny = bilinear._Hysteretic(k, 0.0, 0.0, k * 1e-4)
-    one = state(U=0.25, V=1.01e-4 * 10.0, OFFSET=offset, **small)
-    found = bilinear._residual_displacement(one, series, tiny)
+    oscillator_state = state(U=0.25, V=1.01e-4 * 10.0, OFFSET=offset, **small)
+    found = bilinear._residual_displacement(oscillator_state, series, tiny)
     # Beyond the limit, the energy (1.01^2 - 1) k 1e-8 / 2 is dissipated by the strength k 1e-4.
     assert found - 0.25 == pytest.approx(0.5e-4 * (1.01**2 - 1.0), rel=1e-6)
     # The energy beyond the limit is dissipated while yielding by (v^2 / 2) / strength.
     for direction in (1.0, -1.0):
         u, v = 0.25 + direction * 0.05, direction * 0.4
-        one = state(U=u, V=v, OFFSET=offset, **limits)
-        found = bilinear._residual_displacement(one, series, oscillator)
+        oscillator_state = state(U=u, V=v, OFFSET=offset, **limits)
+        found = bilinear._residual_displacement(oscillator_state, series, oscillator)
         expected = 0.25 + direction * 0.5 * 0.4**2 / strength
         assert found == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("omega", [49.0, 51.0, 101.0])
-def test_an_elastic_oscillator_and_the_number_of_steps(omega):
+def test_peak_of_elastic_oscillator_and_number_of_steps(omega):
     """With an infinite yield displacement, the peak is that of the exact recursion."""
     dt, ground = 0.02, np.random.default_rng(4).normal(size=40)
     results = np.full(bilinear.RESULTS, np.nan)

@@ -152,7 +152,7 @@ def test_large_exponent_approaches_bilinear_law():
 
 @pytest.mark.parametrize("beta", [0.5, 0.7, 1.0])
 @pytest.mark.parametrize("exponent", [1.0, 1.6])
-def test_the_branch_ends_where_w_changes_its_sign(exponent, beta):
+def test_branch_ends_where_w_changes_its_sign(exponent, beta):
     """The drift change is the integral of du / (1 + (2 beta - 1) u^n) from 0 to |w|."""
     functions = LAWS["bouc-wen"].functions()
     law_parameters = law(exponent, beta)

@@ -382,20 +382,20 @@ def test_each_deterioration_of_imk_has_its_own_capacity():
         assert np.max(np.abs(first - second)) > 0.01 * FY
 
 
-def test_a_gap_stiffens_with_any_stop():
+def test_gap_stiffens_with_any_stop():
     assert LAWS["gap"].stiffens([0.05, 1e-3])
     assert not LAWS["gap"].stiffens([0.05, 0.0])
 
 
 @pytest.mark.parametrize("name", ["bilinear", "peak-oriented"])
-def test_a_hardening_ratio_of_1_is_refused(name):
+def test_hardening_ratio_of_1_is_refused(name):
     """The branches of the law would have the same stiffness."""
     (hardening,) = (one for one in LAWS[name].parameters if one.name == "hardening")
     assert (hardening.low, hardening.high) == (0.0, 1.0)
     assert hardening.low_allowed and not hardening.high_allowed
 
 
-def test_the_ultimate_drift_of_trilinear_pinching_is_beyond_the_yield_drift():
+def test_ultimate_drift_of_trilinear_pinching_is_beyond_yield_drift():
     fault = LAWS["trilinear-pinching"].fault
     others = (0.2, 0.4, 0.3)
     assert "beyond the yield drift" in fault(K, (FY, FY, FY / K, *others))

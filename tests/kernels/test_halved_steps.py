@@ -48,7 +48,7 @@ def test_halved_steps_are_steps_of_their_length(monkeypatch, name, intervals, pa
     assert found.substeps == round(0.96 / dt) * (parts // 2)
 
 
-def test_a_step_that_always_fails_ends_the_run(monkeypatch):
+def test_step_that_always_fails_ends_run(monkeypatch):
     refuse_steps(monkeypatch, 0.0)
     with pytest.raises(FailedRun):
         run(load_model(BUILDINGS["forces"]), MOTION, method="newmark-average", check=False)

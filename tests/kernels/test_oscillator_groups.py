@@ -226,7 +226,7 @@ def test_maximum_of_a_sum_of_modes(size, parts, growth):
         assert results[modal_sums.ROOF] == pytest.approx(peaks[3], rel=3e-5)
 
 
-def test_a_sum_of_modes_between_two_steps():
+def test_sum_of_modes_is_evaluated_between_steps():
     """Value, rate and the next step follow from the state of the modes and a linear ground."""
     _, _, table, shapes, static = modal_case(9, 1)
     random = np.random.default_rng(9)
@@ -273,7 +273,7 @@ def test_excess_between_steps_and_number_of_terms():
     assert between_steps.term_count(damped) == between_steps.term_count(alone) == 14
 
 
-def test_a_step_may_exceed_a_maximum_if_its_rate_turns():
+def test_step_may_exceed_maximum_if_its_rate_turns():
     """The rate turns if its signs differ, or if it approaches zero at the start and leaves zero at
     the end. From rest, the second derivative at the start gives the sign."""
     rise, q0, q1 = 0.5, -3.0, 2.0
@@ -289,7 +289,7 @@ def test_a_step_may_exceed_a_maximum_if_its_rate_turns():
                         assert bool(found) == expected
 
 
-def test_the_ground_between_samples():
+def test_ground_motion_is_linear_between_samples():
     samples = record(11, 7)
     for parts in (1, 3):
         ground = np.full(6 * parts + 1, np.nan)
@@ -378,7 +378,7 @@ def test_extremes_are_zeros_of_cubics_with_values_of_quintics():
     assert (samples.size - 2) * DT < expected[-1][0]
 
 
-def test_a_radius_is_largest_in_the_last_interval():
+def test_radius_is_largest_in_last_interval():
     """Both components are equal, so that the radius is sqrt(2) times the displacement."""
     samples = np.append(np.zeros(3), [0.0, 1.0, -9.0])
     dt, omega = 0.05, 60.0
@@ -399,7 +399,7 @@ def test_a_radius_is_largest_in_the_last_interval():
     assert largest_values[0, 0] == pytest.approx(radius, rel=3e-3)
 
 
-def test_a_block_of_steps_and_the_maxima_along_the_axes():
+def test_maxima_along_axes_of_block_of_steps():
     """Displacements from large to small, so that each axis has its maximum at another step."""
     random = np.random.default_rng(12)
     table = linear_table(1, rotated.LANES)
@@ -428,7 +428,7 @@ def test_a_block_of_steps_and_the_maxima_along_the_axes():
         assert found[4:, i] == pytest.approx(maxima, rel=1e-10)
 
 
-def test_a_power_series_and_its_derivative():
+def test_power_series_and_its_derivative():
     coefficients = np.random.default_rng(13).normal(size=8)
     for count in (1, 2, 5, 8):
         series = np.polynomial.Polynomial(coefficients[:count])

@@ -160,7 +160,7 @@ def over_reversal(dashpot, h=0.1, last_rate=-3.0):
     return kink, float(space.law_state[rows.THIRD_TRIAL + rows.FORCE, 0]), results
 
 
-def test_a_dashpot_adds_a_fraction_of_its_smaller_force_to_the_kink():
+def test_dashpot_adds_fraction_of_its_smaller_force_to_kink():
     alone, force, tangents = over_reversal(False)
     kink, same_force, same_tangents = over_reversal(True)
     assert (force, tangents) == (same_force, same_tangents)
@@ -171,7 +171,7 @@ def test_a_dashpot_adds_a_fraction_of_its_smaller_force_to_the_kink():
     assert added == pytest.approx(equations._DASHPOT_KINK * 10.0, rel=1e-9)
 
 
-def test_the_mismatch_of_accelerations_and_negligible_kinks():
+def test_mismatch_of_accelerations_and_negligible_kinks():
     """The mismatch is the sum of mass times the squared difference of the mean of both
     accelerations and the mean over the step, without the dashpots."""
     h, row = 0.1, equations.ROW
@@ -218,7 +218,7 @@ def test_the_mismatch_of_accelerations_and_negligible_kinks():
 
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average", "gauss4", "bathe"])
-def test_the_residual_of_a_converged_step_is_small(method):
+def test_residual_of_converged_step_is_small(method):
     """The residual is a fraction of the sum of the absolute values of the terms."""
     steps = SingleSteps(method)
     for ground in (1.0, -2.0):
@@ -226,7 +226,7 @@ def test_the_residual_of_a_converged_step_is_small(method):
         assert 0.0 <= steps.space.step_status[rows.RESIDUAL] < 1e-6
 
 
-def test_the_first_motion_between_corners_is_the_cubic_of_the_step(monkeypatch):
+def test_first_motion_between_corners_is_cubic_of_step(monkeypatch):
     """Without a pass of the iteration: displacements from the start, and velocities times the
     length of the step, of the cubic with the values and rates at both ends."""
     monkeypatch.setattr(corners, "_PASSES", 0)
@@ -345,7 +345,7 @@ def test_corners_are_sorted_and_those_at_the_ends_are_ignored():
 
 @pytest.mark.parametrize("link", [1.0, 0.0])
 @pytest.mark.parametrize("leaving", [0, 1])
-def test_a_step_with_corners_is_searched_if_a_bound_exceeds_a_peak(leaving, link):
+def test_step_with_corners_is_searched_if_bound_exceeds_peak(leaving, link):
     """Accelerations and total shears at both ends, plus the deviation due to the story that leaves
     its branch. Other peaks are far."""
     steps, h = SingleSteps("moment4"), 0.1

@@ -84,7 +84,7 @@ def test_bezier_points_of_velocity(ends):
     assert largest == pytest.approx(np.max(np.abs(points[1:4])), rel=1e-11)
 
 
-def test_a_velocity_is_searched_if_a_bezier_point_exceeds_the_peak():
+def test_velocity_is_searched_if_bezier_point_exceeds_peak():
     opposite = 0
     for ends in random_ends(3):
         points = np.abs(quintic(ends).derivative().c[:, 0])
@@ -106,7 +106,7 @@ def table(row, value):
     return found
 
 
-def test_a_floor_is_searched_if_a_bound_of_its_bezier_points_exceeds_a_peak():
+def test_floor_is_searched_if_bound_of_its_bezier_points_exceeds_peak():
     """The bound of the displacement contains all Bezier points. That of the velocity is the
     middle point, or the largest velocity plus h / 4 times the largest acceleration."""
     middle_is_largest = 0
@@ -131,7 +131,7 @@ def test_a_floor_is_searched_if_a_bound_of_its_bezier_points_exceeds_a_peak():
 
 
 @pytest.mark.parametrize("on_path", [False, True])
-def test_a_story_is_searched_if_its_drift_or_shear_may_exceed_a_peak(on_path):
+def test_story_is_searched_if_its_drift_or_shear_may_exceed_peak(on_path):
     """The bound of the drift contains all Bezier points. The bound of the shear is its value at
     the end if the drift cannot reverse, otherwise this value and the stiffness times the bound of
     the distance from the drift at the end."""
@@ -165,7 +165,7 @@ def test_a_story_is_searched_if_its_drift_or_shear_may_exceed_a_peak(on_path):
     assert reversed_drifts == 100 if on_path else 20 < reversed_drifts < 80
 
 
-def test_the_excursion_contains_quintic_cubic_and_parabola():
+def test_excursion_contains_quintic_cubic_and_parabola():
     """It is the largest of three bounds, and each of them is the largest in some motions."""
     largest = np.zeros(3, int)
     for size in (0.1, 1.0, 10.0):
@@ -185,7 +185,7 @@ def test_the_excursion_contains_quintic_cubic_and_parabola():
     assert np.all(largest > 0)
 
 
-def test_an_acceleration_is_searched_if_a_bezier_point_may_exceed_the_peak():
+def test_acceleration_is_searched_if_bezier_point_may_exceed_peak():
     """The largest Bezier point for all tilts that are not ignored, in absolute value at most
     2 |B| after the weights of both."""
     above_ends = 0
@@ -217,7 +217,7 @@ def test_limits_of_resolved_motion():
             assert peaks._is_resolved(span(fast=False), ends)
 
 
-def test_a_drift_has_an_extremum_if_its_rate_or_the_parabola_turns():
+def test_drift_has_extremum_if_its_rate_or_parabola_turns():
     for on_path in (False, True):
         for ends in random_ends(8):
             slopes = np.array([-0.5, 0.5]) * H * (ends.v1 - ends.v0) + ends.u1 - ends.u0
@@ -253,7 +253,7 @@ def outward(extrema, ends):
 
 
 @pytest.mark.parametrize("row", [rows.PEAK_DRIFT, rows.PEAK_DISPLACEMENT])
-def test_the_extremum_of_a_displacement(row):
+def test_extremum_of_displacement_is_found(row):
     """Of the quintic if velocities and accelerations agree, otherwise of the parabola of the
     method or of the cubic, which is a possible peak only."""
     for mismatch, on_path in ((0.45, False), (0.45, True), (0.55, False), (0.55, True)):
@@ -279,7 +279,7 @@ def test_the_extremum_of_a_displacement(row):
                 assert possible == pytest.approx(np.max(np.abs(extrema)), rel=1e-9)
 
 
-def test_the_parabola_is_used_up_to_its_vertex_at_an_end():
+def test_parabola_is_used_up_to_its_vertex_at_end():
     # Vertex at 0.9, 1.0 and 1.1 of the step; the accelerations do not explain the velocities.
     for vertex, inside in ((0.9, True), (1.0, False), (1.1, False), (0.1, True), (-0.1, False)):
         parabola = Polynomial([0.5, -4.0 * vertex, 2.0])
@@ -290,7 +290,7 @@ def test_the_parabola_is_used_up_to_its_vertex_at_an_end():
         assert result == pytest.approx(parabola(vertex) if inside else ends.u1, rel=1e-12)
 
 
-def test_an_extremum_below_the_margin_is_ignored():
+def test_extremum_below_margin_is_ignored():
     """The margin counts from the drift at the end, in the direction of the extremum: the largest
     distance of the Bezier points of the quintic and of the cubic decides."""
     for mismatch in (0.3, 0.7):
@@ -314,7 +314,7 @@ def test_an_extremum_below_the_margin_is_ignored():
         assert not np.any(found[rows.PEAK_DRIFT :: rows.PEAK_ROWS])
 
 
-def test_the_extremum_of_a_velocity():
+def test_extremum_of_velocity_is_found():
     """Of the derivative of the quintic; a possible peak if the acceleration is far from a line."""
     row, of_kind = rows.PEAK_VELOCITY, [0, 0]
     random = np.random.default_rng(11)
@@ -344,7 +344,7 @@ def test_the_extremum_of_a_velocity():
 
 
 @pytest.mark.parametrize("fast", [False, True])
-def test_the_extremum_of_an_acceleration(fast):
+def test_extremum_of_acceleration_is_found(fast):
     """Of the line and the weighted bulge and tilt; forces on floors are subtracted with their own
     bulge and tilt, which have the weight 1. The ground acts on the mass."""
     row, of_kind = rows.PEAK_TOTAL_SHEAR, [0, 0, 0]
@@ -392,7 +392,7 @@ def test_the_extremum_of_an_acceleration(fast):
     assert found[row, 0] == 1e9
 
 
-def test_the_best_of_seven_points_and_the_extremum_next_to_it():
+def test_extremum_is_next_to_best_of_seven_points():
     random = np.random.default_rng(13)
     points = np.arange(1, 8) / 8.0
     for _ in range(100):

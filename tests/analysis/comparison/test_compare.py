@@ -646,7 +646,7 @@ def test_requirements_at_their_limits(name, limit, met, missed):
     assert not any(meets(value, limit) for value in missed)
 
 
-def test_an_unmet_requirement_is_stated_with_both_bounds(recorded_model):
+def test_unmet_requirement_is_stated_with_both_bounds(recorded_model):
     """Bounds and value have four digits, and more if the value would read as the bound."""
     recorded_model.usual()
     comparison = compare(recorded_model.model, recorded_model.event())
