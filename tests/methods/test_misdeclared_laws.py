@@ -210,7 +210,7 @@ def true_motion(law, parameters):
     return np.array(drifts)
 
 
-def refusal_or_errors(name):
+def refusal_or_errors(name, methods=METHODS):
     """Return the message of the refusal, or the error of each method divided by the largest
     drift."""
     base = CASES[name][0]
@@ -223,7 +223,7 @@ def refusal_or_errors(name):
         return str(error), {}
     true = true_motion(law, PARAMETERS[base])
     errors = {}
-    for method in METHODS:
+    for method in methods:
         integrator = parse(method)
         marched = case.integrate(integrator, Steps(H, STEPS, 1), GROUND, history_rows=STEPS)
         # A failed integration has no result.
@@ -246,6 +246,16 @@ def test_misdeclared_law_is_refused_or_integrated_correctly(name):
         assert max(errors["impulse4"], errors["moment4"]) <= EXACT
     else:
         assert f"law {name}" in message and expected in message and "\n" not in message
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case[3] is True])
+def test_every_method_integrates_the_accepted_laws_correctly(name):
+    methods = [method for method in catalogue() if not parse(method).family.linear_only]
+    message, errors = refusal_or_errors(name, methods)
+    assert message == "" and set(METHODS) <= set(methods)
+    assert {method: error for method, error in errors.items() if not error <= CLOSE} == {}
 
 
 def test_every_step_is_integrated():
