@@ -13,7 +13,7 @@ from tdint import errors
 from tdint.analysis.run.outcome import FailedRun
 from tdint.campaign.store_schema import UntrustedStoreError
 from tdint.errors import TdintError, UsageError
-from tdint.tabular import validated_call
+from tdint.validated_calls import validated_call
 
 MODEL = {"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 100.0}]}
 RECORD = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")

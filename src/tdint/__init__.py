@@ -50,7 +50,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from tdint.system import __version__ as __version__
-from tdint.tabular import FunctionPackage, Tabular, declared_homes, validated_call
+from tdint.tabular import FunctionPackage, Tabular, declared_homes
 
 if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these lines
     from tdint.analysis.assessment.failures import Trial as Trial
@@ -215,7 +215,12 @@ if not TYPE_CHECKING:
             now = f"; it is {_OLD_NAMES[name]!r} now" if name in _OLD_NAMES else ""
             raise AttributeError(f"module 'tdint' has no attribute {name!r}{now}")
         value = getattr(import_module(_homes()[name]), _DEFINED_AS.get(name, name))
-        return validated_call(value, name) if isinstance(value, FunctionType) else value
+        if not isinstance(value, FunctionType):
+            return value
+        # Imported here, because the command line does not call functions by their public names.
+        from tdint.validated_calls import validated_call
+
+        return validated_call(value, name)
 
     FunctionPackage.functions = __getattr__
 

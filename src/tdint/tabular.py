@@ -1,201 +1,31 @@
 """Support for use from a Python prompt or a notebook.
 
-Calls with arguments of a wrong type raise an error that names the argument. Results have a one-line
-description, an HTML table, and columns for pandas, Parquet and figures.
+Results have a one-line description, an HTML table, and columns for pandas, Parquet and figures.
+Modules are imported at their first use.
 """
 
 from __future__ import annotations
 
-import ast
 import functools
 import inspect
 import logging
-import numbers
-import os
 import re
-import reprlib
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, ParamSpec, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
 
-from tdint.errors import TdintError, UsageError
+from tdint.errors import UsageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
-
-P = ParamSpec("P")
-Result = TypeVar("Result")
-
-_ARGUMENT_ERRORS = (TypeError, ValueError, AttributeError, IndexError, OverflowError)
-"""Errors that Python and numpy raise for an argument of a wrong type."""
-
-
-class WrongCall(UsageError, TypeError):
-    """Call with a missing or an unknown argument."""
-
-
-@functools.cache
-def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """Wrap a public function so that errors name the argument of a wrong type.
-
-    Arguments are compared with the signature only after the function has failed, because the
-    comparison takes time. If every argument has the declared type, the failure is a bug of tdint,
-    and its exception is raised unchanged.
-
-    Parameters
-    ----------
-    function : callable
-        The function.
-    name : str
-        Its public name, for messages.
-    """
-
-    @functools.wraps(function)
-    def wrapper(*arguments: Any, **keywords: Any) -> Any:
-        try:
-            return function(*arguments, **keywords)
-        except TdintError:
-            raise
-        except _ARGUMENT_ERRORS as error:
-            try:
-                bound = inspect.signature(function).bind(*arguments, **keywords)
-            except TypeError as binding_error:  # a missing or an unknown argument
-                raise WrongCall(f"{name}: {binding_error}") from None
-            # If no argument has a wrong type, the error is a bug of tdint.
-            raise _wrong_argument(name, bound) or error from error
-
-    # pickle imports the function by its public name.
-    wrapper.__module__, wrapper.__qualname__, wrapper.__name__ = "tdint", name, name
-    return wrapper
-
-
-def _wrong_argument(function: str, arguments: inspect.BoundArguments) -> UsageError | None:
-    """Return an error for the first argument that does not match its annotation.
-
-    If all arguments match, the error is for the first argument with an annotation such as `Any` or
-    `AnyModel`: it matches every value, so that the value may still be the cause of the failure.
-    Without such an argument, return None.
-    """
-    unchecked_error = None
-    for parameter in arguments.signature.parameters.values():
-        if parameter.name not in arguments.arguments:
-            continue
-        value = arguments.arguments[parameter.name]
-        is_variadic = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-        annotation = parameter.annotation
-        annotation_text = (
-            annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
-        )
-        expression = ast.parse(annotation_text, mode="eval").body
-        # The value of *arguments is a tuple, the value of **keywords a dict; check their members.
-        values = (
-            value.values()
-            if isinstance(value, dict) and is_variadic
-            else value
-            if is_variadic
-            else (value,)
-        )
-        got = reprlib.repr(value)
-        if not all(_matches(item, expression) for item in values):
-            return UsageError(
-                f"{function}: {parameter.name} must be {_as_text(expression)}, got {got}"
-            )
-        if unchecked_error is None and any(_accepts_any(part) for part in ast.walk(expression)):
-            unchecked_error = UsageError(
-                f"{function}: invalid value of {parameter.name}, got {got}"
-            )
-    return unchecked_error
-
-
-def _accepts_any(annotation: ast.AST) -> bool:
-    """Return True if the annotation accepts values that only the function can check.
-
-    The names of such annotations start with `Any`: `Any`, `AnyModel`, `AnyRecord`, ...
-    """
-    return isinstance(annotation, ast.Name) and annotation.id.startswith("Any")
-
-
-def _matches(value: Any, annotation: ast.expr) -> bool:
-    """Return True if a value matches an annotation, or if the annotation cannot be checked."""
-    match annotation:
-        case ast.BinOp():  # the operator | of a union
-            return _matches(value, annotation.left) or _matches(value, annotation.right)
-        case ast.Constant():  # None
-            return value is annotation.value
-        case ast.Subscript(value=ast.Name(id="tuple"), slice=ast.Tuple(elts=members)):
-            return (
-                isinstance(value, tuple)
-                and len(value) == len(members)
-                and all(map(_matches, value, members))
-            )
-        case ast.Subscript(value=ast.Name(id="Mapping")):
-            return isinstance(value, Mapping)
-        case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
-            # Texts and mappings are iterable in Python, but are not sequences of values here.
-            # Members of a generator are not checked, because this would consume the generator.
-            is_sequence = isinstance(value, Iterable) and not isinstance(
-                value, str | bytes | Mapping
-            )
-            is_sequence = is_sequence and getattr(value, "ndim", 1) > 0
-            return is_sequence and (
-                not hasattr(value, "__len__") or all(_matches(item, member) for item in value)
-            )
-        case ast.Subscript(value=ast.Name(id="NDArray")):
-            return getattr(value, "ndim", 0) == 1
-        case ast.Name(id="Array" | "Numbers"):
-            has_one_axis = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
-            return (
-                has_one_axis
-                and len(value) > 0
-                and all(isinstance(item, numbers.Real) for item in value)
-            )
-        case ast.Name(id=name) if name in _SIMPLE_TYPES:
-            # In Python, bool is a subclass of int; numpy's bool_ is not a subclass of bool.
-            is_bool = type(value).__name__ in ("bool", "bool_")
-            if name == "bool":
-                return is_bool
-            return isinstance(value, _SIMPLE_TYPES[name][0]) and not is_bool
-        case ast.Name(id=name):
-            # Types are compared by name, because modules imported for annotations only are not
-            # loaded at run time.
-            return (
-                _accepts_any(annotation)
-                or callable(value)
-                or name in [item.__name__ for item in type(value).__mro__]
-            )
-    return True
-
-
-_SIMPLE_TYPES: dict[str, tuple[tuple[type, ...], str]] = {
-    "float": ((numbers.Real,), "a number"),
-    "int": ((numbers.Integral,), "a whole number"),
-    "bool": ((bool,), "True or False"),
-    "str": ((str,), "a text"),
-    "Path": ((os.PathLike,), "a path"),
-}
-"""Accepted types and description for messages, by the name in an annotation."""
-
-
-def _as_text(annotation: ast.expr) -> str:
-    """Return an annotation as text for a message."""
-    match annotation:
-        case ast.BinOp():
-            return f"{_as_text(annotation.left)} or {_as_text(annotation.right)}"
-        case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
-            return f"a sequence (each {_as_text(member)})"
-        case ast.Name(id="Array" | "Numbers") | ast.Subscript(value=ast.Name(id="NDArray")):
-            return "an array of numbers in one row"
-        case ast.Name(id=name) if name in _SIMPLE_TYPES:
-            return _SIMPLE_TYPES[name][1]
-    return ast.unparse(annotation)
 
 
 Progress = Callable[[int, int], None]
