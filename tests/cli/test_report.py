@@ -189,7 +189,7 @@ def test_the_verdict_of_a_run_is_the_first_result(folder: Path, tdint: Command) 
         assert message + ("met" if is_met else "exceeded") in result.stderr
         body = Path(f"{is_met}.html").read_text().partition("<body>")[2]
         verdict = body[body.index('<p class="v ') : body.index("<h2")]
-        assert ("Limit kept." if is_met else "Limit NOT kept.") in verdict
+        assert ("Limit met." if is_met else "Limit EXCEEDED.") in verdict
         assert f'class="v {"kept" if is_met else "broken"}"' in verdict
 
 

@@ -151,4 +151,4 @@ def without_limits() -> UsageError:
 
 def outcome_text(is_met: bool) -> str:
     """Return the first sentence of the result of a limit check, with a space at its end."""
-    return f"Limit {'kept' if is_met else 'NOT kept'}. "
+    return f"Limit {'met' if is_met else 'EXCEEDED'}. "

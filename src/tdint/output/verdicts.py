@@ -24,7 +24,7 @@ class Verdict(NamedTuple):
         The result as a sentence.
     single_limit : bool
         True if only the drift has a limit. The sentence then starts with the drift, so that a
-        report can write the result ("Limit kept.") before the sentence.
+        report can write the result ("Limit met.") before the sentence.
     """
 
     met: bool | None
