@@ -30,7 +30,7 @@ def test_dataclass_may_inherit_from_public_class(name):
                 super().__post_init__()
             object.__setattr__(self, "doubled", 2 * length)
 
-    assert Extended.__doc__ == "A class with a field of its own."
+    assert Extended.__doc__ == "A class with an additional field."
     assert [attribute.name for attribute in fields(Extended)] == [
         *(attribute.name for attribute in fields(base)),
         "remark",
