@@ -63,13 +63,17 @@ def _take_shortcuts() -> None:
     """Replace functions of numba to avoid repeated and unnecessary work.
 
     The replacements halve the compile time. They also make the object code independent of the
-    kernels that the process has compiled before.
+    kernels that the process has compiled before: labels and variables are numbered separately in
+    each function. The remaining difference, the numbers in the symbols of functions, is removed by
+    `tdint.kernels.building.compiler.objects_of`, which renames them.
     """
     import numba.core.inline_closurecall as inlining
     from numba.core import bytecode, codegen, compiler, ir, ir_utils, types
     from numba.core.types.functions import BaseFunction
 
-    # numba reads a function again for each call that is inlined, and copies it twice.
+    # For each call that is inlined, numba creates the intermediate representation of the called
+    # function anew, and then copies its blocks twice, the only use of `copy` in this module of
+    # numba. No other call has access to the new blocks, so they need not be copied.
     inlining.copy = SimpleNamespace(deepcopy=lambda block: block)
     # The result type of an operator with numbers is cached. numba would try all candidates and
     # format an error for each mismatch.
@@ -93,9 +97,10 @@ def _take_shortcuts() -> None:
             resolved[key] = resolve_call(self, context, arguments, named)
         return resolved[key]
 
-    setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010 (a method, to mypy)
-    # The variables of an instruction depend on the type of the value. The common types are tested
-    # first.
+    # `setattr`, because mypy does not allow an assignment to a method.
+    setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010
+    # numba searches the operands of each instruction for variables and tests the types of an
+    # operand in a fixed order. The replacement tests the most frequent types first.
     default_variables = ir.Inst._rec_list_vars
 
     def variables(self: Any, value: Any) -> list[Any]:
@@ -117,7 +122,8 @@ def _take_shortcuts() -> None:
     ir.Inst._rec_list_vars = variables
     # Labels and names of variables are numbered separately in each function. With a common
     # numbering, previously compiled functions would affect the order of sets of names and therefore
-    # the code. Functions are numbered consecutively, so that no two functions have a common symbol.
+    # the code. Functions are numbered consecutively in the process, so that no two functions have a
+    # common symbol; `objects_of` later replaces these numbers in the symbols.
     function_numbers = itertools.count(1)
     labels = ir_utils._the_max_label
     compile_one = compiler.CompilerBase.compile_extra

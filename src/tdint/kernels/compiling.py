@@ -122,10 +122,15 @@ if COMPILES:
         specialized,
     )
 else:
-    # Kernels run as Python functions, which a debugger can step through.
+    # This process does not compile: it loads object files, or runs kernels as Python functions,
+    # which a debugger can step through. The decorators return the function unchanged. Their
+    # docstrings describe the effect in a process that compiles (`tdint.kernels.building.compiler`).
 
     def inline(function: Callable[..., Any]) -> Any:
-        """Mark a function of an inner loop: its code is copied into each caller.
+        """Mark a function of an inner loop: when kernels are compiled, its code is copied into each
+        caller.
+
+        Without compilation, the function is returned unchanged, as by the other two decorators.
 
         Parameters
         ----------
@@ -135,8 +140,8 @@ else:
         return function
 
     def outlined(function: Callable[..., Any]) -> Any:
-        """Mark a function that kernels call rarely: it is compiled once and called, which reduces
-        compile times.
+        """Mark a function that kernels call rarely: when kernels are compiled, it is compiled once
+        and called, which reduces compile times. Without compilation, it is returned unchanged.
 
         Parameters
         ----------
@@ -146,8 +151,8 @@ else:
         return function
 
     def specialized(function: Callable[..., Any]) -> Any:
-        """Mark a function that is compiled once for each constant argument, such as a block of law
-        states or a boolean.
+        """Mark a function that is compiled once for each value of a constant argument, such as a
+        block of law states or a boolean. Without compilation, it is returned unchanged.
 
         Parameters
         ----------

@@ -20,8 +20,8 @@ def force_value(forces, j, t):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
+        Harmonic forces on floors: one row per force, with the columns FLOOR (index of the floor),
+        COSINE and SINE (N) and OMEGA (rad/s).
     j : int
         Index of the force.
     t : float
@@ -39,8 +39,8 @@ def force_rate(forces, j, t):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
+        Harmonic forces on floors: one row per force, with the columns FLOOR (index of the floor),
+        COSINE and SINE (N) and OMEGA (rad/s).
     j : int
         Index of the force.
     t : float

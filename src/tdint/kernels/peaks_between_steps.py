@@ -696,10 +696,13 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     _, v0, a0, _, _, a1, _, _ = ends
     c3, c4, c5 = _quintic_coefficients(h, ends)
     bulge, tilt = _bulge_and_tilt(h, ends)
+    # The scale is the sum of the absolute accelerations at both endpoints.
     is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
     if _max_velocity_bezier_point(h, 1.0 / h, ends) > peaks[row, i]:
-        # Coefficients of the powers of s of the velocity, which is u'(s) / h
+        # Coefficients of the powers of s of the velocity, which is u'(s) / h. It is a quartic, so
+        # the coefficient of s^5 is 0. The first estimate of the extremum is the zero of the
+        # straight line between a0 and a1.
         velocity = (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
         raise_peak(peaks, row, i, _quintic_extremum(a0 / (a0 - a1), velocity))
 
@@ -714,8 +717,7 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
 
     with the endpoint values A0 and A1, the bulge B and the tilt D. The tilt is not reliable if it
     is large. Therefore B and D are multiplied by the weight min(2 - |D / B|, 1), and both are
-    ignored for
-    |D| >= 2 |B|, so that the maximum is at an endpoint.
+    ignored for |D| >= 2 |B|, so that the maximum is at an endpoint.
 
     The total shear of a story is the sum of mass times absolute acceleration over the floors that
     it supports, minus the forces on these floors, with the opposite sign. Peaks do not depend on
@@ -817,6 +819,19 @@ def _bulge_and_tilt(h, ends):
         a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s))
         B = 6 (v1 - v0) / h - 3 (a0 + a1)
         D = 60 ((u1 - u0) / h - (v0 + v1) / 2) / h + 5 (a1 - a0)
+
+    Parameters
+    ----------
+    h : float
+        Length of the step, s.
+    ends : Ends
+        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints. The
+        last two fields, values one step before the start, are not used.
+
+    Returns
+    -------
+    float, float
+        B and D, in the unit of the accelerations.
     """
     u0, v0, a0, u1, v1, a1, _, _ = ends
     by_h = 1.0 / h
@@ -829,9 +844,9 @@ def acceleration_bulge(by_h, ends):
     """Return the bulge B = 6 (v1 - v0) / h - 3 (a0 + a1) of the acceleration within a step, m/s^2.
 
     B is the symmetric deviation of the acceleration a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 -
-    2 s)), with s from 0 to 1, from the straight line between the endpoint values. It gives the mean
-    acceleration (v1 - v0) / h. `by_h` is the reciprocal 1 / h of the time step, 1/s. Displacements
-    in `ends` are not used.
+    2 s)), with s from 0 to 1, from the straight line between the endpoint values. With this B, the
+    mean of a(s) is the mean acceleration (v1 - v0) / h, for any tilt D. `by_h` is the reciprocal
+    1 / h of the time step, 1/s. Displacements in `ends` are not used.
     """
     return 6.0 * by_h * (ends.v1 - ends.v0) - 3.0 * (ends.a0 + ends.a1)
 
@@ -882,7 +897,8 @@ def _quintic_coefficients(h, ends):
     """Return the coefficients c3, c4, c5 of the quintic Hermite interpolant, m.
 
     u(s) = u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5, with s in [0, 1]. The
-    coefficients follow from u1, v1 and a1 at s = 1.
+    coefficients follow from u1, v1 and a1 at s = 1. `h` is the length of the step (s), and `ends`
+    contains u0, v0, a0, u1, v1 and a1; its last two fields are not used.
     """
     u0, v0, a0, u1, v1, a1, _, _ = ends
     # Value, slope and half of the curvature at s = 1, each without the terms up to s^2

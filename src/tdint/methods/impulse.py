@@ -87,7 +87,8 @@ from tdint.methods.method import Family, Method, Parameter
 # Index in the coefficients
 BETA = 0
 
-# Weights in the kinematic equation: of both velocities, times h; of a0 and -a1, times h^2
+# Weights in the kinematic equation (eqs. 11, 12 of the publication),
+# u1 - u0 = h _THETA (v0 + v1) + h^2 _BY_A (a0 - a1)
 _THETA = 0.5
 _BY_A = 1.0 / 12.0
 
@@ -328,14 +329,17 @@ def _factor(coefficients, linear_terms, modal, h, factors):
         M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
         M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
 
-    with the acceleration a1 from equilibrium, M a1 = p1 - C v1 - f(u1), the tangent k_T at the end,
-    and the integral q of the displacement over the step, whose derivatives are h (1 - 72 beta) with
-    respect to u1 and h^2 (24 beta - 1/4) with respect to v1. The derivative of k_T is omitted.
+    These are eqs. 11 to 14 of the publication of 2022 (see the docstring of this module). The
+    acceleration a1 follows from equilibrium, M a1 = p1 - C v1 - f(u1). In the kinematic equation,
+    h^2/12 M a1 therefore has the derivatives -h^2/12 k_T with respect to u1 and -h^2/12 C with
+    respect to v1, with the tangent k_T at the end. The integral q of the displacement over the step
+    (eq. 14) has the derivatives h (1 - 72 beta) with respect to u1 and h^2 (24 beta - 1/4) with
+    respect to v1. The derivative of k_T is omitted.
 
     Parameters
     ----------
     coefficients : ndarray
-        Parameter beta.
+        Parameter beta of the method, which occurs only in q.
     linear_terms, modal : ndarray
         Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
         matrix C = sum of w w^T.
@@ -352,15 +356,16 @@ def _factor(coefficients, linear_terms, modal, h, factors):
         scratch[_ROW.FACTORED, i] = scratch[_ROW.TANGENT, i]
         tangent = scratch[_ROW.TANGENT, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
-        # Derivatives of the kinematic equation with respect to u1 and v1, with a1 from equilibrium
-        # (eqs. 11, 12)
+        # Contribution of the story to the derivatives of the kinematic equation (eqs. 11, 12) with
+        # respect to u1 and v1: h^2/12 M a1 with a1 from equilibrium
         scratch[_ROW.COUPLING, i] = -by_a * tangent
         scratch[_ROW.COUPLING + 1, i] = -by_a * damper
-        # Derivatives of the momentum equation with respect to u1 and v1: C, and k_T times the
-        # derivatives of q (eqs. 13, 14)
+        # Contribution to the derivatives of the momentum equation (eq. 13) with respect to u1 and
+        # v1: C, and k_T times the derivatives of q (eq. 14)
         scratch[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         scratch[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)
+    # Modal damping C: -h^2/12 C in the kinematic equation for v1, C in the momentum equation for u1
     factor_blocks(factors, ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
 
 

@@ -536,7 +536,9 @@ def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch
     """Move state and law states to the end of a substep that was solved on linear branches.
 
     Displacements and velocities increase by rows DU and DV. Row A1 contains the new accelerations.
-    The force of each law changes by the stiffness of its branch times the change of drift.
+    The force of each law changes by the stiffness of its branch times the change of drift. The
+    drift of a story is the difference of the displacements of the floors above and below; LINK is 0
+    for a story on the ground.
 
     Parameters
     ----------

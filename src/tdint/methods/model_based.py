@@ -201,7 +201,8 @@ def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
     """Store the load at the weighted point of the step in row LOAD, N: (1 - alpha_f) p1 + alpha_f
     p0.
 
-    p0 and p1 are the loads at the start and at the end of the step.
+    p0 and p1 are the loads at the start and at the end of the step. p0 is not needed for the weight
+    1 - alpha_f = 1.
 
     Parameters
     ----------
@@ -214,7 +215,7 @@ def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     scratch : ndarray
-        Row LOAD is set.
+        Row LOAD is set; row LOAD_0 receives p0 if it is needed.
     n : int
         Number of floors.
     """

@@ -87,10 +87,15 @@ def step(
         first moment    M a1 / h^2 + C D1 / h + 12 int s f dt + r K D1 = 12 int s p dt
         end             u1 = u0 + D0,   v1 = v0 + a0 / h
 
-    with h^2 times the mean and the change of the acceleration, a1 = (D1 / 2 - D0 + h v0) 12 / (1 +
-    6 r) and a0 = D1 - r a1, the restoring forces f, the loads p and the initial stiffness K. Three
-    stages follow: integrals of the load, solution for D0 and D1 of all floors, and update of the
-    state. If a story changes its branch or reverses, the peaks within the step are updated before.
+    with the restoring forces f, the loads p and the initial stiffness K. a0 and a1 are h^2 times
+    the mean of the acceleration and h^2 times its change over the step,
+
+        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+
+    The terms with r are the numerical damping; r is 0 for rho_inf = 1. The step has three stages:
+    integrals of the load, solution for D0 and D1 of all floors, and update of the state. If a story
+    changes its branch or reverses, the peaks within the step are computed before the update,
+    because they require the state at the start of the step.
 
     Parameters
     ----------
@@ -121,7 +126,7 @@ def step(
         Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
         then unchanged. NOT_FINITE if the new state is not finite.
     """
-    # Both integrals of the load
+    # Both integrals of the load: its mean int p dt and its first moment 12 int s p dt
     mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)

@@ -119,6 +119,7 @@ def step(
     effective = EffectiveCoefficients(
         coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1]
     )
+    # The laws are evaluated from the committed states (block 0). Row X receives da.
     code = solve_equilibrium(effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code

@@ -65,7 +65,7 @@ _MATH = {
     ),
     *("sincos", "sinh", "sqrt", "tan", "tanh", "trunc", "memcpy", "memmove", "memset"),
 }
-"""Functions of the C library that an object file may call."""
+"""Functions of the C library (mathematics and memory) that an object file may call."""
 
 _TARGET_LINES = re.compile(r"^target (datalayout|triple) = .*\n", re.MULTILINE)
 """Lines of a module that specify the machine for which numba has generated it."""
@@ -86,9 +86,20 @@ _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
 def _constant_of_module(context: Any, module: Any, name: str) -> Any:
     """Return the numba type of an attribute of a module, such as `rows.FORCE`.
 
-    The function replaces a function of numba. For a number, it returns a literal type, which
-    contains the value. numba does so for constants that are imported by name, but not for
-    attributes of modules. Functions marked `specialized` are then compiled once for each value.
+    The function replaces `BaseContext.resolve_module_constants`, which numba calls while it
+    determines the types of a kernel. The method of numba returns an ordinary type for a number,
+    such as int64. This function returns a literal type, which contains the value. numba itself uses
+    literal types for constants that are imported by name. Functions marked `specialized` are then
+    compiled once for each value.
+
+    Parameters
+    ----------
+    context : BaseContext
+        Typing context of numba (`self` of the replaced method).
+    module : numba.types.Module
+        Type of the module; `pymod` is the module.
+    name : str
+        Name of the attribute.
     """
     value = getattr(module.pymod, name)
     return maybe_literal(value) or context.resolve_value_type(value)
@@ -181,6 +192,7 @@ def indirect_caller(signature: Signature) -> Any:
                     passed, argument_types, arguments, strict=True
                 )
             ]
+            # The status, the first result, is ignored, because a kernel raises no exception.
             _, result = convention.call_function(builder, function, returns, arguments, converted)
             return result
 
@@ -256,7 +268,10 @@ def objects_of(
     signature : Signature
         Types of its arguments and its result.
     targets : iterable of Target
-        Targets with equal optimization by numba.
+        Targets for which this process can compile. numba optimizes the LLVM code only once, for the
+        processor in the environment variables NUMBA_CPU_NAME and NUMBA_CPU_FEATURES. All targets
+        must be compatible with this optimization; `tdint.kernels.building.process.compilations`
+        combines such targets.
 
     Returns
     -------
@@ -266,8 +281,9 @@ def objects_of(
     Raises
     ------
     ValueError
-        The kernel calls a function that is neither in the object file nor in the C library, because
-        it allocates memory or raises an exception.
+        The kernel calls a function that is neither in the object file nor in the C library
+        (`_MATH`), because it allocates memory or raises an exception. Or NUMBA_OPT is 0: without
+        optimization, such calls remain in the code of every kernel.
     """
     if not numba.core.config.OPT:
         raise ValueError(

@@ -60,8 +60,9 @@ def load_or_compile(
     progress : callable, optional
         Is called with the completed fraction, from 0 to 1.
     own_loops : bool
-        True if a kernel with all laws must not be used for a building with fewer laws. Default:
-        False.
+        True to use only kernels that are compiled for exactly the required features, for
+        comparisons of run times. False to use also an existing kernel with all features, which
+        `tdint compile --all` creates. Default: False.
 
     Raises
     ------
@@ -138,7 +139,8 @@ def _load_existing(
     pairs : iterable of (Compilable, Variant)
         Kernels with their variants.
     own_loops : bool
-        True if a kernel with all laws must not be used for a building with fewer laws.
+        True to use only object files for exactly the variant. False to use also an object file with
+        all features (`_usable_variants`).
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable

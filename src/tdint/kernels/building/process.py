@@ -343,11 +343,21 @@ class _ProcessPool:
             self._end(process)
 
     def _next(self, previous: Compilation | None) -> Compilation | None:
-        """Return the next compilation, the longest of the suitable ones; None if the list of
-        waiting compilations is empty.
+        """Remove the next compilation from the list of waiting compilations and return it; None if
+        the list is empty.
 
-        A compilation of the same module as the last compilation is preferred, then a compilation
-        with the same settings and of a module that no other process is compiling.
+        The longest compilation of the first of these groups that is not empty is selected:
+
+            1. the same settings and the same module as `previous`: the process of the thread
+               compiles it, and compiles code that both kernels share only once
+            2. the same settings, of a module that no other process is compiling; if no waiting
+               compilation has the same settings, any settings
+            3. all waiting compilations
+
+        Parameters
+        ----------
+        previous : Compilation or None
+            Last compilation of the calling thread, which is complete; None for its first request.
         """
         with self._lock:
             if previous:

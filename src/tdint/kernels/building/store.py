@@ -50,7 +50,7 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
     name : str
         Name of the kernel.
     variant : str
-        Text of the variant.
+        Features that the compiled code supports, as text (`Variant.text`).
     target : Target
         Processor.
     """
@@ -79,7 +79,7 @@ def find_object(
     name : str
         Name of the kernel.
     variant : str
-        Text of the variant.
+        Features that the compiled code supports, as text (`Variant.text`).
     targets : tuple of Target
         Processors of one platform, in order of preference.
     """
@@ -108,11 +108,11 @@ def has(name: str, variant: str, target: Target, directory: Path | None = None) 
     name : str
         Name of the kernel.
     variant : str
-        Text of the variant.
+        Features that the compiled code supports, as text (`Variant.text`).
     target : Target
         Processor.
     directory : Path, optional
-        Directory that TDINT_KERNELS_DIR can name. Default: cache of this user.
+        Shared directory (a value of TDINT_KERNELS_DIR). Default: cache of this user.
     """
     root = directory or cache_home()
     if root is None:
@@ -152,7 +152,7 @@ def _find_in(
     name : str
         Name of the kernel.
     variant : str
-        Text of the variant.
+        Features that the compiled code supports, as text (`Variant.text`).
     targets : tuple of Target
         Processors in order of preference.
     """
@@ -183,6 +183,9 @@ def save(
 ) -> Path | None:
     """Write an object file atomically and return its path; None if no directory is writable.
 
+    After a file has been written to the cache of this user, files and directories of the cache that
+    have not been used for _DAYS_KEPT days are removed. A shared directory is never cleaned.
+
     Parameters
     ----------
     data : bytes
@@ -190,11 +193,11 @@ def save(
     name : str
         Name of the kernel.
     variant : str
-        Text of the variant.
+        Features that the compiled code supports, as text (`Variant.text`).
     target : Target
         Processor.
     directory : Path, optional
-        Directory that TDINT_KERNELS_DIR will name. Default: cache of this user.
+        Shared directory, for later use as TDINT_KERNELS_DIR. Default: cache of this user.
 
     Raises
     ------
@@ -208,6 +211,8 @@ def save(
     if cached := cache_subfolder(folder_name(target.platform)):
         with suppress(OSError):
             path = _write(data, cached / file_name(name, variant, target))
+            # Unused kernels of these versions of compiler and Python, then unused directories of
+            # other versions
             remove_unused("*.object", _DAYS_KEPT, keep=path)
             remove_unused("kernels-*", _DAYS_KEPT, keep=path.parent)
             return path

@@ -164,9 +164,10 @@ def factor_rows(modes):
     """Return the number of rows of a factorization for a building with `modes` modally damped
     modes.
 
-    The rows of `_Block` are followed by 6 modes + 1 rows for each of the two matrices (complex
-    matrix for linear branches, matrix of Newton's method): four rows with solutions and two rows of
-    the small inverse for each mode, and one temporary row.
+    The rows of `_Block` are followed by 6 modes + 1 rows for each of the two matrices: first for
+    the matrix of Newton's method, then for the complex matrix for linear branches. For each mode,
+    they are four rows with solutions and two rows of the small inverse of the Woodbury formula; one
+    temporary row follows.
     """
     return _STORE + 2 * (6 * modes + 1)
 
@@ -203,19 +204,22 @@ def solve_linear(coefficients, scene, h, memory, factors):
 
         (M - be h^2 K) du - (th h M + be h^2 C) dv = r1,   (C + th h K) du + (M - be h^2 K) dv = r2
 
-    where th and be are coefficients of the method, C is the damping and K the stiffness of the
-    branches. With l^2 - th h l + be h^2 = 0, the first equation plus l times the second equation is
-    a single complex equation,
+    where th and be are coefficients of the method (the third coefficient al occurs only in r1, see
+    `_right_side`), C is the damping and K the stiffness of the branches. With
+    l^2 - th h l + be h^2 = 0, the first equation plus l times the second equation is a single
+    complex equation,
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
-    with a symmetric tridiagonal matrix. The rows DU, DV, U1, V1 and A1 of the scratch array are
-    set.
+    with a symmetric tridiagonal matrix. The step has three stages: right side (`_right_side`),
+    solution for w (`solve_pairs_damped`), and increments and accelerations (`_store_response`). The
+    last stage sets the rows DU, DV, U1, V1 and A1 of the scratch array.
 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: th, al, be (kinematics), weights of the impulse, and l / h.
+        Coefficients of the method: th, al, be (kinematics), weights of the impulse, and real and
+        imaginary part of l / h.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -230,16 +234,22 @@ def solve_linear(coefficients, scene, h, memory, factors):
     n = linear_terms.shape[1] - 1
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
+    # First rows of the pivots, of the multipliers and of the terms of modal damping. The terms of
+    # the complex matrix follow those of the matrix of Newton's method, which occupy 6 modes + 1
+    # rows from _STORE on (`factor_rows`).
     factorization = Factors(
         scratch,
         factors + _BLOCK.PIVOT,
         factors + _BLOCK.MULTIPLIER,
         factors + _STORE + 6 * modal.shape[0] + 1,
     )
+    # Modal part of l C: the product of l and a pair (real part, imaginary part)
     damping = ModalBlocks(modal, root_re, -root_im, root_im, root_re)
-    # The factorization depends on the stiffnesses of the branches and on h.
+    # `_right_side` also compares the factorization with the stiffnesses of the branches and with h,
+    # because its loop over the stories reads the stiffnesses. If they differ, factorize again.
     slopes_row = factors + _BLOCK.LINEAR_SLOPES
-    if _right_side(coefficients, scene, h, memory, slopes_row):
+    is_stale = _right_side(coefficients, scene, h, memory, slopes_row)
+    if is_stale:
         for i in range(n):
             scratch[slopes_row, i] = law_state[rows.SLOPE, i]
         scratch[slopes_row, n] = h
@@ -250,7 +260,8 @@ def solve_linear(coefficients, scene, h, memory, factors):
 
 @inline
 def _right_side(coefficients, scene, h, memory, slopes_row):
-    """Compute the right side r1 + l r2 of the linear equations of a step.
+    """Store the right side r1 + l r2 of the linear equations of a step; return True if their matrix
+    must be factorized again.
 
     The equation is (M + l C + l^2 K) w = r1 + l r2 (see `solve_linear`), with the complex root l =
     h (ROOT_RE + i ROOT_IM) of l^2 - th h l + be h^2 = 0. With zero increments, u1 = u0 and v1 = v0,
@@ -950,8 +961,9 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 def _newton_factorization(scratch, factors):
     """Return the location of the factorization of Newton's method in the scratch array.
 
-    `factors` is the first row of all factorizations (`_Block`): diagonal blocks, couplings, and
-    terms of modal damping.
+    `factors` is the first row of all factorizations (`_Block`). The fields of the result are the
+    first rows of the diagonal blocks, of the couplings, and of the terms of modal damping, for
+    which 6 modes + 1 rows from _STORE on are reserved (`factor_rows`).
     """
     return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
@@ -980,8 +992,8 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: th, be, weights of the impulse, and drift rate at the inner
-        point.
+        Coefficients of the method: th, be, weights of the impulse, and the coefficients of the
+        drift rate at the inner point.
     linear_terms, modal : ndarray
         Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
         matrix C = sum of w w^T.
@@ -1022,6 +1034,8 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     assemble_blocks(
         linear_terms, _newton_factorization(scratch, factors), h * coefficients[THETA], by_a, n
     )
+    # Modal damping C: a1 contributes -be h^2 C to the derivative of the kinematic equation with
+    # respect to v1, C (u1 - u0) contributes C to that of the momentum equation with respect to u1.
     factor_blocks(
         _newton_factorization(scratch, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n
     )

@@ -32,7 +32,9 @@ FORCE_1 = 7  # story force at the end of the step, including dampers, N
 FORCE_S = 8  # story impulse, including dampers, N s
 R1 = 9  # residuals, then corrections, of DU and DV
 R2 = 10
-SIZE = 11  # rounding errors of the displacements, as a force, N
+# Force that corresponds to the rounding errors of the displacements of a story, divided by the
+# relative tolerance RESIDUAL_TOLERANCE of the residuals, N
+SIZE = 11
 MOMENTUM_ROWS = 12
 
 
@@ -138,7 +140,11 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
         M (u1 - u0) = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1))
 
     with u0, v0, a0 at the start and u1, v1, a1 at the end of the step, and momentum, M (v1 - v0) +
-    C (u1 - u0) + S = I, with the impulses I of the load and S of the restoring forces.
+    C (u1 - u0) + S = I, with the impulses I of the load and S of the restoring forces. S includes
+    the story dampers. Floor dampers and modal damping, the remaining part of C (u1 - u0), are
+    omitted from the sum of the absolute values, which makes the requirement slightly stricter. Row
+    SIZE adds the rounding errors of the displacements to the sums: residuals below these errors are
+    always small enough.
 
     Parameters
     ----------
@@ -157,7 +163,9 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Rows of the response and residuals R1 (kinematics, kg m) and R2 (momentum, N s).
+        The following rows are used: residuals R1 (kinematics, kg m) and R2 (momentum, N s); DU,
+        u1 - u0 (m); DV, v1 - v0 (m/s); V1, v1 (m/s); A1, a1 (m/s^2); IMPULSE, I (N s); FORCE_S, the
+        part of S of each story (N s); SIZE (N).
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
@@ -168,9 +176,10 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
-        # Row SIZE contains the force due to rounding errors of the displacements of a story, N.
+        # Rounding errors of the two stories that act on the floor, as a force, N
         rounding = scratch[SIZE, i] + link * scratch[SIZE, i + 1]
-        # Sum of the absolute values of the terms: kinematics (m), then momentum (N s)
+        # Sum of the absolute values of the terms: kinematics (m, without the factor mass), then
+        # momentum (N s)
         scale = abs(scratch[DU, i]) + h * (abs(state[rows.VELOCITY, i]) + abs(scratch[V1, i]))
         scale += h * h * abs(state[rows.ACCELERATION, i]) + by_a * abs(scratch[A1, i])
         is_small &= is_balanced(

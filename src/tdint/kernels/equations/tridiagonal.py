@@ -681,7 +681,8 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         `coupling` on the multipliers of the elimination from the ground upwards. The rows from
         `store` on are those of `factor_blocks`.
     damping : ModalBlocks
-        Modal part of l C, as products of real and imaginary parts.
+        Modal part of l C. With l = re + i im and the pair (x, y) of a floor, its coefficients are
+        xx = re, xy = -im, yx = im and yy = re.
     n : int
         Number of floors.
     """
@@ -734,9 +735,10 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
 def solve_pairs(factors, x, y, n):
     """Solve a complex tridiagonal system with the factorization of `factor_pairs`.
 
-    Forward substitution subtracts multiplier times the result of the floor below. Backward
-    substitution computes (inverse pivot) (result) - multiplier (solution of the floor above). Modal
-    damping is not included.
+    A pair is the real and the imaginary part of the complex unknown of a floor. Forward
+    substitution subtracts multiplier times the result of the floor below. Backward substitution
+    computes (inverse pivot) (result) - multiplier (solution of the floor above). Modal damping is
+    not included.
 
     Parameters
     ----------
@@ -792,7 +794,7 @@ def _woodbury_storing_function(solve_undamped):
     Returns
     -------
     function
-        (factors, damping, n).
+        (factors, damping, n). Its arguments are described in `store_woodbury`.
     """
 
     @outlined
@@ -900,9 +902,10 @@ def solve_blocks_damped(factors, damping, x, y, n):
     factors : Factors
         Rows of the factorization.
     damping : ModalBlocks
-        Modal damping.
+        Modal damping, as in `factor_blocks`.
     x, y : int
-        Rows of the two components. They contain the right side and receive the solution.
+        Rows of the first and of the second unknown of the floors. They contain the right side and
+        receive the solution.
     n : int
         Number of floors.
     """
@@ -916,18 +919,22 @@ def solve_blocks_damped(factors, damping, x, y, n):
 
 @inline
 def solve_pairs_damped(factors, damping, x, y, n):
-    """Solve a linear system with the factorization of `factor_pairs`, including modal damping.
+    """Solve a complex linear system with the factorization of `factor_pairs`, including modal
+    damping.
 
-    The matrix M + l C + l^2 K is complex, with the unknown x + i y of each floor.
+    The matrix is M + l C + l^2 K with the masses M, the damping matrix C, the stiffness matrix K
+    and a complex number l (s), for which `factor_pairs` has factorized the matrix. Each floor has
+    the complex unknown x + i y, stored as a pair of real numbers.
 
     Parameters
     ----------
     factors : Factors
         Rows of the factorization.
     damping : ModalBlocks
-        Modal damping.
+        Modal part of l C, as in `factor_pairs`.
     x, y : int
-        Rows of the two components. They contain the right side and receive the solution.
+        Rows of the real and of the imaginary parts. They contain the right side and receive the
+        solution.
     n : int
         Number of floors.
     """

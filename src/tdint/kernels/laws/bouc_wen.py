@@ -42,8 +42,9 @@ _SMOOTH = 2.0
 _NEAR = 0.25
 """Maximum |w|^n for which the series is used. It then converges with 25 terms."""
 _AT_SIGN_CHANGE = 1e-6
-"""Distance relative to the yield drift. A change of sign of w within this distance is treated as if
-w changed its sign at the current drift."""
+"""Multiple of the yield drift. If w changes its sign within this distance of the current drift, the
+branch does not end there. Otherwise a step that ends at the change of sign, up to rounding, would
+be followed by a branch of nearly zero length."""
 _NODES = (0.18343464249564978, 0.525532409916329, 0.7966664774136267, 0.9602898564975362)
 _WEIGHTS = (0.36268378337836166, 0.3137066458778869, 0.22238103445337443, 0.10122853629037706)
 """Nodes and weights of the Gauss-Legendre rule with eight points on [-1, 1]; only the positive
@@ -146,6 +147,11 @@ def _functions() -> LawFunctions:
         for unloading, which is regarded as loading in the opposite direction. The drift change is a
         multiple of Fy / k, the energy a multiple of (1 - a) Fy^2 / k (yield force Fy, initial
         stiffness k, hardening ratio a).
+
+        Returns
+        -------
+        float, float
+            Drift change and dissipated energy: the two sums with the terms up to j = 25.
         """
         ratio = p * w**n
         term = w
@@ -313,7 +319,7 @@ def _functions() -> LawFunctions:
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
         """Do nothing: the function `force` of this law computes the dissipated energy together with
-        the force.
+        the force. The arguments are not used.
 
         Parameters
         ----------
@@ -356,7 +362,9 @@ def _functions() -> LawFunctions:
             return math.inf
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
-        path = 0.0  # drift change in u Fy / k
+        # Drift change, a multiple of u Fy / k: with `root` = sqrt(u' / u) at a Gauss point, the
+        # integrand du' is u 2 root d(root).
+        path = 0.0
         for point in range(8):
             root = nodes[point]
             path += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
@@ -364,10 +372,13 @@ def _functions() -> LawFunctions:
 
     @outlined
     def limit_branch(law_parameters, law_state, i, previous, block):
-        """Limit the branch in `block` at the drift where w changes its sign, if it does.
+        """Set the limits of the branch in `block`: the drift at which w changes its sign.
 
-        w is the dimensionless hysteretic force (row INTERNAL). At w = 0 the force has a sharp bend
-        for small exponents.
+        w is the dimensionless hysteretic force (row INTERNAL). At w = 0, the force has a sharp bend
+        for exponents below _SMOOTH. The time integration ends a substep at the limit of a branch,
+        so that no substep contains the bend. The branch has no limit if w already has the sign of
+        the direction of loading, or if w changes its sign within _AT_SIGN_CHANGE of the current
+        drift.
 
         Parameters
         ----------
@@ -377,22 +388,25 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         previous : int
-            First row of the state from which the drift is computed.
+            First row of the block of `law_state` with the current drift and w. The limit is at a
+            distance from this drift.
         block : int
-            First row of the state with the branch. RATE_SIGN is the direction.
+            First row of the block whose limits UPPER and LOWER are set. Its row RATE_SIGN contains
+            the direction of loading. The block can be the same as `previous`.
         """
         side = law_state[block + rows.RATE_SIGN, i]
         law_state[block + rows.UPPER, i] = math.inf
         law_state[block + rows.LOWER, i] = -math.inf
-        # w is opposite to the direction, and its change of sign is not at the current drift.
+        # w changes its sign only if it is opposite to the direction of loading.
         if side * law_state[previous + rows.INTERNAL, i] < 0.0:
-            path = kink(law_parameters, law_state, i, previous, side)
+            distance = kink(law_parameters, law_state, i, previous, side)  # drift change to w = 0
+            # The yield drift is Fy / k.
             if (
-                path * law_parameters[rows.STIFFNESS, i]
+                distance * law_parameters[rows.STIFFNESS, i]
                 > _AT_SIGN_CHANGE * law_parameters[_YIELD_FORCE, i]
             ):
                 law_state[block + (rows.UPPER if side > 0.0 else rows.LOWER), i] = (
-                    law_state[previous + rows.DRIFT, i] + side * path
+                    law_state[previous + rows.DRIFT, i] + side * distance
                 )
 
     @inline
@@ -455,13 +469,14 @@ def _functions() -> LawFunctions:
         """Return the number of Gauss points for an integration error of about 1e-6 Fy on a path.
 
         Fy is the yield force, k the initial stiffness and n the exponent of the law. The number 1.9
-        + 4 (n + 1) (change of drift) k / Fy was determined by numerical experiments.
+        + 4 (n + 1) (change of drift) k / Fy was determined by numerical experiments. It is not an
+        integer; the caller rounds it up.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
             Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
+            story. The states are not used by this law.
         i : int
             Index of the story.
         drift_change : float

@@ -24,6 +24,8 @@ reversals."""
 def no_operation(law_parameters, law_state, i, block, step, mean_force):
     """Do nothing: function `advance` of a law with a state that consists of drift and force only.
 
+    The arguments are those of every function `advance` (`LawFunctions`); they are not used.
+
     Parameters
     ----------
     law_parameters, law_state : ndarray
@@ -437,17 +439,21 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
     def keep(law_parameters, law_state, i, previous, trial):
         """Copy the branch and the other law-specific rows of a trial state to the committed state.
 
-        `commit` copies the common rows (drift, force, internal variable, dissipated energy).
+        These are the rows from COMMON_ROWS to the end of the block (branch, maximum drifts and
+        work), and the extra rows of laws that need more rows. The function `commit`, which calls
+        this function, copies the common rows (drift, force, internal variable, dissipated energy).
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
+        law_parameters : ndarray
+            Parameters of the hysteretic laws; not used by this function.
+        law_state : ndarray
+            States of the hysteretic laws: one row per quantity, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the block of `law_state` with the state at the start of the path.
+            First row of the block with the state at the start of the path; not used, because the
+            trial state contains all rows.
         trial : int
             First row of the block of `law_state` with the state at the end of the path.
         """

@@ -130,7 +130,7 @@ def _strain_energy(law_parameters, law_state, i):
     """Return the strain energy of the separately compiled law of story `i`, J.
 
     The compiled code of the law is called at the address in row ADDRESS of the table of law states.
-    Arguments that this function of the law does not use are 0.
+    The last three arguments (two blocks and x) are 0, because this function does not use them.
     """
     return _call(
         law_state[rows.ADDRESS, i], _STRAIN_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
@@ -142,7 +142,7 @@ def _hysteretic_energy(law_parameters, law_state, i):
     """Return the dissipated energy of the separately compiled law of story `i`, J.
 
     The compiled code of the law is called at the address in row ADDRESS of the table of law states.
-    Arguments that this function of the law does not use are 0.
+    The last three arguments (two blocks and x) are 0, because this function does not use them.
     """
     return _call(
         law_state[rows.ADDRESS, i], _HYSTERETIC_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
@@ -175,7 +175,7 @@ def _enter(law_parameters, law_state, i):
     """Set the first branch of story `i` with a separately compiled law.
 
     The compiled code of the law is called at the address in row ADDRESS of the table of law states.
-    Arguments that this function of the law does not use are 0.
+    The last three arguments (two blocks and x) are 0, because this function does not use them.
     """
     _call(law_state[rows.ADDRESS, i], _ENTER, law_parameters, law_state, i, 0, 0, 0.0)
 
@@ -331,8 +331,10 @@ def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Returns
     -------
-    ndarray, shape (EXTRA_ROWS + LAW_STATE_BLOCKS * extra rows, n + 1)
-        States of the laws.
+    ndarray, shape (EXTRA_ROWS + LAW_STATE_BLOCKS * extra_rows, n + 1)
+        States of the laws. EXTRA_ROWS is the number of rows that all laws have: the blocks of the
+        committed state and of the trial states, and the address. Each of the LAW_STATE_BLOCKS
+        blocks then has extra_rows further rows, the maximum of `DriftLaw.extra_rows` of the laws.
     """
     codes = law_parameters[rows.CODE, :-1].astype(int)  # the last column belongs to no story
     used_codes = sorted(set(codes.tolist()))

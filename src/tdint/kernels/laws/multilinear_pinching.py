@@ -12,8 +12,12 @@ At each reversal, degradation reduces stiffness and strength and increases the m
 fraction
 
     peak (maximum drift / drift of the last backbone point)^peak_exponent
-        + work ((work - elastic energy) / capacity)^work_exponent <= limit
+        + work ((work done on the story - elastic energy) / energy capacity)^work_exponent <= limit
 
+The factors, exponents and limits are separate parameters of the three types of degradation
+(stiffness, drift and strength). The fractions of stiffness and strength are totals relative to the
+law without degradation. The fraction of drift is the increase of a stored maximum drift at this
+reversal. The energy capacity is the parameter `capacity` times the area below the backbone curve.
 There is no degradation before the first yielding.
 
 In the functions below, drifts and forces with a `side` are positive in the direction of that side.
@@ -44,10 +48,12 @@ _CAPACITY = rows.FIRST_PARAMETER + 38
 # Extra rows, relative to the first extra row of the state.
 # drift and force of the three points of the current path, positive on the side of the path
 _PATH_POINTS = 0
-_STRENGTH_LOSS = 6  # fractions of strength and stiffness that were lost at the last reversal
+# Fractions of strength and stiffness that have been lost until the last reversal, relative to the
+# law without degradation
+_STRENGTH_LOSS = 6
 _STIFFNESS_LOSS = 7
-# Losses of stiffness, drift and strength at the moment at which the last drift of the backbone
-# curve was exceeded
+# Three results of `degradation` at the moment at which the drift of the last backbone point was
+# exceeded
 _LAST_LOSSES = 8
 _EXTRA_ROWS = _LAST_LOSSES + 3
 
@@ -84,8 +90,8 @@ def _functions() -> LawFunctions:
         """Return the row of a law state that contains a quantity for one side of the story.
 
         Quantities with separate values for both sides have a row for the positive side (`side` 1),
-        `row`, and a row for the negative side (`side` -1) two rows later. The values of both sides
-        are positive.
+        `row`, and a row for the negative side (`side` -1) two rows later: LOW_DRIFT for HIGH_DRIFT.
+        In this law, the values of both sides are positive, also in row LOW_DRIFT.
         """
         return row if side > 0.0 else row + 2
 
@@ -227,11 +233,12 @@ def _functions() -> LawFunctions:
 
     @inline
     def loss(law_parameters, i, row, drift_ratio, used_capacity):
-        """Return the fraction of stiffness, drift or strength lost by one type of degradation.
+        """Return the fraction of one type of degradation: stiffness, drift or strength.
 
         It is peak drift_ratio^peak_exponent + work used_capacity^work_exponent, at most the limit
         of this type. The five parameters of a type are in consecutive rows: peak, work,
-        peak_exponent, work_exponent and limit.
+        peak_exponent, work_exponent and limit. `degradation` describes the quantity to which the
+        fraction is applied.
 
         Parameters
         ----------
@@ -244,7 +251,8 @@ def _functions() -> LawFunctions:
         drift_ratio : float
             Maximum drift over the drift of the last backbone point.
         used_capacity : float
-            Dissipated work over the energy capacity; not positive if the response is elastic.
+            Dissipated work over the energy capacity; not positive if the response is elastic. For 1
+            and more, the result is the limit.
         """
         limit = law_parameters[row + 4, i]
         # The limit is reached when the energy capacity is used up.
@@ -289,15 +297,32 @@ def _functions() -> LawFunctions:
 
     @outlined
     def degradation(law_parameters, law_state, i, block):
-        """Return the fractions of stiffness, maximum drift and strength that a reversal now loses.
+        """Return the degradation of stiffness, maximum drift and strength by a reversal at the
+        current state, as three fractions.
 
-        A fraction is at most the limit of its type of degradation (`loss`), with its parameters:
+        With the results ks, ds and fs, a reversal has the following effects (`start_path`):
+
+            stiffness        (1 - ks) times the stiffness of the first line of the backbone curve
+            strength         (1 - fs) times the force of the backbone curve
+            maximum drift    (1 + ds) times the stored maximum drift
+
+        ks and fs are therefore total losses relative to the law without degradation; they replace
+        the values of the last reversal. ds is the increase at this reversal only. Each fraction is
+        at most the limit of its type of degradation (`loss`). With the parameters peak,
+        peak_exponent, work and work_exponent of this type, it is
 
             peak (maximum drift / last drift)^peak_exponent
-                + work (dissipated work / capacity)^work_exponent
+                + work (dissipated work / energy capacity)^work_exponent
 
-        The losses are zero before the first yielding, and constant above the last drift of the
-        backbone curve.
+        The maximum drift is the larger value of both sides, and the last drift is the drift of the
+        last backbone point (`last_drift`). The dissipated work is the work done on the story (row
+        WORK) minus its elastic energy. The energy capacity is the parameter `capacity` times the
+        area below the backbone curve up to its last point (`area`), for the side with the larger
+        area.
+
+        The fractions are zero if all limits are zero (`degrades`) and before the first yielding
+        (`has_yielded`). Above the last drift, they are constant: `switch` has stored them in the
+        rows _LAST_LOSSES when the drift exceeded the last drift.
 
         Parameters
         ----------
@@ -312,22 +337,27 @@ def _functions() -> LawFunctions:
 
         Returns
         -------
-        tuple of float
-            Three fractions. The loss of stiffness is bounded so that the stiffness remains at least
-            the secant stiffness of the backbone curve.
+        float, float, float
+            ks, ds and fs. ks is bounded, as in Pinching4 of OpenSees: the remaining fraction 1 - ks
+            of the stiffness is at least the ratio of the secant stiffness to the stiffness of the
+            first line. The secant leads from the origin to the point of maximum drift on the
+            degraded backbone curve. Since ks applies to both sides, the side with the larger ratio
+            determines the bound.
         """
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
         if not degrades(law_parameters, i) or not has_yielded(law_parameters, law_state, i, block):
             return 0.0, 0.0, 0.0
         last_backbone_drift = last_drift(law_parameters, i)
-        # Above the last drift of the backbone curve, the losses are constant.
+        # Above the last drift, the fractions are constant.
         if abs(drift) > last_backbone_drift * (1.0 + _REACHED_TOLERANCE):
             return (
                 law_state[first + _LAST_LOSSES, i],
                 law_state[first + _LAST_LOSSES + 1, i],
                 law_state[first + _LAST_LOSSES + 2, i],
             )
+        # Dissipated work: work minus the elastic energy F^2 / (2 k), which unloading with the
+        # current degraded stiffness k would release
         force, work = law_state[block + rows.FORCE, i], law_state[block + rows.WORK, i]
         capacity = law_parameters[_CAPACITY, i] * max(
             area(law_parameters, i, 1.0), area(law_parameters, i, -1.0)
@@ -335,9 +365,12 @@ def _functions() -> LawFunctions:
         k = stiffness(law_parameters, i, 1.0 if drift > 0.0 else -1.0) * (
             1.0 - law_state[first + _STIFFNESS_LOSS, i]
         )
-        # Work without the elastic energy, divided by the capacity; 2 represents a used-up capacity.
+        # If the work reaches the capacity, the capacity is used up, even if a part of the work is
+        # elastic. For any value from 1 on, `loss` returns the limit; 2 is an arbitrary such value.
         used_capacity = 2.0 if work >= capacity else (work - 0.5 * force * force / k) / capacity
-        # Secant stiffness to the point of maximum drift divided by the stiffness, larger side
+        # Upper bound of ks: secant stiffness of the backbone curve to the point of maximum drift,
+        # divided by the stiffness of the first line, for the side with the larger ratio. The factor
+        # 1 - _STRENGTH_LOSS below reduces the force of the secant to the degraded strength.
         secant_ratio = 0.0
         for side in (1.0, -1.0):
             max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
@@ -430,8 +463,8 @@ def _functions() -> LawFunctions:
         unloading_fraction = pinching(law_parameters, i, side, 2)
         pinched_drift = pinching(law_parameters, i, side, 0) * max_drift
         pinched_force = force_fraction * force
-        # Without a pinched part, its end has a force slightly above the end of unloading (and above
-        # the force of the last point), as in Pinching4.
+        # Without a pinched part, its end has a force slightly (1e-6) above the end of unloading
+        # (and above the force of the last point), as in Pinching4.
         if force_fraction - unloading_fraction <= _NO_PINCHING:
             third_force = (
                 force
@@ -473,7 +506,13 @@ def _functions() -> LawFunctions:
         previous_max_drift : float
             Maximum drift of this side before its increase by degradation, m.
         losses : tuple of float
-            Losses of stiffness, maximum drift and strength.
+            Fractions of stiffness, maximum drift and strength from `degradation`. Stiffness and
+            strength are reduced, the maximum drift is increased by its fraction.
+
+        Returns
+        -------
+        tuple of float
+            Drift (m) and force (N) of point 1, of point 2 and of point 3, positive on this side.
         """
         # Point 3, and the direct line to this point if the story does not cross zero drift
         strength_factor = 1.0 - losses[2]
@@ -683,12 +722,13 @@ def _functions() -> LawFunctions:
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
         losses = degradation(law_parameters, law_state, i, block)
-        # The maximum drift of the side that is unloaded increases by degradation; the drift of a
-        # reversal on the backbone curve is included.
+        # The stored maximum drift of the side that is unloaded increases by degradation; the drift
+        # of a reversal on the backbone curve is included.
         if abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE:
             maximum_row = side_row(-side, rows.HIGH_DRIFT)
             increased_drift = law_state[block + maximum_row, i] * (1.0 + losses[1])
             law_state[block + maximum_row, i] = max(increased_drift, -side * drift)
+        # `path` applies the drift fraction to the maximum drift of the other side.
         stiffness_loss, _, strength_loss = losses
         law_state[first + _STIFFNESS_LOSS, i] = stiffness_loss
         law_state[first + _STRENGTH_LOSS, i] = strength_loss
@@ -910,9 +950,9 @@ _PINCHING_PARAMETERS = (
 def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
     """Return the parameters of one type of degradation: `stiffness`, `drift` or `strength`.
 
-    They are peak, work, peak_exponent, work_exponent and limit. The lost fraction is peak (maximum
-    drift / last drift)^peak_exponent + work (used energy capacity)^work_exponent, at most the
-    limit.
+    They are peak, work, peak_exponent, work_exponent and limit. The fraction by which stiffness and
+    strength decrease and the maximum drift increases is peak (maximum drift / last
+    drift)^peak_exponent + work (used energy capacity)^work_exponent, at most the limit.
     """
     group = f"degradation.{name}"
     fraction = LawParameter("peak", low=0.0, default=0.0, group=group, without=0.0)

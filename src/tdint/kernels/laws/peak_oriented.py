@@ -49,10 +49,17 @@ def _functions() -> LawFunctions:
     def unloading_stiffness(law_parameters, law_state, i, block, side):
         """Return the unloading stiffness ku of one side, N/m.
 
-        It is k (dy / dmax)^unloading, with the initial stiffness k, the yield drift dy and the
-        maximum drift dmax of the side, but at least F / dmax, the stiffness of the line from the
-        point of maximum drift to the origin, and at least k min(1, hardening / (1 - unloading /
-        2)).
+        It is the maximum of three values:
+
+            k (dy / dmax)^unloading                    degradation by the maximum drift
+            F / dmax                                   line from the point (dmax, F) to the origin
+            k min(1, hardening / (1 - unloading / 2))
+
+        with the initial stiffness k, the yield drift dy, the maximum drift dmax of the side, the
+        force F of the backbone curve at dmax, and the law parameters `hardening` and `unloading`.
+        The second and the third value are lower bounds that ensure that no branch creates energy;
+        the docstring of this module contains the proof. Before the first yielding, dmax is dy, and
+        the result is k.
 
         Parameters
         ----------
@@ -65,21 +72,23 @@ def _functions() -> LawFunctions:
             First row of the block of `law_state` that contains the state: 0 for the committed
             state, otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side.
+            Positive for the positive side of the story, otherwise the negative side. Only the sign
+            is used, so that a force can be passed.
         """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
         hardening = law_parameters[_HARDENING, i]
         unloading = law_parameters[_EXPONENT, i]
-        # While the story yields, the current drift is the maximum drift.
+        # Positive maximum drift of the side; LOW_DRIFT is negative. While the story yields, the
+        # current drift is the maximum drift.
         drift = law_state[block + rows.DRIFT, i]
         max_drift = (
             max(law_state[block + rows.HIGH_DRIFT, i], drift)
             if side > 0.0
             else -min(law_state[block + rows.LOW_DRIFT, i], drift)
         )
-        # Yield drift / maximum drift, and the stiffness of the line from the point of maximum drift
-        # to the origin, divided by k
+        # dy / dmax, and F / (k dmax), because the bilinear backbone curve has the force
+        # F = hardening k dmax + (1 - hardening) k dy
         drift_ratio = strength / (k * max_drift)
         to_origin = hardening + (1.0 - hardening) * drift_ratio
         return k * max(

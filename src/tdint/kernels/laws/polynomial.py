@@ -26,7 +26,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         previous : int
-            First row of the block of `law_state` with the state at the start of the path.
+            First row of the block with the state at the start of the path; not used, because an
+            elastic force depends on the drift only.
         trial : int
             First row of the block of `law_state` with the state at the end of the path.
         drift : float
@@ -56,19 +57,22 @@ def _functions() -> LawFunctions:
     def points(law_parameters, law_state, i, drift_change):
         """Return the number of Gauss points that integrate the force exactly over a path.
 
-        If the force is a polynomial of degree q of the drift, and the drift is a parabola of the
-        time s, then the force times s is a polynomial of degree 2 q + 1 of s. The Gauss rule with q
-        + 1 points integrates it exactly.
+        The integrals are the mean of the force and its first moment (the force times s) over a part
+        of a step. If the force is a polynomial of degree q of the drift, and the drift is a
+        parabola of the time s, then the force times s is a polynomial of degree 2 q + 1 of s. The
+        Gauss rule with q + 1 points integrates it exactly. The number is a float because other laws
+        return a number that is not an integer; the caller rounds it up.
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
+        law_parameters : ndarray
+            Parameters of the hysteretic laws: one row per parameter, one column per story.
+        law_state : ndarray
+            States of the hysteretic laws; not used by this law.
         i : int
             Index of the story.
         drift_change : float
-            Change of drift along the path, m; the number does not depend on this value.
+            Change of drift along the path, m; not used by this law.
         """
         # The table can have more rows than this story has coefficients; they are zero.
         degree = law_parameters.shape[0] - rows.FIRST_PARAMETER

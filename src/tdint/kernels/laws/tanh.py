@@ -70,7 +70,7 @@ def _functions() -> LawFunctions:
         ----------
         law_parameters, law_state : ndarray
             Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
+            story. The states are not used by this law.
         i : int
             Index of the story.
         drift_change : float

@@ -79,6 +79,9 @@ def _functions() -> LawFunctions:
         """Return the absolute maximum drift on side `side`, m; during yielding, the current drift
         is included.
 
+        Row HIGH_DRIFT contains the maximum drift of the positive side, row LOW_DRIFT the minimum
+        drift of the story, which is negative.
+
         Parameters
         ----------
         law_state : ndarray
@@ -105,7 +108,9 @@ def _functions() -> LawFunctions:
     def unloading_stiffness(law_parameters, law_state, i, block, side):
         """Return the unloading stiffness k (dy / dmax)^unloading of a side, N/m.
 
-        k is the initial stiffness, dy the yield drift and dmax the maximum drift on this side.
+        k is the initial stiffness, dy the yield drift, dmax the maximum drift on this side
+        (`max_drift`, equal to dy before the first yielding), and `unloading` the parameter of the
+        law with this name.
 
         Parameters
         ----------
@@ -163,13 +168,15 @@ def _functions() -> LawFunctions:
     def set_unloading_line(law_parameters, law_state, i, block, side, slope, end):
         """Set an unloading line through the current point, valid in both directions.
 
-        The line ends at zero force in one direction and at the drift `end` in the other.
+        In the direction of `side`, the line ends at the drift `end`. In the opposite direction, it
+        ends where the force is zero.
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
+        law_parameters : ndarray
+            Parameters of the hysteretic laws; not used by this function.
+        law_state : ndarray
+            States of the hysteretic laws: one row per quantity, one column per story.
         i : int
             Index of the story.
         block : int
@@ -184,7 +191,9 @@ def _functions() -> LawFunctions:
             Drift at the end of the line, m, positive on this side.
         """
         zero_drift = law_state[block + rows.DRIFT, i] - law_state[block + rows.FORCE, i] / slope
+        # RATE_SIGN 0, the last argument: a reversal does not end the branch.
         set_loading_branch(law_state, i, block, side, _UNLOADING_LINE, slope, end, 0.0)
+        # `set_loading_branch` has set no limit in the direction opposite to `side`.
         if side > 0.0:
             law_state[block + rows.LOWER, i] = zero_drift
         else:
@@ -194,9 +203,10 @@ def _functions() -> LawFunctions:
     def drift_at_pinching_end(law_parameters, law_state, i, block, side, target, force, slope):
         """Return the drift at the end of the first, flatter part of reloading, m.
 
-        With the drift z at the last zero crossing of the force, the pinching parameter p, and the
-        point of maximum drift t with the force M, it is z + p (t - (1 - p) M / ku - z), where ku is
-        the unloading stiffness. The drift is positive on the side of loading.
+        With the drift z at the last zero crossing of the force (row _ZERO), the law parameter
+        `pinching` p, and the point of maximum drift t with the force M, it is
+        z + p (t - (1 - p) M / ku - z), where ku is the unloading stiffness. The drift is positive
+        on the side of loading.
 
         Parameters
         ----------
@@ -286,6 +296,7 @@ def _functions() -> LawFunctions:
                     side,
                 )
             else:
+                # Constant part of the backbone curve: zero slope, no end
                 set_loading_branch(law_state, i, block, side, _YIELDING, 0.0, math.inf, side)
 
     @outlined
@@ -436,7 +447,8 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     stiffness : float
         Initial stiffness, N/m.
     values : sequence of float
-        Parameters in SI units.
+        Parameters in SI units, in the order of `LAW.parameters`; the first three are yield force,
+        ultimate force and ultimate drift.
     """
     strength, ultimate_force, ultimate_drift = values[:3]
     if ultimate_force < strength:

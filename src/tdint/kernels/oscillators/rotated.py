@@ -84,7 +84,9 @@ _SINES = 4
 _SECTOR_ROWS = 5
 _ACCELERATION = AXES  # index of the maximum relative acceleration, after the maximum displacements
 _C, _S = math.cos(math.pi / 6), 0.5  # cosine and sine of 30 degrees
-_BLOCK = 4  # steps of all oscillators of a group that are integrated before the next steps
+# Number of steps of one oscillator in a call of `_advance`; then the next oscillator of the group
+# follows.
+_BLOCK = 4
 
 LANES = 16
 """Number of oscillators that are integrated together. A constant, so that the compiler knows the
@@ -213,19 +215,27 @@ def rotated_peaks(
 def _advance(ground, s, lane):
     """Integrate LANES oscillators over a block of steps and update the maxima at the steps.
 
-    Along each axis, the step is exact: u1 = A11 u0 + A12 v0 - B10 g0 - B11 g1 and v1 = A21 u0 + A22
-    v0 - B20 g0 - B21 g1, with displacement u, velocity v and ground acceleration g. The maxima are
-    those of the displacement along the axes at 0, 30, ..., 150 degrees and of the relative
-    acceleration.
+    Along each of the two axes, with the displacement u, the velocity v and the ground acceleration
+    g at the start (0) and at the end (1) of a step,
+
+        u1 = A11 u0 + A12 v0 - B10 g0 - B11 g1
+        v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1
+
+    The step is exact for a ground acceleration that is linear within the step. The maxima are those
+    of the absolute displacement along the axes at 0, 30, ..., 150 degrees, and of the resultant of
+    the relative accelerations a along the first and b along the second axis, sqrt(a^2 + b^2). From
+    the equation of motion, a = -(omega^2 u + 2 xi omega v + g).
 
     Parameters
     ----------
-    ground : ndarray
-        Ground accelerations at the steps, m/s^2.
+    ground : ndarray, shape (2, steps + 1)
+        Ground accelerations at the steps, m/s^2: one row for each of the two axes.
     s : int
-        First step.
+        Index of the first of the _BLOCK steps.
     lane : ndarray
-        Values of the oscillators: value `row` of oscillator `i` is element row * LANES + i.
+        Values of the oscillators: value `row` of oscillator `i` is element row * LANES + i. The
+        rows are A11 to B21, BY_DISPLACEMENT (omega^2, 1/s^2) and BY_VELOCITY (2 xi omega, 1/s), the
+        state (rows _X to _W, updated) and the maxima (from row _MAXIMA on, updated).
     """
     for i in range(LANES):
         a11, a12 = lane[A11 * LANES + i], lane[A12 * LANES + i]
@@ -242,8 +252,11 @@ def _advance(ground, s, lane):
         t4, t5 = lane[(_MAXIMA + 4) * LANES + i], lane[(_MAXIMA + 5) * LANES + i]
         # Square of the maximum relative acceleration
         max_acceleration_squared = lane[(_MAXIMA + _ACCELERATION) * LANES + i]
+        # The maxima include both endpoints of the block. The last pass has no step.
         for j in range(_BLOCK + 1):
+            # Ground accelerations at the start of the step along the first (f) and second axis (g)
             f0, g0 = ground[0, s + j], ground[1, s + j]
+            # Displacements along the six axes: x cos(theta) + y sin(theta)
             cx, sx, cy, sy = _C * x, _S * x, _C * y, _S * y
             t0 = abs(x) if abs(x) > t0 else t0
             t1 = abs(cx + sy) if abs(cx + sy) > t1 else t1
@@ -251,6 +264,7 @@ def _advance(ground, s, lane):
             t3 = abs(y) if abs(y) > t3 else t3
             t4 = abs(cy - sx) if abs(cy - sx) > t4 else t4
             t5 = abs(sy - cx) if abs(sy - cx) > t5 else t5
+            # Relative accelerations with the opposite sign, which has no effect on the squares
             a, b = by_u * x + by_v * v + f0, by_u * y + by_v * w + g0
             acceleration_squared = a * a + b * b
             max_acceleration_squared = (
@@ -326,7 +340,8 @@ def _search(oscillator, maxima, margin):
     oscillator : _TableOscillator
         Oscillator; `best` is updated.
     maxima : ndarray
-        Maxima along the axes in each interval.
+        Maximum displacements along the axes in each interval, m, then the maximum resultant of the
+        relative accelerations (column _ACCELERATION), m/s^2.
     margin : float
         Maximum excess of a displacement between two steps over its values at the steps, divided by
         the larger relative acceleration, s^2 (`excess_factor`); 0 if maxima between the steps are

@@ -447,9 +447,9 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
 
     Returns
     -------
-    tuple of float
-        Power of the floor forces (W) and its rate (W/s), power of modal damping and half of its
-        rate.
+    float, float, float, float
+        Power of the floor forces (W) and its rate (W/s); power of modal damping (W) and half of its
+        rate (W/s).
     """
     power = 0.0
     rate = 0.0
@@ -478,10 +478,12 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
 def _change_per_acceleration(modal, forces, t, state, n):
     """Compute the change of the rates of power for a unit increase of the floor accelerations.
 
-    A force p on a floor contributes p a to the rate of its power, a damped mode with the row w
-    contributes (w^T v) (w^T a) to half of the rate of its power. If the acceleration a of all
-    floors increases by 1 m/s^2, these terms increase by p and by (w^T v) (sum of w). This happens
-    if the ground acceleration jumps between two steps.
+    If the ground acceleration jumps between two steps, the relative accelerations a of all floors
+    jump by the same value, and so do the rates of the powers (`shift_ground`). The velocities v do
+    not change. A force p on a floor has the power p v with the rate p' v + p a. A damped mode with
+    the row w of the modal damping matrix has the power (w^T v)^2; half of its rate is
+    (w^T v) (w^T a). If all accelerations increase by 1 m/s^2, the rate of the force increases by p,
+    and half of the rate of the mode by (w^T v) (sum of the elements of w).
 
     Parameters
     ----------
@@ -493,20 +495,22 @@ def _change_per_acceleration(modal, forces, t, state, n):
     t : float
         Time, s.
     state : ndarray
-        State of the method.
+        Row VELOCITY (m/s) is used.
     n : int
         Number of floors.
 
     Returns
     -------
     float, float
-        Change of the rate of the floor forces, and of half the rate of modal damping.
+        Change of the rate of the power of all floor forces, and change of half of the rate of the
+        power of modal damping, each per 1 m/s^2.
     """
     rate = 0.0
     half_viscous_rate = 0.0
     for j in range(forces.shape[0]):
         rate += force_value(forces, j, t)
     for j in range(modal.shape[0]):
+        # w^T v, and w^T a for accelerations of 1 m/s^2
         v_modal = 0.0
         a_modal = 0.0
         for i in range(n):
@@ -599,9 +603,9 @@ def store_previous(state, observer_state, n):
     Parameters
     ----------
     state : ndarray
-        State of the method.
+        State of the method: rows DISPLACEMENT (m) and VELOCITY (m/s) are used.
     observer_state : ndarray
-        Memory of the observer.
+        Memory of the observer: row OBSERVED_ACCELERATION (m/s^2) is used.
     n : int
         Number of floors.
     """
@@ -679,7 +683,7 @@ def _store_additional_forces(modal, forces, t, state, observer_state, n):
     t : float
         Time, s.
     state : ndarray
-        State of the method.
+        State of the method: row VELOCITY (m/s) is used.
     observer_state : ndarray
         Rows FLOOR_FORCE and MODAL_FORCE are set, N.
     n : int
@@ -824,9 +828,12 @@ def exceeds_limits(law_state, seen):
 def record_collapse(law_state, steps, seen):
     """Store the story and the step of the collapse, and the energies at this time, in `totals`.
 
-    The story is the first one that has failed. If no story has failed, it is the story with the
-    largest excess of its peak drift ratio (peak drift / height) over its limit. The energies must
-    have been updated before.
+    The story is the lowest failed story. If no story has failed, it is the story with the largest
+    excess of its peak drift ratio (peak drift / height) over its limit. A story has failed if its
+    row INTERNAL has the value that its law assigns at a failure (row FAILED of the limits; nan,
+    which is equal to no value, for laws without failure). Call this function only if a story has
+    failed or exceeds its limit (`exceeds_limits`); otherwise only the energies would be stored. The
+    energies in `totals` must have been updated before.
 
     Parameters
     ----------
@@ -835,12 +842,14 @@ def record_collapse(law_state, steps, seen):
     steps : int
         Number of complete steps.
     seen : Seen
-        Arrays of the observer.
+        Arrays of the observer: the peaks and the collapse limits are used; the rows COLLAPSE_STEP,
+        COLLAPSE_STORY, COLLAPSE_FAILED and COLLAPSE_ENERGIES of the totals are set.
     """
     _, peaks, limits, totals, _ = seen
     largest_excess = 0.0
     for i in range(limits.shape[1]):
         excess = peaks[rows.PEAK_DRIFT, i] / limits[rows.HEIGHT, i] - limits[rows.LIMIT, i]
+        # Failed: larger than any other excess. Further failed stories above are not larger.
         if law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]:
             excess = math.inf
             totals[rows.COLLAPSE_FAILED] = 1.0
@@ -981,7 +990,7 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     law_parameters : ndarray
         Parameters of the hysteretic laws: one row per parameter, one column per story.
     state : ndarray
-        State of the method.
+        State of the method: row VELOCITY (m/s) is used.
     law_state : ndarray
         States of the hysteretic laws: one row per quantity, one column per story.
     totals : ndarray
