@@ -72,8 +72,8 @@ def _take_shortcuts() -> None:
     from numba.core.types.functions import BaseFunction
 
     # For each call that is inlined, numba creates the intermediate representation of the called
-    # function anew, and then copies its blocks twice, the only use of `copy` in this module of
-    # numba. No other call has access to the new blocks, so they need not be copied.
+    # function again and copies its blocks twice, the only use of `copy` in this module of
+    # numba. No other call has access to the new blocks: a copy is not necessary.
     inlining.copy = SimpleNamespace(deepcopy=lambda block: block)
     # The result type of an operator with numbers is cached. numba would try all candidates and
     # format an error for each mismatch.

@@ -88,7 +88,7 @@ def _constant_of_module(context: Any, module: Any, name: str) -> Any:
 
     The function replaces `BaseContext.resolve_module_constants`, which numba calls while it
     determines the types of a kernel. The method of numba returns an ordinary type for a number,
-    such as int64. This function returns a literal type, which contains the value. numba itself uses
+    such as int64. This function returns a literal type, which contains the value. numba uses
     literal types for constants that are imported by name. Functions marked `specialized` are then
     compiled once for each value.
 
@@ -268,7 +268,7 @@ def objects_of(
     signature : Signature
         Types of its arguments and its result.
     targets : iterable of Target
-        Targets for which this process can compile. numba optimizes the LLVM code only once, for the
+        Targets for which this process can compile. numba optimizes the LLVM code for the
         processor in the environment variables NUMBA_CPU_NAME and NUMBA_CPU_FEATURES. All targets
         must be compatible with this optimization; `tdint.kernels.building.process.compilations`
         combines such targets.

@@ -183,7 +183,7 @@ def save(
 ) -> Path | None:
     """Write an object file atomically and return its path; None if no directory is writable.
 
-    After a file has been written to the cache of this user, files and directories of the cache that
+    After a file has been written to the cache of the user, files and directories of the cache that
     have not been used for _DAYS_KEPT days are removed. A shared directory is never cleaned.
 
     Parameters

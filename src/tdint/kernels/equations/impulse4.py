@@ -235,8 +235,8 @@ def solve_linear(coefficients, scene, h, memory, factors):
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
     # First rows of the pivots, of the multipliers and of the terms of modal damping. The terms of
-    # the complex matrix follow those of the matrix of Newton's method, which occupy 6 modes + 1
-    # rows from _STORE on (`factor_rows`).
+    # the complex matrix follow 6 modes + 1 rows with the terms of the matrix of Newton's method,
+    # which start at _STORE (`factor_rows`).
     factorization = Factors(
         scratch,
         factors + _BLOCK.PIVOT,
@@ -1035,7 +1035,7 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         linear_terms, _newton_factorization(scratch, factors), h * coefficients[THETA], by_a, n
     )
     # Modal damping C: a1 contributes -be h^2 C to the derivative of the kinematic equation with
-    # respect to v1, C (u1 - u0) contributes C to that of the momentum equation with respect to u1.
+    # respect to v1. In the momentum equation, C (u1 - u0) has the derivative C with respect to u1.
     factor_blocks(
         _newton_factorization(scratch, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n
     )

@@ -43,7 +43,7 @@ _NEAR = 0.25
 """Maximum |w|^n for which the series is used. It then converges with 25 terms."""
 _AT_SIGN_CHANGE = 1e-6
 """Multiple of the yield drift. If w changes its sign within this distance of the current drift, the
-branch does not end there. Otherwise a step that ends at the change of sign, up to rounding, would
+branch has no limit. Otherwise a step that ends at the change of sign, up to rounding, would
 be followed by a branch of nearly zero length."""
 _NODES = (0.18343464249564978, 0.525532409916329, 0.7966664774136267, 0.9602898564975362)
 _WEIGHTS = (0.36268378337836166, 0.3137066458778869, 0.22238103445337443, 0.10122853629037706)
@@ -372,7 +372,7 @@ def _functions() -> LawFunctions:
 
     @outlined
     def limit_branch(law_parameters, law_state, i, previous, block):
-        """Set the limits of the branch in `block`: the drift at which w changes its sign.
+        """Set the limits of the branch in `block`: the drift of the change of sign of w.
 
         w is the dimensionless hysteretic force (row INTERNAL). At w = 0, the force has a sharp bend
         for exponents below _SMOOTH. The time integration ends a substep at the limit of a branch,
@@ -391,8 +391,8 @@ def _functions() -> LawFunctions:
             First row of the block of `law_state` with the current drift and w. The limit is at a
             distance from this drift.
         block : int
-            First row of the block whose limits UPPER and LOWER are set. Its row RATE_SIGN contains
-            the direction of loading. The block can be the same as `previous`.
+            First row of the block that receives the limits UPPER and LOWER. Its row RATE_SIGN
+            contains the direction of loading. The block can be the same as `previous`.
         """
         side = law_state[block + rows.RATE_SIGN, i]
         law_state[block + rows.UPPER, i] = math.inf

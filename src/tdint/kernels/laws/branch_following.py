@@ -24,7 +24,7 @@ reversals."""
 def no_operation(law_parameters, law_state, i, block, step, mean_force):
     """Do nothing: function `advance` of a law with a state that consists of drift and force only.
 
-    The arguments are those of every function `advance` (`LawFunctions`); they are not used.
+    All functions `advance` have these arguments (`LawFunctions`); this function uses no argument.
 
     Parameters
     ----------

@@ -237,8 +237,8 @@ def _functions() -> LawFunctions:
 
         It is peak drift_ratio^peak_exponent + work used_capacity^work_exponent, at most the limit
         of this type. The five parameters of a type are in consecutive rows: peak, work,
-        peak_exponent, work_exponent and limit. `degradation` describes the quantity to which the
-        fraction is applied.
+        peak_exponent, work_exponent and limit. `degradation` describes the effect of the
+        fraction.
 
         Parameters
         ----------
@@ -309,7 +309,7 @@ def _functions() -> LawFunctions:
         ks and fs are therefore total losses relative to the law without degradation; they replace
         the values of the last reversal. ds is the increase at this reversal only. Each fraction is
         at most the limit of its type of degradation (`loss`). With the parameters peak,
-        peak_exponent, work and work_exponent of this type, it is
+        peak_exponent, work and work_exponent of this type, the fraction is
 
             peak (maximum drift / last drift)^peak_exponent
                 + work (dissipated work / energy capacity)^work_exponent
@@ -950,8 +950,8 @@ _PINCHING_PARAMETERS = (
 def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
     """Return the parameters of one type of degradation: `stiffness`, `drift` or `strength`.
 
-    They are peak, work, peak_exponent, work_exponent and limit. The fraction by which stiffness and
-    strength decrease and the maximum drift increases is peak (maximum drift / last
+    They are peak, work, peak_exponent, work_exponent and limit. Stiffness and strength decrease and
+    the maximum drift increases by the fraction peak (maximum drift / last
     drift)^peak_exponent + work (used energy capacity)^work_exponent, at most the limit.
     """
     group = f"degradation.{name}"

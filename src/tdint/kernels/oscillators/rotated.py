@@ -84,7 +84,7 @@ _SINES = 4
 _SECTOR_ROWS = 5
 _ACCELERATION = AXES  # index of the maximum relative acceleration, after the maximum displacements
 _C, _S = math.cos(math.pi / 6), 0.5  # cosine and sine of 30 degrees
-# Number of steps of one oscillator in a call of `_advance`; then the next oscillator of the group
+# Number of steps of an oscillator in a call of `_advance`; then the next oscillator of the group
 # follows.
 _BLOCK = 4
 

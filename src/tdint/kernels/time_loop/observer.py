@@ -849,7 +849,7 @@ def record_collapse(law_state, steps, seen):
     largest_excess = 0.0
     for i in range(limits.shape[1]):
         excess = peaks[rows.PEAK_DRIFT, i] / limits[rows.HEIGHT, i] - limits[rows.LIMIT, i]
-        # Failed: larger than any other excess. Further failed stories above are not larger.
+        # The infinite excess of the lowest failed story is not exceeded by other stories.
         if law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]:
             excess = math.inf
             totals[rows.COLLAPSE_FAILED] = 1.0
