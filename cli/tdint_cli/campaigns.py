@@ -500,7 +500,9 @@ def _open_store(
 
 
 def _report_progress(advance: Advance) -> None:
-    """Report the number of runs in this call with their duration and rate, and in earlier calls."""
+    """Report the number of runs completed in this call, their duration and rate, and the number of
+    runs completed in earlier calls. If this call has completed no runs, report that all runs were
+    completed before."""
     new_runs = advance.done - advance.before
     if new_runs:
         before = f", {advance.before} before" if advance.before else ""
@@ -984,6 +986,7 @@ def report_outcomes(store: Store) -> None:
         Store of the campaign.
     """
     from tdint.analysis.run.outcome import FAILED
+    from tdint.campaign.store import FILE
     from tdint.model.damage_states import FALLEN
     from tdint.output.summary import without_error
 
@@ -1010,5 +1013,6 @@ def report_outcomes(store: Store) -> None:
     if moving := store.count("at_rest = 0"):
         warn(
             f"{pluralize(moving, 'run')} still in motion at the end of the analysis; the "
-            "residual drifts of these runs are not final values"
+            "residual drifts of these runs are not final values; omit them from evaluations "
+            f"(at_rest = 0 in {FILE})"
         )

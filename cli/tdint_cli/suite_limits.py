@@ -81,7 +81,12 @@ class SuiteLimits:
 
     @property
     def drift_line(self) -> float | None:
-        """Drift limit of the figure: the limit that all stories of all buildings have."""
+        """Limit of the drift ratio in the figure; `None` for a figure without a limit.
+
+        A requested number (`limit`) has priority. Otherwise it is the limit of the buildings, if
+        all stories with a limit have the same value. The figure has no limit if the buildings have
+        no limits, or different limits.
+        """
         from tdint.model.limits import chosen_limits, uniform_drift_limit
 
         limit = self.limit

@@ -398,7 +398,7 @@ def test_invalid_damage_sections_are_refused(
         (CLASSES.replace(",0.4\n", ",\n"), "table.csv:2: beta is missing"),
         (
             CLASSES.replace("A,0.02,0.25,,,,,", "A,0.02,0.25,1,2,3,4,1"),
-            "class A ... different values",
+            "table.csv:3: class A has slight_m 1, but 0.003 in a row above",
         ),
     ],
 )

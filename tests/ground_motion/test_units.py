@@ -161,8 +161,8 @@ class TestHeaders:
     @pytest.mark.parametrize(
         ("header", "header_words", "message"),
         [
-            ({"idep": 7}, {}, "a velocity"),
-            ({"idep": 6}, {}, "a displacement"),
+            ({"idep": 7}, {}, "a velocity, not an acceleration; .*`units=cm/s`"),
+            ({"idep": 6}, {}, "a displacement, not an acceleration; .*`units=cm`"),
             ({}, {105: 0}, "not an evenly sampled"),
             ({}, {85: 2}, "not an evenly sampled"),
         ],

@@ -84,7 +84,10 @@ def command(
         _check_methods(plugins)
         return
     if not models:
-        raise UsageError("no model file is specified; add MODEL.yaml, or --schema")
+        raise UsageError(
+            "no model file is specified; specify the file to check (tdint check MODEL.yaml), or "
+            "write the schema of such files (tdint check --schema)"
+        )
     from tdint.analysis.run.overview import overview
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table

@@ -267,7 +267,11 @@ def _check_provenance(
     for name in dict.fromkeys((*recorded.versions, *repeated.versions)):
         version, new_version = recorded.versions.get(name), repeated.versions.get(name)
         if name != "sources" and version != new_version:
-            note(f"version of {name}: recorded {version or 'none'}, now {new_version or 'none'}")
+            note(
+                f"the version of {name} is {new_version or 'unknown'}, but {version or 'unknown'} "
+                "in the recorded run; if the results differ, repeat the run with the recorded "
+                "version"
+            )
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,8 @@ def command(request: Request) -> None:
     if method and "," in method and ":" not in method:
         raise UsageError(
             f"--method {method}: `tdint run` accepts one method; use `tdint chart {request.model} "
-            f"--method {method}` to compare methods, or a separate call per method with --history"
+            f"--method {method}` to compare methods, or call `tdint run` once for each method "
+            "(with --history to compare histories)"
         )
     # In a sequence, each event has its own factor; otherwise equal factors are the same run.
     events = records if request.sequence else ()
@@ -731,7 +732,13 @@ def _error_sentences(response: Response, units: OutputUnits, page: bool) -> list
 def _maximum_demands(
     model: Model, stories: StoryPeaks, units: OutputUnits, page: bool = False
 ) -> str:
-    """Return the maximum demands of a run.
+    """Return a text with the maximum drift, roof displacement and base shear of a run.
+
+    The base shear has two values: the restoring force of the first story, and the total with
+    viscous forces. On the terminal (`page` False), the restoring force is reported, and in a
+    building with dashpots the total follows in parentheses. In a report, the total is reported, as
+    in the tables of the report. In a building without dashpots, the restoring force follows in
+    parentheses; with dashpots it is omitted, because the tables do not contain it.
 
     Parameters
     ----------
@@ -742,9 +749,12 @@ def _maximum_demands(
     units : OutputUnits
         The units of the values.
     page : bool
-        True for a report. Drift ratios are then in percent, and the base shear with viscous forces
-        precedes the base shear of the springs, because the tables of the report contain it. The
-        default is False.
+        True for a report. Drift ratios are then in percent. The default is False.
+
+    Returns
+    -------
+    str
+        For example "drift ratio 0.012 in story 1, roof displacement 0.08 m, base shear 9e+05 N".
     """
     from tdint.analysis.run.demands import demands
 

@@ -927,8 +927,10 @@ class Command(HelpAsData):
         return lines
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the command line as click does, after `--plot` and similar options have received
-        their values; refuse options without an effect.
+        """Parse the command line with click, and refuse options without an effect.
+
+        The value of `--plot` and `--history` is optional, which click does not support. Before
+        click parses the command line, `with_named_files` therefore adds the missing values.
 
         Parameters
         ----------
@@ -936,6 +938,16 @@ class Command(HelpAsData):
             Context of the command.
         args : list of str
             Words of the command line after the name of the command.
+
+        Returns
+        -------
+        list of str
+            Remaining arguments, which belong to no parameter of the command.
+
+        Raises
+        ------
+        UsageError
+            An option has no value, was replaced by another option, or has no effect.
         """
         option_names = {name for parameter in self.params for name in parameter.opts}
         # Click would use an option as the value of the preceding option that requires a value.

@@ -130,8 +130,20 @@ def read_table_of_factors(
 
 
 def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
-    """Return the ground motions of a command line; write their notes and warnings to the terminal,
-    except the errors of unreadable files.
+    """Return the ground motions of a command line, and write their notes and warnings to the
+    terminal.
+
+    Errors of single unreadable files are not written here. They are in `failures` of the result,
+    and the caller reports them. If no record could be read, they are raised.
+
+    Parameters
+    ----------
+    records : sequence of str
+        Names of files and directories.
+    choice : RecordChoice
+        Reading options and processing steps.
+    pairs : PairWish or None
+        Requested treatment of pairs of horizontal components; None reads single components.
 
     Raises
     ------

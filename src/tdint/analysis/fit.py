@@ -185,10 +185,12 @@ def fit(
 
 
 def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResult:
-    """Return the solution of least squares with the smallest difference of the histories.
+    """Return the least-squares solution with the smallest difference between computed and recorded
+    histories.
 
-    The histories have many minima. Their fits therefore start from the best fits of the spectra,
-    which converge from distant start values.
+    The difference of the histories has many local minima as a function of the fitted values. The
+    difference of the spectra converges from distant start values. Therefore the spectra are fitted
+    first, and the fits of the histories start from the `_CONTINUED_FITS` best of these fits.
 
     Parameters
     ----------
@@ -216,7 +218,8 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
     best = None
     for _, start in spectral_fits[:_CONTINUED_FITS]:
         problem.determine_shift(start)
-        # A sum of n squares within d standard errors of its minimum exceeds it by d^2 / n.
+        # At d standard errors from the minimum, a sum of n squares exceeds its minimum by the
+        # fraction d^2 / n.
         cost_tolerance = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
         # The gradient is not used as a criterion: for a recording without noise it is small long
         # before the minimum.
@@ -348,10 +351,12 @@ class _Problem:
 def _minimize(
     residuals: Callable[[Array], Array], start: Array, bounds: Array, **limits: Any
 ) -> OptimizeResult:
-    """Minimize the sum of squared residuals over logarithms of values, with forward differences.
+    """Minimize the sum of squared residuals as a function of the logarithms of the fitted values.
 
-    SciPy's own differences use a step in proportion to the variable. The variable is a logarithm
-    here. At a value of 1 the logarithm is 0, so the step and all accuracy would vanish.
+    The derivatives are differences with the constant step `_DIFFERENCE_STEP`, forward, or backward
+    at an upper bound. The differences of SciPy are not used: SciPy multiplies a specified step
+    (`diff_step`) by the absolute value of the variable. The variable here is the logarithm, which
+    is close to 0 for a value close to 1.
 
     Parameters
     ----------

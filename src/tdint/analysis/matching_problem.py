@@ -461,8 +461,9 @@ class MatchingProblem:
             Time of each extreme after the sample before it, s.
         """
         w, z, dt = self.omega[oscillator], self.damping[oscillator], self.dt
-        # Displacement over -g for a ground acceleration t / dt: a particular solution minus the
-        # free vibration from rest.
+        # Response x to a ramp, x'' + 2 z w x' + w^2 x = -t / dt from rest: the particular solution
+        # -t / (dt w^2) + constant, minus the free vibration with the same initial displacement and
+        # velocity.
         exponent = w * (-z + 1j * np.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
         free_amplitude = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / exponent.imag

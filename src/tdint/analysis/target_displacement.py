@@ -374,10 +374,13 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
     """
     end_shear, area = curve.response_at(roof)
     maximum_shear = curve.maximum_shear(roof)
-    # For each force, the secant intersects the curve at 0.6 of the force. While this intersection
-    # moves along a straight part of the curve, the difference of the areas is a linear function of
-    # the force. The difference is therefore computed at both ends of each straight part, and
-    # interpolated. Flat and decreasing parts are skipped, because they contain no new intersection.
+    # For each possible yield force, the secant from the origin intersects the curve at 0.6 times
+    # this force. While this intersection moves along a straight part of the curve, the displacement
+    # at yield is a linear function of the yield force. The second line always ends at the same
+    # point, so that the area below the two lines is also a linear function of the yield force. Thus
+    # the difference between this area and the area below the curve is computed only at both ends
+    # of each straight part, and interpolated. Flat and decreasing parts are skipped, because they
+    # contain no new intersection.
     maximum_before = np.maximum.accumulate(curve.shear)
     rising = np.flatnonzero(curve.shear[1:] > maximum_before[:-1]) + 1
     rising = rising[maximum_before[rising - 1] < _SECANT * maximum_shear]

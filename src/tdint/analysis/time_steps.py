@@ -93,7 +93,8 @@ def choose_steps(
         return Steps(dt, _count(duration, dt), end=duration)
     if dt is not None and not record_dt / MAX_STEPS <= dt <= record_dt * MAX_STEPS:
         raise UsageError(
-            f"dt must be comparable to the {interval_name}, {record_dt:.6g} s; got {dt:.6g} s"
+            f"dt must be the {interval_name}, {record_dt:.6g} s, multiplied or divided by an "
+            f"integer up to {MAX_STEPS:.0e}, got {dt:.6g} s"
         )
     duration = record_duration if duration is None else duration
     if dt is None:

@@ -214,7 +214,7 @@ def _connect(cluster: Cluster) -> Any:
     error = (
         connection.exception()
         if connection.done()
-        else TimeoutError("no response within ten seconds")
+        else TimeoutError("the connection timed out after ten seconds")
     )
     if error:
         text = " ".join(str(error).split()) or type(error).__name__

@@ -264,7 +264,7 @@ class GridFile:
     seed : int
         Random seed, combined with the id of the building.
     distance : str
-        Unit of distances: a key of `tdint.campaign.motions.COORDINATES`.
+        Type of distance: a key of `tdint.campaign.motions.COORDINATES`.
     events : bool
         True for no sampling: the rows of the points' files are events, and a building has the
         events of its nearest point.
@@ -392,7 +392,8 @@ def nearest(places: Places, candidates: Places, distance: str) -> NDArray[np.int
     candidates : Places
         Longitudes and latitudes of the candidates, degrees.
     distance : str
-        Unit of distances: a key of `COORDINATES`.
+        Type of distance: a key of `COORDINATES`. `km` is measured on the earth, `degrees` in a
+        plane of longitude and latitude. The nearest candidate depends on this choice.
     """
     tree = cKDTree(coordinates(candidates, distance))
     _, indices = tree.query(coordinates(places, distance))

@@ -357,12 +357,14 @@ def _within_limits(
             return chosen, limited, factors
         if nearest is None or max_factor < float(np.max(nearest.factors)):
             nearest = scaling
-        # If every factor is at the limit already, a lower limit would be compensated by a larger
-        # common factor.
+        # The common factor of the rule multiplies the limited factors of all selected motions. If
+        # the limit already reduces every factor, all limited factors are equal. A lower limit would
+        # only increase the common factor, so the search ends.
         if upper_limit <= float(np.min(fitted.factors)):
             break
-        # The common factor of the next selection is similar or larger, so the limit before the
-        # common factor is reduced at least by the present common factor.
+        # The final factors are the limited factors times the common factor, which is similar or
+        # larger in the next selection. The limit is therefore at most `high` divided by the present
+        # common factor, unless the smallest factor is above this value.
         common_factor = max_factor / float(np.max(factors[chosen]))
         upper_limit = max(
             min(high / common_factor, upper_limit * _LIMIT_REDUCTION), float(np.min(fitted.factors))

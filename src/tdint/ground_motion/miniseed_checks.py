@@ -351,7 +351,8 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
         if record.rest:
             warnings.warn(
                 f"the last record of {record.id} states {record.samples} samples, but "
-                f"{record.rest} nonzero bytes follow them: samples may be missing",
+                f"{record.rest} nonzero bytes follow them: samples may be missing at the end; "
+                "compare the duration with another copy of the file",
                 stacklevel=2,
             )
     for name in stated:

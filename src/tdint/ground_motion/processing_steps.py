@@ -302,7 +302,8 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
     record : Record
         Record to trim.
     start, end : float or None
-        Times from the first sample, s, both included; None means the end of the record.
+        Times from the first sample, s. Samples at these times are included. None means the first
+        sample for `start` and the last sample for `end`.
 
     Raises
     ------

@@ -132,9 +132,13 @@ def _take_shortcuts() -> None:
     _ = bytecode.FunctionIdentity._unique_ids, labels._value, ir_utils._unique_var_count
 
     def compile_separately(self: Any, function: Any) -> Any:
-        """Compile a function with its own numbering of labels and variables."""
-        # Functions that this function calls are compiled in between. The numbering of the caller is
-        # therefore restored at the end.
+        """Compile a function with a numbering of its labels and variables that starts at zero.
+
+        The code then does not depend on the functions that were compiled before. The method
+        replaces `compile_extra` of the compiler of numba (`self`).
+        """
+        # While numba compiles a function, it also compiles the functions that it calls, with this
+        # method. The numbering of the calling function is therefore restored at the end.
         identity = bytecode.FunctionIdentity
         numbering_of_caller = identity._unique_ids, labels._value, ir_utils._unique_var_count
         identity._unique_ids = itertools.chain([next(function_numbers)], itertools.count(1))

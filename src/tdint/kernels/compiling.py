@@ -167,7 +167,8 @@ else:
         Parameters
         ----------
         signature : Signature
-            Signature of the kernel.
+            Signature of the kernel. Not used here, because Python functions need no signature; the
+            function of the same name for compiled kernels requires it.
 
         Returns
         -------

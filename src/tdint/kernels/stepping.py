@@ -28,9 +28,10 @@ from numpy.typing import NDArray
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, indirect_caller, inline
 
-# ---- Groups of arrays and numbers that kernels pass on, as named tuples, which the compiler
-# decomposes. A kernel has flat arguments in the order of the fields and builds the groups from
-# them. The signatures of the groups are defined here as well.
+# ---- Groups of arrays and numbers that kernels pass to other functions as a single argument. The
+# groups are named tuples, which the compiler replaces by their fields. The arguments of a kernel
+# are the fields, in the order of the groups. The kernel builds the groups from its arguments. The
+# signatures of the groups are defined here as well.
 
 Array = NDArray[np.float64]
 

@@ -608,8 +608,10 @@ def _update_substep_peaks(scene, span, memory):
     """Update the peaks with the response at the end of a substep and within the substep.
 
     The peaks are maximum absolute values. The total shear of a story is the sum of mass times
-    absolute acceleration of the floors above, minus the forces on these floors. The interior of the
-    substep is not searched if the building has modes that the step does not resolve (`span.fast`).
+    absolute acceleration of the floors that it supports, minus the forces on these floors. A story
+    supports the floors above it, up to the next story that is on the ground (LINK 0). If the
+    building has modes that the step does not resolve (`span.fast`), only the end of the substep is
+    used, and not the response between start and end.
 
     Parameters
     ----------
@@ -628,8 +630,8 @@ def _update_substep_peaks(scene, span, memory):
         reversal_count = find_interstep_peaks(
             span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
         )
-    # The total shear of a story is the sum of the inertial forces of all floors above it, minus the
-    # external forces on these floors.
+    # Add mass times absolute acceleration minus external force of each floor, from the top. The sum
+    # is reset to zero (LINK 0) if the story above is on the ground.
     total_shear = 0.0
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = law_state[rows.DRIFT, i]

@@ -207,8 +207,6 @@ def generalized_alpha(
 ) -> tuple[float, ...]:
     """Return the coefficients of the generalized-alpha method (Chung and Hulbert 1993).
 
-    The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of `step`.
-
     Parameters
     ----------
     alpha_m, alpha_f : float
@@ -217,6 +215,14 @@ def generalized_alpha(
     beta, gamma : float
         Parameters of Newmark's formulas u1 = u0 + h v0 + h^2 ((1/2 - beta) a0 + beta a1) and
         v1 = v0 + h ((1 - gamma) a0 + gamma a1).
+
+    Returns
+    -------
+    tuple of float
+        W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of the module, in
+        the notation of Zhou and Tamma (2004). Equilibrium is satisfied at the weighted point 1 -
+        alpha_f of the step (W1), the inertial forces at 1 - alpha_m (L6W1); l3 is beta and l5 is
+        gamma.
     """
     w1 = 1.0 - alpha_f
     return (w1, w1 / 2.0, w1 * beta, w1 * gamma, 1.0 - alpha_m, beta, gamma)
@@ -279,8 +285,9 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
 def _rho_inf(row: tuple[float, ...]) -> float:
     """Return the spectral radius at infinite frequency of a method with the coefficients `row`.
 
-    It is the maximum absolute eigenvalue of the amplification matrix for omega h to infinity. `row`
-    contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of `step`.
+    It is the maximum absolute eigenvalue of the amplification matrix for omega h to infinity, with
+    the circular frequency omega and the time step h. `row` contains the seven coefficients W1,
+    L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of the module.
     """
     eigenvalues = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
     # Rounding errors separate a double eigenvalue into two that differ by up to 1e-8. Their mean

@@ -84,7 +84,10 @@ def _module_name(path: Path) -> str:
 
 
 def module_of(file: str) -> ModuleType:
-    """Execute a plug-in once and return its module, `tdint_plugin_` and the name of the file.
+    """Return the module of a plug-in, which is executed once per process.
+
+    In `sys.modules`, the name of the module is `tdint_plugin_` followed by the name of the file
+    without `.py`. Characters that are not allowed in Python names are replaced by `_`.
 
     Raises
     ------

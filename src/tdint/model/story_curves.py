@@ -510,7 +510,8 @@ def _fit_slopes(
     """
     from scipy.optimize import nnls
 
-    # The last segment ends at the maximum drift, or directly after the last corner.
+    # Drifts are relative to the maximum drift. The last segment ends at the maximum drift (1), or
+    # directly after the last corner if this corner is at a larger drift.
     end = max(1.0, float(np.max(corners)) + 1e-9)
     edges = np.concatenate([[0.0], np.sort(corners), [end]])
     # Column j contains the part of each drift that is within segment j. The shear of the polygon is

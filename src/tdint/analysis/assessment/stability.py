@@ -486,8 +486,10 @@ def overshoot(
     """Integrate an undriven oscillator over a few large time steps and measure its initial growth.
 
     A nonlinear oscillator starts with the energy of its problem in
-    `tdint.analysis.assessment.failures`. It has no powers, because its motion depends on its
-    amplitude.
+    `tdint.analysis.assessment.failures`. For a linear oscillator, the growth in the first step is
+    also described by the power p of (omega h)^p for long steps (`displacement_power` and
+    `velocity_power`; omega is the circular frequency, h the time step). A nonlinear oscillator has
+    no such power (nan), because its growth also depends on its amplitude.
 
     Parameters
     ----------
@@ -507,7 +509,7 @@ def overshoot(
     Returns
     -------
     Overshoot
-        Motion at the time steps, and powers of the growth in the first step.
+        Motion at the time steps, and powers of omega h that describe the growth in the first step.
 
     Raises
     ------

@@ -475,8 +475,9 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
     For linear buildings under ground motion only, the exact method is used and confirmed by
     impulse4. Otherwise impulse4 is used and confirmed by average acceleration, extrapolated from
     two steps. The method gauss4 would not be an independent confirmation, because it equals
-    impulse4 for linear buildings. Steps are halved until the gap is small, stops decreasing, or
-    would take too much time to decrease.
+    impulse4 for linear buildings. The gap is the difference between the solutions of both methods.
+    The time step is halved until the gap reaches its target or no longer decreases by half, or
+    until the next solution would exceed the available time.
 
     Parameters
     ----------

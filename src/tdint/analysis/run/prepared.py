@@ -535,7 +535,25 @@ class PreparedBuilding:
     ) -> Callable[..., None]:
         """Return a function that integrates runs in the compiled loop with the arrays of `space`.
 
-        The function receives the runs, the `BatchResult` to fill and a `RestCriterion`.
+        Parameters
+        ----------
+        integrator : Integrator
+            Method.
+        h : float
+            Time step, s.
+        samples : ndarray
+            Concatenated ground accelerations of all runs, m/s^2.
+        runs : sequence of RunSpec
+            All runs that the returned function may integrate. Only the maximum number of their
+            samples is used, as the size of a work array.
+        space : Workspace
+            Arrays of the method. They contain the initial state.
+
+        Returns
+        -------
+        function
+            (runs to integrate, `BatchResult` to fill, `RestCriterion`) -> None. Without a
+            criterion, runs are not continued after the record.
         """
         called = (
             integrate,
@@ -544,8 +562,9 @@ class PreparedBuilding:
             sum_law_energies,
             update_shear_peaks,
         )
-        # Assemble the arguments of the compiled function one time for all runs: those before and
-        # after the samples and the runs.
+        # Assemble the constant arguments of the compiled function one time for all calls. In its
+        # list of arguments, `first_arguments` precede the samples and the table of runs, and
+        # `last_arguments` follow them.
         first_arguments = (
             *(kernel.variant(self.variant) for kernel in called),
             HALVINGS if integrator.family.halvable else 0,

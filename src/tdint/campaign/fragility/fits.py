@@ -466,8 +466,9 @@ class Fragility:
         bin_im = np.exp(np.bincount(bin_index, weight * np.log(im)) / bin_runs)
         fraction = np.bincount(bin_index, weight * exceeding) / bin_runs
         fitted = np.bincount(bin_index, weight * self.probability(im)) / bin_runs
-        # The variance is binomial, with one independent observation per ground motion, plus the
-        # variance of the fit, by the delta method.
+        # The variance of the difference between counted and fitted fraction has two parts: the
+        # binomial variance of the counted fraction, with one independent observation per ground
+        # motion, and the variance of the fit, by the delta method.
         motion_counts = bin_runs
         if motion is not None:  # count the distinct ground motions in each bin
             distinct_pairs = np.unique(np.column_stack([bin_index, motion]), axis=0)

@@ -318,11 +318,24 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
 
 
 def measure_named(text: str) -> RunMeasure:
-    """Return the intensity measure that a text specifies, as `run_measure` or as the name of a
-    column of a table of runs without its unit."""
+    """Return the intensity measure for a fit to a table of runs.
+
+    Parameters
+    ----------
+    text : str
+        A measure that `run_measure` accepts, `sa_t1` (the name of the column of `sa`, without its
+        unit), or the name of another column of the table without its unit. The values of such a
+        column are only read; they cannot be computed from records.
+
+    Raises
+    ------
+    UsageError
+        The text is not a measure, and cannot be the name of a column.
+    """
     try:
         return run_measure(text)
     except UsageError:
+        # The table of runs contains the measure `sa` in the column sa_t1.
         if text == "sa_t1":
             return run_measure("sa")
         if not re.fullmatch(r"\w+", text):  # not the name of a column

@@ -430,8 +430,10 @@ class _Group:
                     cost_and_loss = self._money[motion] + cost_and_loss
                 self._money[motion] = cost_and_loss
         # Add the variance and the standard deviation of the loss, which result from the scatter of
-        # the runs and of the damage thresholds. The weight is the cost for the loss, and the number
-        # of runs for the loss ratio. Losses of identical buildings are independent.
+        # the runs and of the damage thresholds. Both are computed for the loss ratio of a building,
+        # and multiplied by a weight: by the cost for the sum of losses (the first element of
+        # `_scatter`), and by the number of runs for the sum of loss ratios (the second element).
+        # Losses of identical buildings are independent.
         if has_losses and is_counted.any() and identical_count > 0.0:
             mean = float(damage.loss[is_counted].mean())
             deviation = math.sqrt(max(float(damage.squared_loss[is_counted].mean()) - mean**2, 0.0))

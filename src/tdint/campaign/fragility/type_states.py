@@ -327,10 +327,14 @@ def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, d
                 problem = number_error(text, "zero or a positive number") if text else "is missing"
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {problem}")
         # If several rows contain values, they must be equal.
-        if by_class.setdefault(name, values) != values:
-            raise ModelError(
-                f"{table.source}:{line}: class {name} has different values in a row above"
-            )
+        first_values = by_class.setdefault(name, values)
+        for key, value in values.items():
+            if value != first_values[key]:
+                raise ModelError(
+                    f"{table.source}:{texts[key][0]}: class {name} has {columns[key]} {value:g}, "
+                    f"but {first_values[key]:g} in a row above; make the values of the class "
+                    "equal, or specify them in one row"
+                )
     return by_class
 
 

@@ -75,7 +75,10 @@ def read_at2(lines: Lines) -> list[Series]:
     # Text may follow the values, but not numbers.
     while lines.peek() is not None:
         if lines.at_numbers():
-            raise RecordError(f"line {lines.number + 1} contains more values than NPTS states")
+            raise RecordError(
+                f"line {lines.number + 1} follows the {count} values stated by NPTS, but contains "
+                "values; correct NPTS, or remove the line"
+            )
         lines.take()
 
     # The units are the first text at a possible position that is a unit of ground motion. They must

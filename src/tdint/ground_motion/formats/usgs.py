@@ -86,13 +86,16 @@ def read_smc(lines: Lines) -> list[Series]:
     quantity = _QUANTITY.match(texts[0])
     if not quantity or quantity[1] not in _UNITS:
         raise RecordError(
-            f"the file must contain a ground motion, got {texts[0].strip().lower()!r}"
+            "the file must contain a ground motion, but line 1 states "
+            f"{texts[0].strip().lower()[:60]!r}; specify a file with an acceleration, a velocity "
+            "or a displacement"
         )
     integers = lines.numbers(_INTEGERS, _INTEGER_WIDTH).tolist()
     reals = lines.numbers(_REALS, _REAL_WIDTH).tolist()
     if reals[_RATE] == reals[0] or not reals[_RATE] > 0.0:
         raise RecordError(
-            "its header does not state the sampling rate: the samples may be unevenly spaced"
+            "the header of the file does not state the sampling rate: the samples may be unevenly "
+            "spaced; specify a file with samples at equal steps"
         )
     for _line in range(int(integers[_COMMENTS])):
         comment = lines.take()
@@ -127,7 +130,10 @@ def read_smc(lines: Lines) -> list[Series]:
         units_from="format",
     )
     if lines.at_numbers():
-        raise RecordError(f"line {lines.number + 1} contains more values than its header states")
+        raise RecordError(
+            f"line {lines.number + 1} follows the {integers[_SAMPLES]:g} values stated in the "
+            "header, but contains values; correct the number in the header, or remove the line"
+        )
     return [series]
 
 

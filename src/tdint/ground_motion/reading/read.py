@@ -722,7 +722,8 @@ def _to_record(
     """
     contents, label = channel.contents, channel.label
     units = specified.of(channel.source, contents.format)
-    # A unit without a factor does not state the value of a count.
+    # Counts need a factor, for example 2.38e-6 m/s^2. A unit without a factor, such as m/s^2, does
+    # not state the value of a count.
     lacks_units = units is None or (are_counts(trace) and not units.has_factor)
     if (
         instruments is None

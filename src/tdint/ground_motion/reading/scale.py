@@ -35,6 +35,12 @@ _DIFFERENTIATION_NOTE = "amplitudes above a tenth of the sampling rate are under
 
 _MIN_SAMPLES = {"velocity": 3, "displacement": 3}  # minimum number of samples for differentiation
 
+_UNITS_EXAMPLES = {
+    "velocity": "for example `units=cm/s`",
+    "displacement": "for example `units=cm`",
+}
+"""Examples of the units of samples that are not an acceleration."""
+
 _FORMATS_WITH_CALIBRATION = ("KNET", "KINEMETRICS_EVT")
 """Formats with a factor `stats.calib` that converts counts without their zero offset to m/s^2."""
 
@@ -243,7 +249,8 @@ def declared_units(
         if quantity and not (specified and specified.quantity == quantity):
             raise RecordError(
                 f"{label}: the SAC header states that the samples are a {quantity}, not an "
-                f"acceleration; specify units of a {quantity} to differentiate them"
+                f"acceleration; specify their units ({_UNITS_EXAMPLES[quantity]}), and the "
+                "acceleration is computed as their derivative"
             )
         if sac.get("iftype", _SAC_TIME_SERIES) != _SAC_TIME_SERIES or not sac.get("leven", True):
             raise RecordError(f"{label}: the SAC file is not an evenly sampled time series")

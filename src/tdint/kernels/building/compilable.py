@@ -158,7 +158,8 @@ class Compilable:
         parts: tuple[str, ...],
         vectorized: bool = False,
     ) -> None:
-        """Store the function and its properties; no variant is compiled or loaded yet."""
+        """Store the function and its properties, described in the class; no variant (version for
+        certain features of buildings, see `Variant`) is compiled or loaded yet."""
         self.function = function
         self.signature = signature
         self.parts = parts

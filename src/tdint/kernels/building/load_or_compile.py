@@ -242,7 +242,7 @@ def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> boo
     variant : Variant
         Variant for which it is installed.
     code : bytes
-        Contents of the object file, without the description.
+        Contents of the object file, without the description that `pack` writes before them.
     symbol : str
         Symbol of the entry point.
     """

@@ -634,9 +634,11 @@ def _update_peaks_at_corners(scene, h, load, memory):
     """Find the corners of all stories, and update the peaks at and between the corners.
 
     A corner is a branch change or a reversal of a story within the step. The peaks of story forces,
-    accelerations and total shears are updated in the rows PEAKS of the scratch array. The observer
-    (`tdint.kernels.time_loop.observer`) receives the first row, ROW.PEAKS, in the status, and
-    computes no other peaks of these quantities within the step.
+    accelerations and total shears are updated in the rows of the scratch array from ROW.PEAKS on.
+    The number ROW.PEAKS is stored in the status of the step. The observer
+    (`tdint.kernels.time_loop.observer`) then reads these peaks from the scratch array, and computes
+    no other peaks of these quantities within the step. Without corners, or if no peak can be
+    exceeded, the status is unchanged.
 
     Parameters
     ----------

@@ -68,14 +68,14 @@ class _Rows(NamedTuple):
     """Number of scratch rows for each quantity; the columns are floors or stories."""
 
     LOAD: int = 2  # mean P0 and first moment P1 of the load, N
-    RISE: int = 1  # D0, m
+    RISE: int = 1  # D0 in u0 + D0 t + D1 (t^2 - t) / 2, the displacement in the step, m
     BEND: int = 1  # D1, m
     A0: int = 1  # h^2 times the mean acceleration, m
     A1: int = 1  # h^2 times the change of the acceleration over the step, m
-    # residuals of the impulse and of the first moment (kg m), then corrections of the rises and of
-    # the bends (m)
+    # residuals of the impulse and of the first moment (kg m); replaced by the corrections of D0 and
+    # D1 (m) when the equations are solved
     X: int = 2
-    CORRECTION: int = 2  # last corrections of the rises and of the bends, m
+    CORRECTION: int = 2  # corrections of D0 and D1 in the last iteration of Newton's method, m
     ROUNDING_FORCE: int = 1  # rounding errors of the displacements, as a force, N
     # 1 if the story leaves its branch; the last column is 1 if any story does
     LEAVES_BRANCH: int = 1

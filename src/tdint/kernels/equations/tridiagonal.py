@@ -439,8 +439,10 @@ def factor_blocks(factors, damping, n):
     scratch, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
     for i in range(n):
-        # Diagonal block ((p, q), (r, s)); minus B_i A_(i-1) B_i it is the block pivot of floor `i`.
-        # (i0 ... i3) is A_(i-1), (b0 ... b3) is B_i, and (x0 ... x3) is their product.
+        # Diagonal block D_i = ((p, q), (r, s)). The block pivot of floor `i` is D_i minus B_i
+        # A_(i-1) B_i, with the coupling block B_i to the floor below and the inverse block pivot
+        # A_(i-1) of the floor below. (i0 ... i3) is A_(i-1), (b0 ... b3) is B_i, and (x0 ... x3) is
+        # the product A_(i-1) B_i.
         p = scratch[blocks, i]
         q = scratch[blocks + 1, i]
         r = scratch[blocks + 2, i]

@@ -73,8 +73,9 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the elastic energy of both springs, J.
 
-        It is a k d^2 / 2 + z^2 / (2 (1 - a) k), with the drift d, the force z of the plastic spring
-        and the hardening ratio a.
+        The elastic spring has the stiffness r k and the energy r k d^2 / 2, the elastic-plastic
+        spring the stiffness (1 - r) k and the energy z^2 / (2 (1 - r) k), with the drift d, the
+        force z of the elastic-plastic spring, the initial stiffness k and the hardening ratio r.
         """
         d = law_state[rows.DRIFT, i]
         z = law_state[rows.INTERNAL, i]

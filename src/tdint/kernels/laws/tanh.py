@@ -45,7 +45,7 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the elastic energy F^2 / k ln cosh(k d / F) of the committed state, J.
 
-        F is the strength, k the initial stiffness and d the drift.
+        F is the strength (N), k the initial stiffness (N/m) and d the drift (m).
         """
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         x = abs(law_parameters[rows.STIFFNESS, i] * law_state[rows.DRIFT, i] / strength)

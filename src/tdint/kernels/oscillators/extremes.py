@@ -129,13 +129,19 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
         Ground accelerations of both components, m/s^2.
     dt : float
         Sampling interval, s.
-    parts, oscillators, level, largest : ndarray
-        Steps per sampling interval, table of oscillators, level above which a maximum is stored
-        (m/s^2), and largest maxima, as for `extremes`. The pseudo-acceleration is omega^2 times the
-        distance.
+    parts : ndarray, shape (k,)
+        Steps per sampling interval, for each oscillator. The distance has twice the frequency of
+        the displacements. The number must therefore be twice the number for `extremes`.
+    oscillators : ndarray, shape (COEFFICIENTS, k)
+        Table of oscillators as for `elastic.peaks`.
+    level : ndarray, shape (k,)
+        Pseudo-acceleration, omega^2 times the distance, above which a maximum is stored, m/s^2.
     extrema : ndarray, shape (4, capacity)
         Receives the maxima, rows OSCILLATOR, TIME, and VALUE and VALUE + 1 with the
         pseudo-accelerations of both components, m/s^2.
+    largest : ndarray, shape (2, k)
+        Receives the maximum pseudo-acceleration of each oscillator (m/s^2) and its column in
+        `extrema`, -1 if it is not stored.
 
     Returns
     -------
@@ -144,8 +150,8 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
     """
     count = 0
     for i in range(level.size):
-        # Distances have twice the frequency of the components. With steps of half the size, cubics
-        # have an error of 1e-5.
+        # The number of steps is twice the number for `extremes`. The cubics then have an error of
+        # 1e-5.
         steps = int(parts[i])
         h = dt / steps
         stiffness = oscillators[BY_DISPLACEMENT, i]

@@ -379,11 +379,17 @@ def find_sign_change(r0, r1, r2):
 
     The quadratic r(s) = (1-s)^2 r0 + 2 s (1-s) r1 + s^2 r2 = a s^2 + 2 b s + r0 is a drift rate,
     positive in the direction of the branch, with a = r0 - 2 r1 + r2 and b = r1 - r0. s is the time
-    as a fraction of the step. If the rate is not positive at the start (r0 <= 0), only its further
-    course counts. For r1 < 0, the story moves against the direction of the branch, and the result
-    is 0. For r1 >= 0, the start is the inexact location of the previous reversal, the rate becomes
-    positive, and the result is NONE. A second reversal later in the same step is then not located;
-    the branch normally changes at the start of the next step.
+    as a fraction of the step.
+
+    A rate that is not positive at the start (r0 <= 0) has two possible causes, which the sign of r1
+    distinguishes:
+
+    - For r1 < 0, the story moves against the direction of the branch from the start. The result is
+      0.
+    - For r1 >= 0, the step starts at the previous reversal. Its location is inexact, so that the
+      rate at the start is slightly negative instead of zero, and then becomes positive. The result
+      is `NONE`. If the rate becomes negative again within the step, this reversal is not located.
+      The branch then normally changes at the start of the next step.
 
     Parameters
     ----------

@@ -66,9 +66,9 @@ _MAX_ROOT_ITERATIONS = 60  # bisection alone would need 40 iterations
 # acceleration has a rounding error of about 1e-16 of the floor loads, and the drifts of upper
 # stories are only 1e-6 of the floor displacements.
 _RATE_ROUNDING = 1e-9
-# Dimensionless. Rate opposite to the direction of the path at its start, relative to the rate at
-# its end. A path that starts at a reversal can have an opposite rate up to this value due to
-# rounding.
+# Ratio (dimensionless) of a rate against the direction of the movement to the rate at the drift to
+# be reached; up to this ratio, the opposite rate is regarded as a rounding error. A path that
+# starts at a reversal can have such a rate.
 _OPPOSITE_RATE = 1e-12
 # Shift of the drift at a reversal for the numerical derivative of the integrals with respect to
 # this drift, as a fraction of |rise| + |bend|
@@ -263,7 +263,9 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     if abs(first_rate) <= tolerance and abs(initial_slope) <= tolerance and rise * last_rate > 0.0:
         # Initial rate and slope are zero, and the story has no reversal. An example are the upper
         # stories of a building at rest: their rate is proportional to the third or a higher power
-        # of time, which the cubic does not represent.
+        # of time. For t^3 the coefficient c2 of the cubic consists of rounding errors, and for a
+        # higher power the signs of c2 and of the rate are opposite. In both cases the cubic could
+        # have a reversal that the story does not have.
         return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
     rate_change = last_rate - first_rate - initial_slope
     mean_excess = rise - first_rate - 0.5 * initial_slope

@@ -42,7 +42,8 @@ from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 
 # ---- Parts that several figures of suites share: median, fractiles and intensity measures
 #
-# The figure of a scaled suite shows each spectrum in gray, median, fractiles and target.
+# For example, the figure of a scaled suite shows the spectrum of each ground motion as a gray line,
+# and the median, the fractiles and the target as lines in color.
 
 GRAY = "0.72"
 """Color of the line of a single record in a suite."""
@@ -257,8 +258,8 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
             high = max(high, 1.25 * float(target_periods[-1]))
     intervals = [record.dt for motion in scaling.motions for record in components(motion)]
     periods = np.geomspace(max(low, _MIN_INTERVALS * max(intervals)), high, int(count))
-    # Each ground motion has a line. FEMA P-695 uses the median of all components, so that each
-    # component has a line for this rule.
+    # The figure contains one line for each ground motion. FEMA P-695 uses the median of all
+    # components; for this rule, the figure therefore contains one line for each component.
     quantity = "record" if isinstance(scaling.motions[0], Record) else "pair"
     if quantity == "pair" and scaling.rule == "p695":
         quantity = "component"

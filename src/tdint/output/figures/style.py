@@ -133,7 +133,9 @@ _HIGHLIGHT_WIDTH = 3.0  # points; width of the highlighted line
 NARROW = 31
 """Maximum number of characters of method labels in a legend with three columns."""
 
-_MAX_ENTRIES = 24  # maximum number of legend entries; further lines are drawn and counted
+# Maximum number of legend entries. If the figure has more lines, the last entry states the number
+# of lines without an entry.
+_MAX_ENTRIES = 24
 
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": "tdint"},

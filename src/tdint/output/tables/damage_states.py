@@ -464,8 +464,9 @@ def _curve_cells(
     """
     event_rates = np.array([rates[event.event] for _, event in curve])
     means = np.array([mean_loss for mean_loss, _ in curve])
-    # The maximum loss is the loss in the most severe damage state. If all losses are zero, any
-    # positive number is correct.
+    # The maximum loss is the loss in the most severe damage state. It is a divisor in `_exceeding`.
+    # If the losses of all states are zero, mean and deviation are zero as well, and every positive
+    # divisor gives the same result.
     maxima = np.array(
         [
             (event.value if costs else 1.0) * (max(event.states.outcome_losses) or 1.0)

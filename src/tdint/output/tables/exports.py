@@ -276,13 +276,14 @@ STRENGTH = (
 def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[str] = ()) -> bytes:
     """Return fragility functions of one intensity measure as an OpenQuake fragility model.
 
-    There is one function for each state of the building before the ground motion, or for each
-    building type.
+    An element `fragilityFunction` of the model contains the fragility functions of all limit
+    states. The model has one element for each building type, or for each initial damage of the
+    building, which is its damage before the ground motion.
 
     Parameters
     ----------
     functions : sequence of Fragility
-        Fragility functions.
+        Fragility functions, one for each limit state and each building type or initial damage.
     name : str
         Taxonomy of the building, which is the id of functions without building type.
     states : sequence of str

@@ -55,14 +55,21 @@ def write_geojson(
     """Write a GeoJSON FeatureCollection of points.
 
     Coordinates are longitude and latitude in degrees; the geometry is null for a building without a
-    location. The properties are: the columns of the inventory; the event of a field; the level
-    (`scale`, and `level` as in profiles.csv); the numbers of ground motions, collapses and failed
-    runs; mean and maximum of the demands over the other runs. `pair_demand` states how the
-    components of pairs are counted, if there are pairs. With damage states, the mean probability of
-    each state and the mean loss ratio follow; with costs, `value` and the mean `loss` in the unit
-    of the costs; with rates of the events, `annual_loss` (rate times loss of the event) and
-    `average_annual_loss` (their sum over all events). Without costs both are fractions of the value
-    of the building. Unknown values are null. The inventory must have locations (`is_mapped`).
+    location. Each building, event and level of intensity has a point with these properties:
+
+    - the columns of the inventory;
+    - `event`, if the campaign has ground motion fields of events;
+    - `scale` (scale factor) and `level` (intensity or number of the level), as in profiles.csv;
+    - the numbers of ground motions, collapses and failed runs;
+    - mean and maximum of the demands over the other runs;
+    - `pair_demand`, if there are pairs of components: the rule for the demand of a pair;
+    - with damage states: the mean probability of each state, and the mean loss ratio;
+    - with costs: `value` and the mean `loss`, in the unit of the costs;
+    - with rates of the events: `annual_loss` (rate times loss of the event) and
+      `average_annual_loss` (sum of `annual_loss` over all events). Without costs these losses are
+      fractions of the value of the building.
+
+    Unknown values are null. The inventory must have locations (`is_mapped`).
 
     Parameters
     ----------

@@ -335,7 +335,11 @@ REFERENCE = (
 
 
 def reference_table(methods: Iterable[Method]) -> Table:
-    """Return the publications of methods, with one row per publication."""
+    """Return the publications of methods, with one row for each publication of each method.
+
+    A method without publications (a method of a plug-in) has one row with its source. Texts have
+    semicolons instead of commas, because commas could be taken for separators of cells.
+    """
     rows: list[tuple[Cell, ...]] = []
     for method in methods:
         references = references_of(method)
