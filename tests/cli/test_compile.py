@@ -65,7 +65,7 @@ def test_a_model_is_compiled_with_the_kernels_of_its_tables():
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        ((), 2, "add MODEL.yaml, or --all"),
+        ((), 2, "compile MODEL.yaml ... compile --all"),
         (("--all", "--target", "x87"), 2, "x87"),
         (("none.yaml",), 3, "none.yaml"),
         (("--all", "-o", "forced.yaml"), 6, "forced.yaml"),

@@ -85,7 +85,10 @@ def command(request: Request) -> None:
         if not is_requested:
             return
     if not is_requested:
-        raise UsageError("no model file is specified; add MODEL.yaml, or --all")
+        raise UsageError(
+            "no model file is specified; specify the models to compile for (tdint compile "
+            "MODEL.yaml), or compile for all buildings (tdint compile --all)"
+        )
     from tdint.analysis.run.prepared import all_kernels, kernels_of_model
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
