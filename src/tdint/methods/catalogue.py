@@ -95,7 +95,7 @@ def catalogue() -> dict[str, Method]:
     """
 
     def register_methods(module: Any, origin: Origin) -> None:
-        """Register the methods in the tuple METHODS of a module."""
+        """Register the methods in the tuple METHODS of a module; `origin` is its plug-in."""
         for method in declared(module, "METHODS", Method, origin.where):
             register_method(method, origin)
 
@@ -168,7 +168,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
                     )
             if integrator.family.prepare is None:
                 np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
-            integrator.family.scratch_rows(0)
+            integrator.family.scratch_rows(0)  # rows for a building without modal damping
     except UsageError:
         del _known()[method.name]
         raise
@@ -228,6 +228,12 @@ def parse(text: str) -> Integrator:
 
     Commas between parameters are accepted with a warning. Colons are preferred, because a comma
     would start a new cell in a CSV table.
+
+    Parameters
+    ----------
+    text : str
+        Name of a method, then `:name=value` for each specified parameter. A value is a number or a
+        fraction such as 1/144. Other parameters have their defaults.
 
     Raises
     ------
@@ -294,7 +300,10 @@ def resolved(specification: str) -> dict[str, float]:
 
 @cache
 def _deprecate(text: str, typed: str) -> None:
-    """Warn that commas between parameters are deprecated, once for each specification."""
+    """Warn that commas between parameters are deprecated, once for each specification.
+
+    `text` is the specification with commas, and `typed` the same specification with colons.
+    """
     LOG.warning(
         "method %r: the recommended notation is %s; commas between parameters are still accepted",
         text,
@@ -306,14 +315,25 @@ def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[st
     """Pickle an integrator as its specification, with the file of its plug-in if it has one.
 
     Compiled functions cannot be pickled.
+
+    Returns
+    -------
+    function : function
+        Function that creates the integrator again: `parse`, or `_parse_again` for a plug-in.
+    arguments : tuple of str
+        Its arguments: the specification and, for a plug-in, file and SHA-256 of the plug-in.
     """
-    # File and hash of the plug-in; empty for a built-in method
+    # File and SHA-256 of the plug-in; None for a built-in method
     home = home_of(integrator.method.name, "METHODS")
     return (_parse_again, (integrator.label, *home)) if home else (parse, (integrator.label,))
 
 
 def _parse_again(text: str, file: str, digest: str) -> Integrator:
-    """Parse the specification of a plug-in method; load the plug-in first if necessary."""
+    """Parse the specification of a plug-in method; load the plug-in first if necessary.
+
+    `file` and `digest` are the file of the plug-in and its SHA-256. If the plug-in cannot be
+    loaded, the result contains an `_Unknown` method, which raises the error when it is used.
+    """
     if text.partition(":")[0] not in catalogue():
         try:
             load_plugin(same_file(file, digest))

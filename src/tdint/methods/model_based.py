@@ -124,7 +124,8 @@ def step(
     Returns
     -------
     int
-        1, or NOT_FINITE (negative) if the new state is not finite.
+        1, because the step has no iteration, or NOT_FINITE (negative) if the new state is not
+        finite. Steps with an iteration return the number of iterations.
     """
     n = linear_terms.shape[1] - 1
     memory = Memory(state, law_state, scratch, step_status)
@@ -311,15 +312,18 @@ def chang_step(
 
         (M + h/2 C) a1 = p1 - C (v0 + h/2 a0) - f(u1),   v1 = v0 + h/2 (a0 + a1)
 
-    with the load p1 at the end and the restoring forces f(u1).
+    with the load p1 at the end and the forces f(u1) of the stories. K0 and f(u1) include P-delta
+    (the geometric stiffnesses).
 
     Parameters
     ----------
     coefficients : ndarray
-        Not used.
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
+        Coefficients of the method; not used, because this method has no parameters.
+    linear_terms, modal, law_parameters, forces : ndarray
+        Building (linear terms, modal damping, parameters of the laws) and forces on floors; not
+        changed.
+    flags : ndarray
+        Properties of the building; not used. All steps have this argument.
     h : float
         Time step, s.
     load : ndarray
@@ -337,7 +341,8 @@ def chang_step(
     Returns
     -------
     int
-        1, or NOT_FINITE (negative) if the new state is not finite.
+        1, because the step has no iteration, or NOT_FINITE (negative) if the new state is not
+        finite. Steps with an iteration return the number of iterations.
     """
     n = linear_terms.shape[1] - 1
     half_h = 0.5 * h

@@ -140,7 +140,8 @@ def explicit_step(
     Returns
     -------
     int
-        1, or NOT_FINITE (negative) if the new state is not finite.
+        1, because the step has no iteration, or NOT_FINITE (negative) if the new state is not
+        finite. Steps with an iteration return the number of iterations.
     """
     n = linear_terms.shape[1] - 1
     # First stage: start of the step
@@ -568,8 +569,11 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     Returns
     -------
     bool
-        True if the factorization must be computed again: the time step differs, or a tangent
-        differs by more than TANGENT_TOLERANCE from its value in the factorization.
+        True if the factorization must be computed again: the time step differs, or the
+        difference of a tangent from its value in the factorization exceeds a limit. The limit is
+        TANGENT_TOLERANCE times the initial stiffness for the tangent stiffness of a law, and
+        TANGENT_TOLERANCE times mass / (h |A_11|) for the damping coefficient of a power-law
+        dashpot.
     """
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
@@ -603,7 +607,9 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
             is_stale = is_stale or tangent_change > TANGENT_TOLERANCE * stiffness
             damper_force, damper_tangent = power_damper(linear_terms, i, drift_rate)
             scratch[_IMPLICIT.DAMPER_TANGENT + stage, i] = damper_tangent
-            # In the matrix, damping coefficients are multiplied by h A_ij and added to masses.
+            # In the diagonal entries of the matrix, damping coefficients are multiplied by h A_ii
+            # and added to masses; their change is therefore compared with the mass. A_11 is used
+            # for both stages, because A_22 is equal to A_11 in gauss4, the only implicit method.
             change = abs(damper_tangent - scratch[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i])
             is_stale = is_stale or (
                 change * h * abs(coefficients[_A]) > TANGENT_TOLERANCE * linear_terms[rows.MASS, i]

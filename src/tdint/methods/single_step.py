@@ -272,10 +272,25 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
     """Return the amplification matrix of (u, h v, h^2 a) for omega h to infinity.
 
     The matrix multiplies this vector in each step of length h of an oscillator with the circular
-    frequency omega. The restoring force dominates at infinite frequency. The increment da of the
-    acceleration therefore follows from a weighted displacement of zero: u0 + W1 h v0 + L2W2 h^2 a0
-    + L3W3 h^2 da = 0. `row` contains the seven coefficients of the method, from W1 to l5.
+    frequency omega. The method is a generalized single-step method of Zhou and Tamma (2004).
+    Displacement, velocity and acceleration at the end of the step are
+
+        u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
+
+    The increment da of the acceleration follows from equilibrium at a weighted point of the step
+    (`step`). The restoring force dominates at infinite frequency, so that the displacement at this
+    point must be zero:
+
+        u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da = 0
+
+    Parameters
+    ----------
+    row : tuple of float
+        Coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the method, in the notation of the
+        publication. L2W2 and L3W3 are single coefficients, not products. The constants with the
+        same names (in capitals, L3 for l3 and L5 for l5) are their indices.
     """
+    # Row vector; its product with (u0, h v0, h^2 a0) is h^2 da.
     da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
     # Response at the end of the step for da = 0, then the effect of da
     free = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])

@@ -1,7 +1,8 @@
 """Check of the compiled step of a method, executed in plain Python with checks of array bounds.
 
 A building with two yielding stories is integrated. Its displacements are compared with those of
-`impulse4`, its energies must be balanced, and repeated and halved steps must not change the result.
+`impulse4`, and its energies must be balanced. Clearing the scratch arrays must not change the
+displacements, and halving a step may at most double their error.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def faults_of_step(integrator: Integrator) -> list[str]:
     correct step.
     """
     try:
-        integrate_in_python("linear", integrator, 1)
+        integrate_in_python("linear", integrator, 1)  # one time step in `_H`
         if integrator.family.linear_only:
             return []
         return list(faults_with_yielding(integrator, ["bilinear"]).values())
@@ -131,8 +132,8 @@ def integrate_in_python(
         Number of the step before which the scratch arrays are cleared, as if the integration were
         interrupted and continued with other arrays. The default, -1, clears nothing.
     halve_at : int
-        Number of the step that is reported as not converged, so that it is halved. The default is
-        -1, no step.
+        Number of the call of the step, from 1 on, that is reported as not converged, so that this
+        step is halved. The default is -1, no step.
 
     Raises
     ------
@@ -216,7 +217,7 @@ def _clear_scratch(arrays: Workspace) -> None:
     arrays.
 
     The state is kept and, of the step status, the number of steps and the ground acceleration for
-    which the state is valid.
+    which the state is valid. The arrays are changed in place.
     """
     kept_status = arrays.step_status[rows.STEPS_DONE], arrays.step_status[rows.STATE_GROUND]
     arrays.step_status[:], arrays.scratch[:] = 0.0, 0.0
@@ -230,6 +231,13 @@ def faults_in(module: Any, name: str) -> Iterator[None]:
 
     The line is the last one of the traceback in the module of the plug-in. Errors of tdint are not
     changed.
+
+    Parameters
+    ----------
+    module : module, optional
+        Module of the plug-in. It may be None; the message then contains `name`.
+    name : str
+        Text for the message instead of file and line, if no line of the traceback is in the module.
     """
     try:
         yield
@@ -259,25 +267,35 @@ def _reference_displacements(law: str) -> Array:
 def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING) -> dict[str, str]:
     """Return the faults of a method for stories that yield.
 
-    The displacements must converge to those of `impulse4`, the energies must be balanced, and
-    clearing the scratch arrays or halving a step must not change the result.
+    The building is integrated with 1, 2 and 4 time steps in `_H`. The keys of the result are:
+
+        failed     an integration fails; the other keys are then not tested for this model
+        order      the displacements do not converge with the expected order to the reference
+                   displacements, computed with `impulse4`
+        energy     the energies are not balanced with the time step `_H` / 4
+        scratch    clearing the scratch arrays between two steps changes the displacements
+        halved     halving a step increases the error to more than twice the error without a halved
+                   step (`_halving_fault`)
 
     Parameters
     ----------
     integrator : Integrator
         The method.
     laws : iterable of str
-        Names of the hysteresis models.
+        Names of the hysteresis models, which are tested in this order.
 
     Returns
     -------
     dict of str to str
-        Type of fault -> message for the first hysteresis model with this fault.
+        Type of fault -> message; empty for a correct method. If a test fails for several hysteresis
+        models, the dictionary contains the message for the first model. Only the key `failed`
+        contains the message for the last model.
     """
     faults: dict[str, str] = {}
     for law in laws:
         reference = _reference_displacements(law)
         try:
+            # `parts` is the number of time steps in `_H`.
             integrations = {
                 parts: integrate_in_python(law, integrator, parts) for parts in (1, 2, 4)
             }
@@ -399,6 +417,7 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     reference : ndarray
         Reference displacements at multiples of `_H`, m. Differences are compared with the maximum.
     """
+    # Clear the arrays in the middle of the duration: step 60 of 120, after the first yielding.
     continued = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
     limit = _NEGLIGIBLE * float(np.max(np.abs(reference)))
     if _distance(continued, _displacements(arrays, 1)) <= limit:
@@ -429,6 +448,7 @@ def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     """
     if not integrator.family.halvable:
         return ""
+    # Halve a step in the middle of the duration: step 60 of 120, after the first yielding.
     halved_arrays = integrate_in_python(law, integrator, 1, halve_at=60)
     halved_error = _relative_error(halved_arrays, 1, reference)
     error = _relative_error(arrays, 1, reference)

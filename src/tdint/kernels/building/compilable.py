@@ -158,17 +158,33 @@ class Compilable:
         parts: tuple[str, ...],
         vectorized: bool = False,
     ) -> None:
-        """Store the function and its properties, described in the class; no variant (version for
-        certain features of buildings, see `Variant`) is compiled or loaded yet."""
+        """Store the function and its properties; no variant (version for certain features of
+        buildings, see `Variant`) is compiled or loaded yet.
+
+        Parameters
+        ----------
+        function : function
+            Python function of the kernel.
+        signature : Signature
+            Types of its arguments and its result.
+        parts : tuple of str
+            Attributes of `Variant` (laws, modal, forces, dashpots) that affect the code of the
+            kernel. `required_variant` sets all other attributes to their defaults.
+        vectorized : bool
+            True if the compiler may vectorize loops; the process that compiles the kernel reads
+            this attribute.
+        """
         self.function = function
         self.signature = signature
         self.parts = parts
         self.vectorized = vectorized
         self.__doc__ = function.__doc__
+        # Installed functions by the variant that the kernel requires (`required_variant`)
         self._loaded: dict[Variant, Callable[..., Any]] = {}
         # Results of `required_variant`, which is called for each run
         self._required: dict[Variant, Variant] = {}
-        # Variant and function of the last call; most calls request the same variant again
+        # Variant and function of the last call; most calls request the same variant again. Before
+        # the first call the function is None, and the variant, here EVERYTHING, is not used.
         self._last: tuple[Variant, Callable[..., Any] | None] = (EVERYTHING, None)
 
     @property

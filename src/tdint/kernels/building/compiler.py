@@ -174,14 +174,31 @@ def indirect_caller(signature: Signature) -> Any:
 
     @intrinsic
     def call(typing_context, address, argument_types):
-        """Return the type of the call, and the function that generates its code.
+        """Return the numba signature of a call of the kernel, and the function that generates the
+        code of the call.
 
-        `argument_types` are the types of the values that the caller passes. They can differ from
-        the types of the signature, for example an integer for a floating-point number.
+        numba executes this function while it compiles `call_at`. The arguments are numba types,
+        not values. `returns` and `arguments`, variables of `indirect_caller`, are the numba types
+        of the result and of the arguments of the kernel.
+
+        Parameters
+        ----------
+        typing_context : object
+            Typing context of numba; not used.
+        address : numba type
+            Type of the address of the compiled kernel in memory, an integer.
+        argument_types : numba type
+            Types of the values that the caller passes, as a tuple type. They can differ from
+            `arguments`, for example an integer for a floating-point number.
         """
 
         def generate(context, builder, _, values):
-            """Generate the call; `values` are the address and the tuple of the arguments."""
+            """Generate the call and return its result.
+
+            `context` and `builder` are numba's objects for the generation of LLVM code. `values`
+            are the address and the tuple of the arguments in the generated code. The third
+            argument, the signature, is not used.
+            """
             convention = context.call_conv
             function_type = convention.get_function_type(returns, arguments)
             function = builder.inttoptr(values[0], function_type.as_pointer())

@@ -251,10 +251,18 @@ def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[C
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
-    """Run one process for each processor in parallel, and yield the objects of each kernel when it
-    is completed.
+    """Run one process for each processor in parallel, and yield each compilation with its object
+    files when it is completed.
 
     Each process is controlled by a thread, which takes the next compilation from a common list.
+
+    Yields
+    ------
+    compilation : Compilation
+        Completed compilation, in the order of completion.
+    objects : list of bytes
+        Contents of the object files with the compiled code of the kernel: one file for each target
+        of the compilation, in the order of `compilation.targets`.
 
     Raises
     ------
@@ -280,6 +288,7 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
                         raise _nothing_started(compilations[0], error) from None
                     break
             for _ in compilations:
+                # `packed` is the list of object files, or the exception that ended the compilation.
                 compilation, packed = processes.done.get()
                 if isinstance(packed, BaseException):
                     raise packed

@@ -86,7 +86,8 @@ def _skip_branch(law_state, i, block, segment, results):
     """Do nothing along a branch; `path.along_branches` calls this function for each branch on a
     path.
 
-    Only the ends of the branches are needed here.
+    Only the ends of the branches are needed here, not the integrals along them. No argument is
+    used.
 
     Parameters
     ----------
@@ -98,9 +99,9 @@ def _skip_branch(law_state, i, block, segment, results):
         First row of the block of `law_state` that contains the state: 0 for the
         committed state, otherwise the first row of a trial state.
     segment : PathSegment
-        Part of the path.
+        Part of the path on the branch.
     results : Integrals
-        Scratch rows that receive the integrals.
+        Scratch array and the first of its rows CORNERS.
     """
     pass
 
@@ -109,16 +110,19 @@ def _skip_branch(law_state, i, block, segment, results):
 def _ignore_branch_end(results, i, t, force):
     """Do nothing at the end of a branch; `path.along_branches` calls this function there.
 
+    It is used where only the state at the end of the path is needed (`_store_forces`). No argument
+    is used.
+
     Parameters
     ----------
     results : Integrals
-        Scratch rows that receive the integrals.
+        Scratch array and the first of its rows CORNERS.
     i : int
         Index of the story.
     t : float
         Time of the end of the branch, as a fraction of the step.
     force : float
-        Force, N.
+        Restoring force of the story at this time, N.
     """
     pass
 
@@ -202,7 +206,7 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     corners : Integrals
         Scratch array and its first row CORNERS, which receives the times of the corners.
     """
-    path.copy(law_state, i, 0, rows.SECOND_TRIAL)
+    path.copy(law_state, i, 0, rows.SECOND_TRIAL)  # from the committed state (block 0)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
     part_before = path.path_segment(complete, 0.0, reversal_time)
     end_drift = path.drift_at(complete, reversal_time)
@@ -218,6 +222,7 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     )
     if reversal_time < 1.0:
         _store_corner(corners, i, reversal_time, law_state[rows.SECOND_TRIAL + rows.FORCE, i])
+        # The story has a reversal here, so the argument `no_reversal` of `_direction` is False.
         part_after = path.path_segment(complete, reversal_time, 1.0)
         end_drift = path.drift_at(complete, 1.0)
         _follow_path_storing_corners(
@@ -240,6 +245,13 @@ def _store_nodes(scratch, n):
     them. Corners that are closer than _MIN_DISTANCE to the previous node are omitted. The times, as
     fractions of the step, are stored in the last column (n, the number of floors) of the rows
     NODE_FORCE.
+
+    Parameters
+    ----------
+    scratch : ndarray
+        Scratch array. Rows CORNERS are used; column `n` of the rows NODE_FORCE is set.
+    n : int
+        Number of floors.
     """
     scratch[ROW.NODE_FORCE, n] = 0.0
     count = 1
@@ -386,7 +398,7 @@ def _store_accelerations(scene, h, load, scratch, k):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         rate = inverse_h * _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i)
         story_force = scratch[ROW.NODE_FORCE + k, i] + linear_terms[rows.STORY_DAMPER, i] * rate
-        story_force += power_damper(linear_terms, i, rate)[0]
+        story_force += power_damper(linear_terms, i, rate)[0]  # force, without its derivative
         viscous_force = (
             scratch[ROW.MODAL_FORCE, i]
             - inverse_h * linear_terms[rows.FLOOR_DAMPER, i] * scratch[ROW.NODE_VELOCITY + k, i]
@@ -606,13 +618,12 @@ def _may_exceed_peaks(scene, h, load, memory):
 
 @inline
 def update_peaks_at_corners(scene, h, load, memory):
-    """Update the peaks of a step in which stories change their branches or reverse, if there are
-    any.
+    """Update the peaks within a step if a story changes its branch or reverses in the step.
 
-    The peaks of story forces, accelerations and total shears are updated at and between these times
-    (corners), before the state at the end of the step is committed. In most steps all stories
-    remain on their branches. The last column of row LEAVES_BRANCH is then 0, and the function
-    returns.
+    The times of these branch changes and reversals are called corners. The peaks of story forces,
+    accelerations and total shears are updated at the corners and between them, before the state at
+    the end of the step is committed. In most steps all stories remain on their branches. The last
+    column of row LEAVES_BRANCH is then 0, and the function returns without a change.
 
     Parameters
     ----------

@@ -165,9 +165,18 @@ def factor_rows(modes):
     modes.
 
     The rows of `_Block` are followed by 6 modes + 1 rows for each of the two matrices: first for
-    the matrix of Newton's method, then for the complex matrix for linear branches. For each mode,
-    they are four rows with solutions and two rows of the small inverse of the Woodbury formula; one
-    temporary row follows.
+    the matrix of Newton's method, then for the complex matrix for linear branches. These rows
+    contain the terms of the Woodbury formula for modal damping. Both matrices have a pair of
+    unknowns per floor: displacement and velocity, or real and imaginary part. For each of the two
+    matrices, a mode therefore has
+
+        four rows    two solutions of two rows. The right side of a solution is the mode vector,
+                     in the equations of the first or of the second unknown of the pair. The two
+                     rows of the solution contain the first and the second unknown.
+        two rows     rows of the small inverse. Its order is 2 (unknowns per floor) times the number
+                     of modes.
+
+    The remaining row is a temporary row.
     """
     return _STORE + 2 * (6 * modes + 1)
 

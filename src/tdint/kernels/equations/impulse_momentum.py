@@ -46,13 +46,15 @@ def store_first_guess(factor, h, state, scratch, n):
 
         u1 - u0 = h v0 + h^2 a0 / 2,   v1 - v0 = h a0
 
-    and zero if `factor` is 0. In a linear building, one solution is exact for any guess, and zero
-    leads to the smallest rounding errors if omega h is large.
+    and zero if `factor` is 0. In a linear building, a single solution of the linear system of
+    Newton's method gives the exact increments for any guess. Zero is then used, because it leads to
+    the smallest rounding errors if the time step is large in comparison with the periods of the
+    highest modes.
 
     Parameters
     ----------
     factor : float
-        1 or 0.
+        1 for the motion with constant acceleration, 0 for zero.
     h : float
         Length of the step, s.
     state : ndarray

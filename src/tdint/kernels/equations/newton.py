@@ -279,11 +279,15 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
         True if no further iteration is allowed. The largest residual is then stored in
         `step_status`.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Properties of the building, one column per floor. Rows MASS, FLOOR_DAMPER and LINK are used.
+        P-delta and story dampers are already included in the story forces (row SUM).
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
+        Rows w of the modal damping matrix, the sum of w w^T: one row per damped mode.
     scratch : ndarray
-        Rows LOAD (p, N), V (m/s), A (m/s^2), SUM and SIZE (N) are used; row RESIDUAL is set.
+        The following rows are used: LOAD, p (N); V (m/s); A (m/s^2); SUM, story forces (N); SIZE,
+        absolute value of each story force plus the force that corresponds to the rounding errors of
+        the displacements, divided by RESIDUAL_TOLERANCE (N). Row RESIDUAL first receives the
+        damping forces C v, then the residuals (N).
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
 

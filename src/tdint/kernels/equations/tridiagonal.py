@@ -82,7 +82,7 @@ def factor(factors, n):
     n : int
         Number of floors.
     """
-    scratch, diagonal, coupling, _ = factors
+    scratch, diagonal, coupling, _ = factors  # `diagonal` is the number of row `pivot`.
     scratch[diagonal, 0] = 1.0 / scratch[diagonal, 0]
     for i in range(1, n):
         multiplier = scratch[coupling, i] * scratch[diagonal, i - 1]
@@ -97,20 +97,20 @@ def solve(factors, x, n):
     Parameters
     ----------
     factors : Factors
-        Factorization: row `pivot` contains the inverses of D, row `coupling` the entries (i, i - 1)
-        of L.
+        Scratch array and its rows with the factorization: row `pivot` contains the inverses of D,
+        row `coupling` the entries (i, i - 1) of L.
     x : int
-        Row of the right side b in the same table; it receives the solution x.
+        Row of the scratch array that contains the right side b; it receives the solution x.
     n : int
         Number of floors.
     """
-    scratch, diagonal, coupling, _ = factors
+    scratch, diagonal, coupling, _ = factors  # `diagonal` is the number of row `pivot`.
     # Forward substitution with L
     partial = scratch[x, 0]
     for i in range(1, n):
         partial = scratch[x, i] - scratch[coupling, i] * partial
         scratch[x, i] = partial
-    # Backward substitution with D L^T; row `diagonal` contains the inverses of D.
+    # Backward substitution with D L^T; multiplication by row `pivot` divides by D.
     partial = scratch[x, n - 1] * scratch[diagonal, n - 1]
     scratch[x, n - 1] = partial
     for i in range(n - 2, -1, -1):
@@ -380,16 +380,22 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
 def link_blocks(linear_terms, factors, n):
     """Add the 2 x 2 block of each story to the diagonal block of the floor below.
 
+    Story i with the block B_i connects floor i and floor i - 1. It adds B_i to the diagonal blocks
+    of both floors, and -B_i to the two blocks of the matrix between both floors. The caller has
+    already added B_i to the diagonal block of floor i. This function adds it to the diagonal block
+    of floor i - 1. The rows `coupling` contain B_i with positive sign; `factor_blocks` assumes the
+    minus sign of the matrix entries.
+
     The four rows of a table contain the entries of a block, row by row, one column per floor or
-    story. The coupling block of a story on the ground is set to zero before, because it has no
-    floor below.
+    story. The block of a story on the ground is set to zero before, because the story has no floor
+    below.
 
     Parameters
     ----------
     linear_terms : ndarray
-        Row LINK is used.
+        Row LINK is used: 0 for a story on the ground, otherwise 1.
     factors : Factors
-        Table, first row of the diagonal blocks (`pivot`) and of the blocks of the stories
+        Table, first row of the diagonal blocks (`pivot`) and of the blocks B_i of the stories
         (`coupling`).
     n : int
         Number of floors.

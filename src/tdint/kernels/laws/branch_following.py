@@ -353,7 +353,8 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
     ----------
     switch : function
         (law_parameters, law_state, i, block, event). Sets the branch that follows when the current
-        branch ends by `event` (ABOVE, BELOW or REVERSED).
+        branch ends by `event` (ABOVE, BELOW or REVERSED). `block` is the first row of the block of
+        `law_state` with the state that changes its branch.
     move : function, optional
         (law_parameters, law_state, i, block, step, mean_force). Updates the rows other than drift
         and force after a change of drift `step` (m) on a branch with the mean force (N). Default:
@@ -415,13 +416,16 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
 def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions:
     """Return the functions of a piecewise-linear law that stores its branch in its state.
 
-    The dissipated energy is the work done on the story minus the strain energy.
+    The dissipated energy is the work done on the story (row WORK) minus the strain energy. It is
+    computed only when it is requested (`hysteretic_energy`). Row DISSIPATED is not used by these
+    laws and remains 0.
 
     Parameters
     ----------
     switch : function
         (law_parameters, law_state, i, block, event). Sets the branch that follows when the current
-        branch ends by `event` (ABOVE, BELOW or REVERSED).
+        branch ends by `event` (ABOVE, BELOW or REVERSED). `block` is the first row of the block of
+        `law_state` with the state that changes its branch.
     strain_energy : function
         (law_parameters, law_state, i) -> energy stored in the committed state, J.
     enter : function
@@ -441,7 +445,8 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
 
         These are the rows from COMMON_ROWS to the end of the block (branch, maximum drifts and
         work), and the extra rows of laws that need more rows. The function `commit`, which calls
-        this function, copies the common rows (drift, force, internal variable, dissipated energy).
+        this function, copies the common rows: drift, force, internal variable, and row DISSIPATED,
+        which is 0 for these laws.
 
         Parameters
         ----------

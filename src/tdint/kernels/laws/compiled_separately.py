@@ -68,6 +68,13 @@ if COMPILES:
             First row of the block of `law_state` with the state at the end of the path.
         x : float
             Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
+
+        Returns
+        -------
+        float
+            Result of the function: the tangent stiffness (N/m) for `force`, the energy (J) for
+            `strain_energy` and `hysteretic_energy`, and 0 for `keep`, `enter` and `switch`, which
+            only change `law_state`.
         """
         return _call_at(int(address), hook, law_parameters, law_state, i, previous, trial, x)
 
@@ -81,7 +88,7 @@ else:
         Parameters
         ----------
         address : float
-            Address of the kernel.
+            Address of the kernel; not used.
         hook : int
             Number of the function, see `_all_hooks`.
         law_parameters, law_state : ndarray
@@ -95,6 +102,13 @@ else:
             First row of the block of `law_state` with the state at the end of the path.
         x : float
             Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
+
+        Returns
+        -------
+        float
+            Result of the function: the tangent stiffness (N/m) for `force`, the energy (J) for
+            `strain_energy` and `hysteretic_energy`, and 0 for `keep`, `enter` and `switch`, which
+            only change `law_state`.
         """
         return _kernel(int(law_parameters[rows.CODE, i])).function(
             hook, law_parameters, law_state, i, previous, trial, x

@@ -224,11 +224,14 @@ def _functions() -> LawFunctions:
     def degrades(law_parameters, i):
         """Return True if the story degrades: the limit of a type of degradation is positive.
 
-        The types are stiffness, maximum drift and strength.
+        The types are stiffness, maximum drift and strength. The limit is the last of the five
+        parameters of each type: peak, work, peak_exponent, work_exponent and limit. Limits are not
+        negative (checked when a model is read), so that their sum is positive if and only if a
+        limit is positive.
         """
         limits = 0.0
         for row in (_STIFFNESS_DEGRADATION, _DRIFT_DEGRADATION, _STRENGTH_DEGRADATION):
-            limits += law_parameters[row + 4, i]
+            limits += law_parameters[row + 4, i]  # limit, the fifth parameter of the type
         return limits > 0.0
 
     @inline
@@ -269,7 +272,10 @@ def _functions() -> LawFunctions:
     def has_yielded(law_parameters, law_state, i, block):
         """Return True if the maximum drift of a side exceeds the first point of the backbone curve.
 
-        The current drift is included if the story is on the backbone curve.
+        The current drift is included if the story is on the backbone curve. The maximum drifts of
+        the positive side (row HIGH_DRIFT) and of the negative side (row LOW_DRIFT) are both
+        positive in this law. Row INTERNAL is the type of the branch (_ON_PATH or _ON_BACKBONE)
+        with the sign of its side.
 
         Parameters
         ----------
@@ -438,8 +444,9 @@ def _functions() -> LawFunctions:
     ):
         """Return the end of the pinched part of reloading: drift (m) and force (N).
 
-        It has the fractions `drift` and `force` of the point of maximum drift. The drift is
-        reduced if the last part of the path would be steeper than the loading stiffness.
+        It has the fractions `drift` and `force` (parameters `pinching.drift` and `pinching.force`)
+        of the point of maximum drift. The drift is reduced if the last part of the path would be
+        steeper than the loading stiffness.
 
         Parameters
         ----------
@@ -485,12 +492,23 @@ def _functions() -> LawFunctions:
 
         The path leads from the reversal in straight lines to
 
-            1. the end of unloading, at the fraction `unloading` of the force of a backbone point
-            2. the end of the pinched part, at the fractions `drift` and `force` of point 3
+            1. the end of unloading. Its force is the pinching parameter `unloading` times the
+               degraded force of the third backbone point, or of the fourth point if the maximum
+               drift exceeds the third point
+            2. the end of the pinched part (`reloading_point`). Its drift and force are the pinching
+               parameters `drift` and `force` times drift and force of point 3
             3. the point of maximum drift on the side of the movement, with the degraded force
 
-        Parts that would go backwards, fall or be too steep are replaced as in Pinching4 of OpenSees
-        (Lowes and Altoontash 2003).
+        Parts that would go backwards, fall or be too steep are corrected as in Pinching4 of
+        OpenSees (Lowes and Altoontash 2003). If points 1 and 2 cannot be used, the complete path is
+        replaced by the direct line from the reversal to point 3: all three points are then point 3.
+        This is the case if
+
+            - the reversal is at zero drift or on the side of the movement
+            - point 2 is behind the reversal
+            - the pinched part is steeper than the stiffnesses of loading and of unloading
+            - a drift or force still decreases after the corrections (`validated_path`, which
+              prefers two lines through the origin in some cases)
 
         Parameters
         ----------
@@ -514,6 +532,7 @@ def _functions() -> LawFunctions:
         tuple of float
             Drift (m) and force (N) of point 1, of point 2 and of point 3, positive on this side.
         """
+        # `losses` are the fractions of stiffness, maximum drift and strength, in this order.
         # Point 3, and the direct line to this point if the story does not cross zero drift
         strength_factor = 1.0 - losses[2]
         k = stiffness(law_parameters, i, side) * (1.0 - losses[0])
@@ -523,13 +542,15 @@ def _functions() -> LawFunctions:
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         # Point 2
         unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses[0])
-        # Secant stiffness of the point on the negative side of the story
+        # Secant stiffness of that end of the path (reversal or point 3) that is on the negative
+        # side of the story. `validated_path` uses it as the upper limit of the slope of the direct
+        # line. As in Pinching4, it is the negative side for both directions of movement.
         secant = start_force / start_drift if side > 0.0 else end_force / end_drift
         is_beyond_third = previous_max_drift > point_drift(law_parameters, i, side, 3)
         pinched_drift, pinched_force = reloading_point(
             law_parameters, i, side, strength_factor, k, end_drift, end_force, is_beyond_third
         )
-        if pinched_drift < start_drift:
+        if pinched_drift < start_drift:  # point 2 is behind the reversal: direct line
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         # Point 1, and corrections of points 1 and 2
         unloading_force = (
@@ -547,6 +568,7 @@ def _functions() -> LawFunctions:
             and (pinched_force - unloading_force) / (pinched_drift - unloading_drift)
             > max(k, unloading_stiffness)
         ) or (pinched_drift == unloading_drift and pinched_force > unloading_force):
+            # The pinched part would be steeper than loading and unloading, or vertical: direct line
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         elif pinched_drift < unloading_drift or pinched_force < unloading_force:
             # The pinched part would lead backwards or fall.
@@ -860,24 +882,41 @@ def _functions() -> LawFunctions:
     def is_elastic_before_yielding(law_parameters, i):
         """Return True if all paths before the first yielding coincide with one straight line.
 
-        The first branch can then extend to the first points of the backbone curves.
+        The first branch can then extend to the first points of the backbone curves. Before the
+        first yielding, the point of maximum drift of a side is the first point of its backbone
+        curve, and there is no degradation. All paths (`path`) then coincide with the straight line
+        through the origin if the following conditions are met, 2 to 4 for each side:
+
+            1. the stiffnesses of the first lines of both sides are equal
+            2. the reloading is pinched: without a pinched part, `reloading_point` sets the force of
+               its end from the third and fourth points of the backbone curve
+            3. the force fraction of the end of the pinched part is at most its drift fraction.
+               `reloading_point` then moves this end to the line with the stiffness of the first
+               line; with a larger force fraction, the end would be above the line
+            4. the force at the end of unloading, which is on the line, is smaller than the force at
+               the end of the pinched part. Otherwise the pinched part would lead backwards, and
+               `path` would correct it
         """
+        # Condition 1
         if (
             abs(stiffness(law_parameters, i, -1.0) / stiffness(law_parameters, i, 1.0) - 1.0)
             > _EQUAL
         ):
             return False
         for side in (1.0, -1.0):
-            # Fractions of the maximum drift and of its force at the end of the pinched part, and of
-            # the force at the third point at the end of unloading
+            # End of the pinched part: fractions of the maximum drift and of its force. End of
+            # unloading: fraction of the force at the third point
             drift_fraction = pinching(law_parameters, i, side, 0)
             force_fraction = pinching(law_parameters, i, side, 1)
             unloading_fraction = pinching(law_parameters, i, side, 2)
+            # Conditions 2 and 3
             if not (
                 unloading_fraction < force_fraction - _NO_PINCHING
                 and force_fraction <= drift_fraction
             ):
                 return False
+            # Condition 4: the force at the end of unloading is a fraction of the force of point 3,
+            # that at the end of the pinched part a fraction of the force of point 1.
             if unloading_fraction * point_force(
                 law_parameters, i, side, 3
             ) >= force_fraction * point_force(law_parameters, i, side, 1):

@@ -169,7 +169,11 @@ def _selection_order() -> list[int]:
 
 @inline
 def _is_separate(law_parameters, law_state, i):
-    """Return True if the law of story `i` is compiled separately."""
+    """Return True if the law of story `i` is compiled separately.
+
+    The address of its compiled code, row ADDRESS of the law states, is then not 0. The argument
+    `law_parameters` is not used.
+    """
     return law_state[rows.ADDRESS, i] != 0.0
 
 
@@ -184,7 +188,10 @@ def _test(code: int) -> Any:
 
     @inline
     def has_law(law_parameters, law_state, i):
-        """Return True if the law of story `i` (row CODE) has the number `code`."""
+        """Return True if the law of story `i` (row CODE) has the number `code`.
+
+        The argument `law_state` is not used.
+        """
         return law_parameters[rows.CODE, i] == code
 
     return has_law

@@ -45,7 +45,7 @@ STORY = 1  # index of the story with this maximum
 ROOF = 2  # maximum absolute roof drift ratio (last column)
 RESULTS = 3
 
-_CHUNK_STEPS = 64  # steps of a chunk
+_CHUNK_STEPS = 64  # steps of a chunk; must be a multiple of 4 (`scratch`)
 # Fraction of the maximum second difference of the drift ratios. Between two steps, the drift ratio
 # can exceed its values at the steps by less than one eighth of the second difference; this fraction
 # is a safe bound. Steps with values below the maximum minus this tolerance cannot be near the
@@ -398,30 +398,50 @@ def _refine(sums, steps, first, last, threshold, best):
 
 
 def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray[np.float64], ...]:
-    """Return the scratch arrays of `largest_drifts`.
+    """Return the scratch arrays of `largest_drifts`, filled with zeros, in the order of its
+    arguments.
 
     Parameters
     ----------
     samples : int
-        Number of samples.
+        Number of samples of the ground motion.
     parts : int
         Steps per sampling interval.
     modes : int
-        Number of modes in the table.
+        Number of modes in the argument `modes` of `largest_drifts`, a multiple of BLOCK.
     columns : int
         Number of stories plus 1 for the roof.
+
+    Returns
+    -------
+    q, rate : ndarray, shape (rows, modes)
+        Modal coordinates and their rates (1/s) at the steps of one chunk.
+    motion : ndarray, shape (rows,)
+        Ground acceleration at the steps of the chunk, m/s^2.
+    drift : ndarray, shape (rows, columns)
+        Drift ratios at the steps of the chunk.
+    start_q, start_rate : ndarray, shape (chunks, modes)
+        Modal coordinates and their rates at the start of each chunk, for its second integration.
+    column_maxima, column_bends : ndarray, shape (columns,)
+        Maximum absolute drift ratio of each column in a chunk, and maximum absolute second
+        difference of the drift ratio.
+    chunk_maxima : ndarray, shape (chunks, 2)
+        Maximum absolute drift ratio of each chunk: of all stories, and of the roof.
     """
     chunks = -(-(samples - 1) * parts // _CHUNK_STEPS)  # rounded up
-    rows = _CHUNK_STEPS + 4  # one more than the steps, rounded up to a multiple of 4
+    # A chunk has one row more than steps. `_superpose` processes four rows at a time, so the number
+    # of rows is rounded up to a multiple of 4: _CHUNK_STEPS is such a multiple, and 4 is added.
+    rows = _CHUNK_STEPS + 4
     shapes = (
-        (rows, modes),
-        (rows, modes),
-        (rows,),
-        (rows, columns),
-        (chunks, modes),
-        (chunks, modes),
-        (columns,),
+        (rows, modes),  # q
+        (rows, modes),  # rate
+        (rows,),  # motion
+        (rows, columns),  # drift
+        (chunks, modes),  # start_q
+        (chunks, modes),  # start_rate
+        (columns,),  # column_maxima
     )
+    # The last two arrays are column_bends and chunk_maxima.
     return *(np.zeros(shape) for shape in shapes), np.zeros(columns), np.zeros((chunks, 2))
 
 

@@ -29,7 +29,8 @@ def _stored_dissipation(law_parameters, law_state, i):
     """Return the dissipated energy of the committed state, J, for laws that store it in row
     DISSIPATED.
 
-    A law that does not store it replaces this function by its function `hysteretic_energy`.
+    A law that does not store it replaces this function by its function `hysteretic_energy`. The
+    argument `law_parameters` is not used.
     """
     return law_state[rows.DISSIPATED, i]
 
@@ -46,8 +47,10 @@ def _copy_dissipation(law_parameters, law_state, i, previous, trial):
 
     Parameters
     ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+    law_parameters : ndarray
+        Parameters of the hysteretic laws; not used.
+    law_state : ndarray
+        States of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -62,8 +65,9 @@ def _copy_dissipation(law_parameters, law_state, i, previous, trial):
 def _no_rows(law_parameters, law_state, i, previous, trial):
     """Do nothing: default of the function `keep` of a law.
 
-    `keep` copies further rows of a law from the trial state to the committed state. Most laws have
-    none: their states consist of the common rows.
+    `keep` copies further rows of a law from the trial state to the committed state. The states of
+    most laws consist of the common rows only, so that there are no further rows. No argument is
+    used.
 
     Parameters
     ----------
@@ -246,7 +250,7 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     trial : int
         First row of the block with the trial state.
     """
-    _keep(law_parameters, law_state, i, 0, trial)
+    _keep(law_parameters, law_state, i, 0, trial)  # 0: the path starts at the committed state.
     for row in range(rows.COMMON_ROWS):
         law_state[row, i] = law_state[trial + row, i]
 

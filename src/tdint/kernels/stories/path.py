@@ -82,8 +82,8 @@ _MAX_POINTS = 32e3
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes and weights of the Gauss-Legendre rules on [0, 1]; row n contains the rule with
-    n points.
+    """Return nodes and weights of the Gauss-Legendre rules on [0, 1] as two arrays; row n of each
+    array contains the rule with n points.
 
     The rules are read from a table, so that all machines use equal numbers and no LAPACK call is
     needed at import. The table contains the result of NumPy's `leggauss` on [-1, 1]; each line
@@ -108,16 +108,18 @@ NODES, WEIGHTS = _gauss()
 def _default_points(law_parameters, law_state, i, drift_change):
     """Return the number of Gauss points for curved laws that do not specify a number: a constant.
 
-    A law can replace this function by a function `points` with the same arguments.
+    A law can replace this function by a function `points` with the same arguments. The constant
+    depends on none of the arguments.
 
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story;
+        not used.
     i : int
-        Index of the story.
+        Index of the story; not used.
     drift_change : float
-        Change of drift along the path, m.
+        Change of drift along the path, m; not used.
     """
     return _DEFAULT_POINTS
 
@@ -153,8 +155,10 @@ def required_points(law_parameters, law_state, i, drift_change):
 def _no_sharp_bend(law_parameters, law_state, i, block, side):
     """Return infinity: the distance to a sharp bend of the force, for laws without a bend.
 
-    A law with a sharp bend replaces this function by its function `kink`, which returns the change
-    of drift from the state in `block` to the bend in the direction `side`, m.
+    A sharp bend is a point near which the tangent stiffness changes rapidly. A law with such a bend
+    replaces this function by its function `kink`, which returns the change of drift from the state
+    in `block` to the bend in the direction `side`, m, not negative; infinity if the bend is not on
+    the path. This function uses no argument.
 
     Parameters
     ----------
@@ -460,6 +464,7 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     elif law_parameters[rows.CODE, i] in DISSIPATING_LAWS:
         _integrate_hysteretic(law_parameters, law_state, i, story_path, results)
     else:
+        # Curved elastic law: one part from the committed state (block 0), with is_elastic = True.
         # The length of the path, int |d'(t)| dt, is at most |rise| + |bend| / 4.
         count = required_points(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
         _integrate(law_parameters, law_state, i, 0, True, count, story_path, results)
@@ -801,16 +806,19 @@ def _add_on_branch(law_state, i, block, segment, results):
 def _ignore_branch_end(results, i, t, force):
     """Do nothing at the end of a branch; `along_branches` calls this function there.
 
+    The integrals of the force need the parts on the branches only (`_add_on_branch`). No argument
+    is used.
+
     Parameters
     ----------
     results : Integrals
-        Scratch rows that receive the integrals.
+        Scratch rows with mean and moment of the story force; not used.
     i : int
-        Index of the story.
+        Index of the story; not used.
     t : float
-        Time of the end of the branch.
+        Time of the end of the branch, as a fraction of the step from 0 to 1; not used.
     force : float
-        Force, N.
+        Restoring force of the story at this time, N; not used.
     """
     pass
 
@@ -823,8 +831,8 @@ def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
     """Add the integrals over a part of a path without reversal, for a piecewise-linear law.
 
     The integrals of the force f over the part are int f dt and 12 int (t - 1/2) f dt, with t from 0
-    to 1 over the step. The direction of the movement is the sign of the change of drift between
-    both ends.
+    to 1 over the step. The direction of the movement, `side`, is the sign of the change of drift
+    between both ends of the part, and 0 without a change.
 
     Parameters
     ----------
@@ -870,7 +878,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
         Table, and the first of its rows that receive mean, moment (N) and their derivatives (N/m).
         The rows from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
     """
-    # Path before the reversal, from the committed state
+    # Path before the reversal, from the committed state (block 0)
     copy(law_state, i, 0, rows.FIRST_TRIAL)
     _integrate_monotonic(
         law_parameters,
@@ -915,8 +923,8 @@ def dividing_at_bend(integrate):
 
     The integrals of the force f are int f dt and 12 int (t - 1/2) f dt, and their derivatives,
     along the parabola of drift d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over
-    the step. The path is divided at a sharp bend of the force, where Gauss integration would be
-    inaccurate.
+    the step. The path is divided at a sharp bend of the force (`_distance_to_bend`), near which the
+    tangent stiffness changes rapidly and Gauss integration would be inaccurate.
 
     Parameters
     ----------
@@ -933,13 +941,18 @@ def dividing_at_bend(integrate):
 
     @outlined
     def integrate_path(law_parameters, law_state, i, previous, segment, results):
-        """Integrate a curved law along a path without reversal, in two parts if a sharp bend of the
+        """Integrate a curved law along a path without reversal, in two parts if a corner of the
         force is on the path.
 
-        The integrals of the force f are int f dt and 12 int (t - 1/2) f dt. The drift is d(t) =
-        start + rise t + bend (t^2 - t) / 2 (coefficients in `segment`, t from 0 to 1 over the
-        step). The state at the start of the path is in block `previous` of `law_state`, and
-        `results` receives the integrals.
+        The corner is the point of the force that `_distance_to_bend` locates: near this point the
+        tangent stiffness changes rapidly. The integrals of the force f are int f dt and
+        12 int (t - 1/2) f dt. The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with the
+        coefficients in `segment`, and t from 0 to 1 over the step; `bend` is the curvature of the
+        drift and not related to the corner. The state at the start of the path is in block
+        `previous` of `law_state`. `integrate` adds the integrals of each part to `results`.
+
+        The argument False of `integrate` is its `is_elastic`: the state of the law advances from
+        each Gauss point to the next, because only hysteretic laws are divided.
 
         Returns
         -------
@@ -951,7 +964,8 @@ def dividing_at_bend(integrate):
         side = math.copysign(1.0, drift_change)
         drift_change = abs(drift_change)
         begin = segment.begin
-        # First part: from the start to the bend of the force, if it is on the path
+        # First part: from the start to the corner of the force, if it is on the path;
+        # `bend_distance` is the change of drift until then, m.
         bend_distance = _distance_to_bend(law_parameters, law_state, i, previous, side)
         if bend_distance < drift_change:
             count = required_points(law_parameters, law_state, i, bend_distance)
