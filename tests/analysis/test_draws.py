@@ -241,7 +241,7 @@ def test_interrupt_before_first_run_gives_empty_result(monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tdint.analysis.run.run_many._planned_runs", interrupt)
+    monkeypatch.setattr("tdint.analysis.run.run_many.plan_runs", interrupt)
     empty = tdint.run_many(model(BILINEAR), RECORD, partial=True, gradient="record.scale")
     assert len(empty.status) == 0 and empty.failures == {} and empty.gradient is None
     assert "0 of" in repr(empty) and empty.time.shape == (0, 0)
