@@ -217,7 +217,8 @@ if not TYPE_CHECKING:
         value = getattr(import_module(_homes()[name]), _DEFINED_AS.get(name, name))
         if not isinstance(value, FunctionType):
             return value
-        # Imported here, because the command line does not call functions by their public names.
+        # Imported at the first call from Python, so that commands, which never reach this line, do
+        # not load the module.
         from tdint.validated_calls import validated_call
 
         return validated_call(value, name)

@@ -182,7 +182,7 @@ def test_histories_are_written_to_given_array(tmp_path, runs):
     assert found.time.shape == (1, 50) and found.time[0, -1] == pytest.approx(1.47)
     with pytest.raises(
         UsageError,
-        match=r"out of drift must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)",
+        match=r"out\[.drift.\] must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)",
     ):
         tdint.run_many(two_stories(), **arguments, out={"drift": np.zeros((6, 51, 2))})
     with pytest.raises(UsageError, match="one array for each of: drift, shear"):

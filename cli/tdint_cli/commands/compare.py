@@ -112,8 +112,11 @@ class Request:
     overwrite: bool = options.output.overwrite
 
     def file(self, name: str) -> Path:
-        """Return the path of the file `name`: in the directory of -o, or next to the table of -o
-        (`NAME.csv`: `NAME-name`)."""
+        """Return the path of the output file `name`.
+
+        If -o is a directory, the file is in this directory. If -o is a table such as `OUT.csv`, the
+        file is next to it and is named `OUT-name`; the table itself has the name of -o.
+        """
         output = Path(self.output or "")
         if output.suffix.lower() != ".csv":
             return output / name

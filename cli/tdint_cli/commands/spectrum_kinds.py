@@ -139,7 +139,7 @@ class TableType(Protocol):
         lines : sequence
             Results, one for each line of the figure.
         """
-        raise AssertionError("a table without a figure must not declare --plot")
+        raise AssertionError("the class of a table without a figure must not declare --plot")
 
     def remark(self, request: Any, interval: float) -> str:
         """Return the note that is printed at the end; empty for no note.
@@ -417,7 +417,7 @@ class _OscillatorSpectra(TableType):
         request : SpectrumRequest
             Options of the command line.
         """
-        _ = request.elastic_settings  # raises UsageError if they cannot be used together
+        _ = request.elastic_settings  # raises UsageError if these options exclude each other
         if request.target_spectrum and not request.plot:
             raise UsageError(
                 "--target with records requires --plot, because the target is only drawn; without "

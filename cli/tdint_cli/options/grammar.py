@@ -358,7 +358,7 @@ class PairsType(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete the measure of a pair.
+        """Complete the measure of a pair of horizontal components, such as rotd50.
 
         Parameters
         ----------
@@ -466,9 +466,11 @@ class FileName(ValueType):
         self.tables = tables
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the path of the file, and protect an input from being replaced.
+        """Return the path of the file.
 
-        `tdint rerun` replaces the paths of outputs (`ELSEWHERE`).
+        An input file is protected, so that no output of the command replaces it. During `tdint
+        rerun`, the path of an output file is replaced by the result of the function in `ELSEWHERE`,
+        except for standard output and for a figure next to a table (`BESIDE`).
         """
         if not self.written:
             protect_input(value)

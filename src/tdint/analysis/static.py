@@ -443,7 +443,7 @@ _STEPS_PER_ROW = 8
 # unload as fast as the controlling story is loaded
 _MAX_STEPS_PER_ROW = 4000
 # Maximum error of the area below the curve in one step, over the area of a rectangle that encloses
-# the curve; ten yield points give seven correct digits
+# the curve; a curve with ten yield points then has seven correct digits
 _AREA_TOLERANCE = 1e-8
 _MIN_STEP_FRACTION = 1e-5  # minimum step over the usual step: at kinks of a law and at reversals
 _MAX_ROWS_PER_POINT = 20  # maximum number of rows per requested point, for a path with snap-back

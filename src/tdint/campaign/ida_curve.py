@@ -182,7 +182,8 @@ class LevelSearch:
         # `stable` are the runs without collapse below the first collapse.
         stable, collapse = list(below_collapse(runs)), first_collapse(runs)
         lowest, highest = runs[0].im, runs[-1].im
-        hunt_range: float = _HUNT**_MAX_HUNTS  # ratio of the limits of the search and first level
+        # Maximum factor by which the search increases or decreases the first level
+        hunt_range: float = _HUNT**_MAX_HUNTS
 
         # Hunt: increase the level until collapse, or decrease it until there is no collapse.
         if collapse is None and highest < self.max_level and highest <= self.start * hunt_range:

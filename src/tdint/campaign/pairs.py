@@ -71,8 +71,9 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
     Parameters
     ----------
     records : mapping of int to (str, str, int)
-        Name, component and direction of each record by its number. The direction of the second
-        component of a pair that was read as such is 2, and its number follows the first one's.
+        Name, component and direction of each record by its number. If two components were read as
+        a pair, the direction of the second component is 2, and its number is the number of the
+        first component plus 1.
 
     Returns
     -------

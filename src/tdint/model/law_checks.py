@@ -126,8 +126,10 @@ class _PathPoint(NamedTuple):
 
 
 def verify_declaration(law: DriftLaw, where: str) -> None:
-    """Verify at registration that a law with branches (`switch`) declares `kinked`, and that a law
-    with curved branches declares `curved`.
+    """Verify the declarations `kinked` and `curved` of a law at its registration.
+
+    A law must declare `kinked` if and only if it has branches (`switch`). A law without branches
+    must declare `curved` unless its force is linear.
 
     Parameters
     ----------
@@ -139,7 +141,7 @@ def verify_declaration(law: DriftLaw, where: str) -> None:
     Raises
     ------
     UsageError
-        A declaration is missing: its name and the reason.
+        A declaration is missing or wrong. The message contains its name and the reason.
     """
     functions = law.functions()
     if functions.switch is not None and not law.kinked:

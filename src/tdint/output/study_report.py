@@ -474,7 +474,11 @@ def _dispersion(functions: Sequence[Fragility]) -> list[str]:
 
 
 def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:
-    """Return a table that compares the functions with the counts in bins; empty without counts."""
+    """Return a table that compares each fragility function with the runs of bins of intensity.
+
+    For each bin, the column `counted` is the fraction of the runs that exceed the limit, and the
+    column `fitted` is the value of the function. Without counted runs, the result is empty.
+    """
     rows: list[tuple[Cell, ...]] = []
     for function in functions:
         if counted := function.counted:

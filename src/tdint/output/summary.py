@@ -475,10 +475,10 @@ def field_summary(
 
 
 def _parameters_of(lines: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Return the parameters of each method of tdint.
+    """Return the parameters of each method of tdint, by the label of its line in a chart.
 
-    Lines of other programs contain a slash and lines with a tolerance contain a space; both are
-    skipped.
+    Labels of other programs, such as `scipy/DOP853`, contain a slash. Labels of runs with a
+    tolerance, such as `impulse4 by tolerance`, contain a space. Both are skipped.
     """
     from tdint.methods.catalogue import resolved  # most summaries do not need the catalogue
 

@@ -257,8 +257,9 @@ def pose(
     duration : float, optional
         Duration, s; default is the duration of the model, otherwise of the record.
     dts : tuple of float
-        Time steps, s. Without a record, the interval is the time step of the model, otherwise the
-        maximum of these steps.
+        Time steps, s. The interval of the problem is the sampling interval of the record. Without
+        a record, it is the time step of the model. If the model has no time step, it is the maximum
+        of these steps.
 
     Raises
     ------

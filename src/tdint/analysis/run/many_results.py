@@ -287,7 +287,7 @@ def history_arrays(
                 else type(array).__name__
             )
             raise UsageError(
-                f"out of {name} must be an array of floating-point numbers, shape {shape}, got "
+                f"out[{name!r}] must be an array of floating-point numbers, shape {shape}, got "
                 f"{received}"
             )
     return arrays

@@ -92,10 +92,15 @@ class Observations:
     def derivatives(self, parameters: Array) -> tuple[Array, Array]:
         """Return the derivatives of the log-likelihood with respect to the parameters.
 
+        Let z = design @ parameters be the standardized residual of each observation, and Phi the
+        standard normal distribution function. An observation adds, times its count, to the
+        log-likelihood: ln Phi(z) if only an upper bound of the value is known (`below`), ln Phi(-z)
+        if only a lower bound is known (`above`), and -z^2 / 2 + ln(1 / sigma) for a known value.
+
         Parameters
         ----------
         parameters : ndarray, shape (k,)
-            Parameters with a positive 1 / sigma.
+            Parameters of the linear model. One of them is 1 / sigma, which must be positive.
 
         Returns
         -------

@@ -165,7 +165,8 @@ def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
     Raises
     ------
     RecordError
-        The header has fewer than 62 values, and the 62nd real is the sampling interval.
+        The header has fewer than 62 values. At least 62 are required, because the 62nd real is the
+        sampling interval.
     """
     match = _announced(pattern, lines)
     values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()

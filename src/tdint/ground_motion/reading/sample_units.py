@@ -184,7 +184,7 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
 
     from tdint.csv_table import read_table
 
-    # A file without units in the table must state its units.
+    # If the table has no units for a record file, the record file itself must state its units.
     file = str((folder or Path()) / text.strip())
     table = read_table(
         file,
