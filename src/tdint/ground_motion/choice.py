@@ -139,8 +139,8 @@ class Processing(_OptionalFields):
     Attributes
     ----------
     trim : tuple of two floats or None
-        Start and end of the part to keep, s from the first sample; None for one of them keeps that
-        end of the record.
+        Start and end of the part to keep, s from the first sample. None as the start keeps the
+        beginning of the record, None as the end keeps its end.
     baseline : str or None
         Baseline that is subtracted from the acceleration: `constant` (mean), `linear`
         (least-squares line) or `quadratic` (least-squares parabola).

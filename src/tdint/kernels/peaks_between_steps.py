@@ -446,7 +446,8 @@ def find_interstep_peaks(
                 margin = min(drift_margin, shear_margin / stiffness)
                 row = first_peak + rows.PEAK_DRIFT
                 reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
-                # A stiffening story may have its peak shear at its largest drift.
+                # A reversal is stored, because the story force is evaluated there: a stiffening
+                # story may have its peak shear at its largest drift.
                 if reversal != story.u1:
                     reversals[reversal_row, i] = reversal
                     reversal_count += 1

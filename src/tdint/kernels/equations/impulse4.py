@@ -782,7 +782,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     start = law_state[rows.DRIFT, i]
     change = sign * (drift - start)
     # The reversal is at the fraction s of the step. The drift rate of the cubic is a quadratic with
-    # these three Bezier points. NONE (above 1) can only result from rounding.
+    # these three Bezier points. Without a sign change, which only rounding can cause here, the
+    # result is NONE, which is above 1; the end of the step is then used.
     s = min(
         find_sign_change(
             scaled_rate_0, 3.0 * change - scaled_rate_0 - scaled_rate_1, scaled_rate_1

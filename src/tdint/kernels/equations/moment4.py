@@ -135,7 +135,10 @@ def solve_step(coefficients, scene, h, memory):
         M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-    with mean F0 and first moment F1 of the story forces over the step, P0 and P1 of the load. If
+    a0 and a1 are h^2 times the mean and the change of the acceleration, v0 is the velocity at the
+    start. F0 is the mean and F1 the first moment 12 int (t - 1/2) f dt of the story forces over the
+    step, P0 and P1 are those of the load. The term with r, which is 0 for rho_inf = 1, is the
+    numerical dissipation; K is the stiffness. If
     all laws are piecewise linear, the first solution assumes that all stories remain on their
     branches. In a linear building it is exact. Otherwise Newton's method follows, with the
     derivatives of the means and moments along the current paths. A correction that does not reduce

@@ -470,8 +470,8 @@ def _functions() -> LawFunctions:
         unloading_fraction = pinching(law_parameters, i, side, 2)
         pinched_drift = pinching(law_parameters, i, side, 0) * max_drift
         pinched_force = force_fraction * force
-        # Without a pinched part, its end has a force slightly (1e-6) above the end of unloading
-        # (and above the force of the last point), as in Pinching4.
+        # If the fractions leave no room for a pinched part, point 2 is placed at a force slightly
+        # (1e-6) above the end of unloading and above the force of the last point, as in Pinching4.
         if force_fraction - unloading_fraction <= _NO_PINCHING:
             third_force = (
                 force
@@ -989,9 +989,13 @@ _PINCHING_PARAMETERS = (
 def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
     """Return the parameters of one type of degradation: `stiffness`, `drift` or `strength`.
 
-    They are peak, work, peak_exponent, work_exponent and limit. Stiffness and strength decrease and
-    the maximum drift increases by the fraction peak (maximum drift / last
-    drift)^peak_exponent + work (used energy capacity)^work_exponent, at most the limit.
+    They are `peak`, `work`, `peak_exponent`, `work_exponent` and `limit`. The stiffness and the
+    strength decrease, and the maximum drift increases, by the fraction
+
+        peak (maximum drift / drift of the last backbone point)^peak_exponent
+            + work (used part of the energy capacity)^work_exponent
+
+    but at most by `limit`. `without` is the value of a parameter in a model without this group.
     """
     group = f"degradation.{name}"
     fraction = LawParameter("peak", low=0.0, default=0.0, group=group, without=0.0)

@@ -97,11 +97,11 @@ def may_exceed(best, factor, q0, d0, e0, q1, d1, e1):
     """Return True if a quantity q can have an extremum above `best` between the endpoints of a
     step.
 
-    q'' is a free vibration and changes its sign at most once in a step. Therefore q' has one zero
-    if its signs at the endpoints differ, and otherwise two or no zeros. If q' starts at zero (from
-    rest), the sign of q'' is used. q exceeds its endpoint values by at most `factor` times the
-    larger
-    |q''| at the endpoints.
+    q'' is a free vibration and changes its sign at most once in a step, so that q' has at most two
+    zeros: one if the signs of q' at the endpoints differ, and none or two if they agree. If q'
+    starts at zero (from rest), the sign of q'' at the start is used instead of the sign of q'. The
+    absolute value of q exceeds its endpoint values by at most `factor` times the larger |q''| at
+    the endpoints.
 
     Parameters
     ----------
