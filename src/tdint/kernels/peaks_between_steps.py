@@ -289,8 +289,9 @@ def _excess_at_end(h, v, a):
 def may_exceed_velocity_peak(h, by_h, ends, peak):
     """Return True if a velocity or drift rate may exceed its recorded peak in a step.
 
-    It may do so at the end of the step, or within the step if the acceleration changes its sign and
-    a Bezier point of the velocity exceeds the peak.
+    It may do so at the end of the step, or within the step if the accelerations at the endpoints
+    have opposite signs and a Bezier point of the velocity exceeds the peak. Two changes of the sign
+    within a step, which a step that resolves the motion does not have, are not considered.
 
     Parameters
     ----------
@@ -302,7 +303,6 @@ def may_exceed_velocity_peak(h, by_h, ends, peak):
     peak : float
         Recorded peak, m/s.
     """
-    # A velocity can only have an extremum within the step if its acceleration changes its sign.
     exceeds = (ends.a0 * ends.a1 < 0.0) & (_max_velocity_bezier_point(h, by_h, ends) > peak)
     return (abs(ends.v1) > peak) | exceeds
 

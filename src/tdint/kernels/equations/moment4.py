@@ -746,7 +746,8 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-    with mean P0 and first moment P1 of the load, which are constant, and the initial stiffness K.
+    with mean P0 and first moment P1 of the load, which are constant, and the stiffness K, the sum
+    of the initial stiffness of the laws and of the geometric stiffness of P-delta.
 
     Parameters
     ----------

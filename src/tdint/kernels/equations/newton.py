@@ -199,7 +199,8 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
     dashpot with the derivative s of its force with respect to the drift rate (N s/m) adds by_v /
     by_u times s, because velocity and displacement depend on the same unknown x: u = U + by_u x, v
     = V + by_v x. If by_u is 0, the displacements are known and stiffnesses do not contribute. The
-    row TANGENT then contains by_v s only, and the factorization uses 1 instead of by_u.
+    row TANGENT then contains by_v s, minus the geometric stiffness that `factor_combination` adds,
+    and the factorization uses 1 instead of by_u.
 
     Parameters
     ----------

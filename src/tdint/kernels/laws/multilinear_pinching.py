@@ -744,8 +744,8 @@ def _functions() -> LawFunctions:
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
         losses = degradation(law_parameters, law_state, i, block)
-        # The stored maximum drift of the side that is unloaded increases by degradation; the drift
-        # of a reversal on the backbone curve is included.
+        # After a reversal on the backbone curve, the stored maximum drift of the side that is
+        # unloaded increases by degradation and includes the drift of the reversal.
         if abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE:
             maximum_row = side_row(-side, rows.HIGH_DRIFT)
             increased_drift = law_state[block + maximum_row, i] * (1.0 + losses[1])

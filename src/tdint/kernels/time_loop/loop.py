@@ -701,7 +701,8 @@ def integrate_many(
     peaks, drifts, totals, run_ends : ndarray
         Results, first axis or row by run: peaks, residual drifts (m), totals, and in the columns
         CODE, STEPS_COMPLETED and AT_REST of `run_ends` the return value of `integrate`, the number
-        of completed steps, and 1 if the building is at rest or this is not required.
+        of steps until the end of the last complete pass (0 if the motion itself is not completed),
+        and 1 if the building is at rest or this is not required.
 
     Returns
     -------
