@@ -137,8 +137,8 @@ def solve_step(coefficients, scene, h, memory):
 
     a0 and a1 are h^2 times the mean and the change of the acceleration, v0 is the velocity at the
     start. F0 is the mean and F1 the first moment 12 int (t - 1/2) f dt of the story forces over the
-    step, P0 and P1 are those of the load. The term with r, which is 0 for rho_inf = 1, is the
-    numerical dissipation; K is the stiffness. If
+    step. P0 and P1 are the mean and the first moment of the load. The term with r, which is 0 for
+    rho_inf = 1, is the numerical dissipation; K is the stiffness. If
     all laws are piecewise linear, the first solution assumes that all stories remain on their
     branches. In a linear building it is exact. Otherwise Newton's method follows, with the
     derivatives of the means and moments along the current paths. A correction that does not reduce
