@@ -49,6 +49,8 @@ from tdint.kernels.equations.iteration import (
     is_balanced,
     must_halve,
     squared_norm,
+    tolerance_of_run,
+    update_run_maxima,
 )
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
@@ -314,8 +316,6 @@ class _ImplicitRows(NamedTuple):
 # run (`_store_internal_forces`), which is of order 4 in the time step. Errors of peaks change by
 # less than 2 % in the problems with Bouc-Wen, tanh and stiffening stories of `tdint chart`.
 _TOLERANCE_PER_MISMATCH = 2e-4
-# Dimensionless. Upper limit of this tolerance
-_MAX_TOLERANCE = 1e-4
 
 _IMPLICIT, _MODAL_STORE = rows.chained(_ImplicitRows)
 
@@ -391,9 +391,8 @@ def implicit_step(
     _predict_stages(coefficients, scene, h, load, memory)
     tolerance = RESIDUAL_TOLERANCE
     # RUN_MAXIMA is zero before the second step of a run is complete, and for other laws.
-    if HAS_CURVED_LAW and scratch[_IMPLICIT.RUN_MAXIMA, 1] > 0.0:
-        mismatch = scratch[_IMPLICIT.RUN_MAXIMA, 0] / scratch[_IMPLICIT.RUN_MAXIMA, 1]
-        tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISMATCH * mismatch))
+    if HAS_CURVED_LAW:
+        tolerance = tolerance_of_run(scratch, _IMPLICIT.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
     iterations = 0
     applied_fraction = 1.0  # of the last correction that is applied
     previous_norm = math.inf
@@ -535,8 +534,7 @@ def _store_internal_forces(linear_terms, h, scratch):
             size += linear_terms[rows.MASS, i] * a * a
     # Without a last step of the same length there is no prediction.
     if scratch[_IMPLICIT.INTERNAL_FORCE, n] == h:
-        scratch[_IMPLICIT.RUN_MAXIMA, 0] = max(mismatch, scratch[_IMPLICIT.RUN_MAXIMA, 0])
-        scratch[_IMPLICIT.RUN_MAXIMA, 1] = max(size, scratch[_IMPLICIT.RUN_MAXIMA, 1])
+        update_run_maxima(scratch, _IMPLICIT.RUN_MAXIMA, mismatch, size)
     scratch[_IMPLICIT.INTERNAL_FORCE, n] = h
 
 

@@ -39,6 +39,8 @@ from tdint.kernels.equations.iteration import (
     copy_rows,
     must_halve,
     squared_norm,
+    tolerance_of_run,
+    update_run_maxima,
 )
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
@@ -151,9 +153,6 @@ _NEAR_PEAK = 0.8
 # With 0.01, the errors of peak drifts change by less than 2 % in buildings with Bouc-Wen, tanh and
 # stiffening stories and with power-law dashpots.
 _TOLERANCE_PER_MISMATCH = 1e-2
-# Dimensionless. Upper limit of this tolerance. As a fixed tolerance, it would limit the accuracy of
-# peak drifts to about 5e-5.
-_MAX_TOLERANCE = 1e-4
 
 ROW, FACTORS = rows.chained(_Rows, momentum.MOMENTUM_ROWS)
 _BLOCK, _STORE = rows.chained(_Block)
@@ -436,21 +435,6 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
         scratch[momentum.A1, i] += linear_terms[rows.INVERSE_MASS, i] * scratch[momentum.FORCE_1, i]
 
 
-@inline
-def _residual_tolerance(scratch):
-    """Return the relative tolerance of the residuals of Newton's method in a step.
-
-    It is _TOLERANCE_PER_MISMATCH times the relative mismatch Q / A of the mean acceleration in the
-    run, but at least RESIDUAL_TOLERANCE and at most _MAX_TOLERANCE. Row RUN_MAXIMA contains the
-    maxima of Q and A over the run (`keep_negligible_kinks`), which are 0 in the first step.
-    """
-    tolerance = RESIDUAL_TOLERANCE
-    if scratch[ROW.RUN_MAXIMA, 1] > 0.0:
-        mismatch = scratch[ROW.RUN_MAXIMA, 0] / scratch[ROW.RUN_MAXIMA, 1]
-        tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISMATCH * mismatch))
-    return tolerance
-
-
 @outlined
 def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     """Compute the response over a step by Newton's method for all stories together.
@@ -495,7 +479,8 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     n = linear_terms.shape[1] - 1
     if not has_guess:
         store_first_guess(1.0, h, state, scratch, n)
-    tolerance = _residual_tolerance(scratch)
+    # The maxima of the run are stored by `keep_negligible_kinks`; they are 0 in the first step.
+    tolerance = tolerance_of_run(scratch, ROW.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
     iterations = 0
     applied_fraction = 1.0
     previous_norm = math.inf
@@ -889,9 +874,8 @@ def keep_negligible_kinks(scene, h, memory):
         )
         mismatch += linear_terms[rows.MASS, i] * difference * difference
         acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
-    mismatch = max(mismatch, scratch[ROW.RUN_MAXIMA, 0])
-    scratch[ROW.RUN_MAXIMA, 0] = mismatch
-    scratch[ROW.RUN_MAXIMA, 1] = max(acceleration_norm, scratch[ROW.RUN_MAXIMA, 1])
+    update_run_maxima(scratch, ROW.RUN_MAXIMA, mismatch, acceleration_norm)
+    mismatch = scratch[ROW.RUN_MAXIMA, 0]
     for i in range(n):
         is_near_peak = (
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])

@@ -30,6 +30,10 @@ MIN_STEP_FRACTION = 1e-3
 # Dimensionless. Maximum residual relative to the sum of the absolute values of its terms.
 RESIDUAL_TOLERANCE = 1e-11
 
+# Dimensionless. Upper limit of the tolerance of `tolerance_of_run`. As a fixed tolerance, it would
+# limit the accuracy of peak drifts to about 5e-5.
+_MAX_TOLERANCE = 1e-4
+
 # Dimensionless. Maximum correction relative to the unknown (usually a displacement) that is
 # regarded as rounding error.
 ROUNDING = 1e-14
@@ -44,6 +48,48 @@ TANGENT_TOLERANCE = 1e-3
 
 # Dimensionless. Relative decrease of the squared norm that is required of a full correction.
 _REQUIRED_DECREASE = 1e-4
+
+
+@inline
+def update_run_maxima(scratch, row, mismatch, size):
+    """Update the maxima over the run that `tolerance_of_run` uses.
+
+    Parameters
+    ----------
+    scratch : ndarray
+        Scratch array: one row per quantity, one column per floor or story.
+    row : int
+        Row of the maxima: of the mismatch in column 0, of the size in column 1.
+    mismatch, size : float
+        Mismatch of the accelerations in the step, and the quantity to which it is relative. Both
+        have the same unit.
+    """
+    scratch[row, 0] = max(mismatch, scratch[row, 0])
+    scratch[row, 1] = max(size, scratch[row, 1])
+
+
+@inline
+def tolerance_of_run(scratch, row, tolerance_per_mismatch):
+    """Return the relative tolerance of the residuals of Newton's method in a step.
+
+    It is `tolerance_per_mismatch` times the relative mismatch of the accelerations in the run,
+    which is of order 4 in the time step, but at least RESIDUAL_TOLERANCE and at most
+    _MAX_TOLERANCE.
+
+    Parameters
+    ----------
+    scratch : ndarray
+        Scratch array: one row per quantity, one column per floor or story.
+    row : int
+        Row of the maxima over the run (`update_run_maxima`); 0 until they are known.
+    tolerance_per_mismatch : float
+        Tolerance divided by the relative mismatch, dimensionless.
+    """
+    tolerance = RESIDUAL_TOLERANCE
+    if scratch[row, 1] > 0.0:
+        mismatch = scratch[row, 0] / scratch[row, 1]
+        tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, tolerance_per_mismatch * mismatch))
+    return tolerance
 
 
 @outlined

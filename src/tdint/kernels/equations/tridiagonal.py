@@ -423,8 +423,8 @@ def factor_blocks(factors, damping, n):
     backward substitution, so that only one multiplication per floor depends on the result of the
     floor above.
 
-    If most modes are damped, the factorization of the matrix with modal damping is stored in
-    addition (`_factor_full`).
+    If most modes are damped, the matrix with modal damping is factorized as a full matrix instead
+    (`_factor_full`).
 
     Parameters
     ----------
@@ -442,6 +442,7 @@ def factor_blocks(factors, damping, n):
     """
     if _MODAL and _is_full(damping.modal, n):
         _factor_full(factors, damping, n)
+        return
     scratch, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
     for i in range(n):
@@ -485,7 +486,7 @@ def factor_blocks(factors, damping, n):
         scratch[blocks + 3, i] = p * inverse
     for entry in range(4):
         scratch[upper + entry, n - 1] = 0.0
-    if _MODAL and not _is_full(damping.modal, n):
+    if _MODAL:
         _store_blocks_woodbury(factors, damping, n)
 
 
