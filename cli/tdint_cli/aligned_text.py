@@ -33,7 +33,7 @@ def with_percent_errors(table: Table) -> Table:
     The errors are in percent of the value, with two significant digits. The percentage is None if
     the value is zero, or if the value or the error is not a number.
     """
-    from tdint.output.tables.table import Table
+    from tdint.output.tables.table import Table, error_percent
 
     indices = {name: i for i, name in enumerate(table.columns)}
     # `error_columns` maps the index of each value column to the index of its error column.
@@ -49,17 +49,8 @@ def with_percent_errors(table: Table) -> Table:
         for row, cells in zip(rows, table.rows, strict=True):
             row.append(cells[i])
             if i in error_columns:
-                row.append(_percent(cells[error_columns[i]], cells[i]))
+                row.append(error_percent(cells[error_columns[i]], cells[i]))
     return Table(tuple(names), list(map(tuple, rows)), table.meanings)
-
-
-def _percent(error: Cell, value: Cell) -> float | None:
-    """Return an error in percent of a value; None if the value is zero or not a number."""
-    if not isinstance(error, float) or not isinstance(value, float):
-        return None
-    if math.isnan(error) or value == 0.0:
-        return None
-    return float(f"{100.0 * error / abs(value):.2g}")
 
 
 def draw(

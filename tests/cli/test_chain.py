@@ -102,22 +102,28 @@ def pool(working_directory, request):
     return options
 
 
-@pytest.mark.parametrize("pool", ["csv", "mseed", "sac", "knet"], indirect=True)
-def test_pairs_of_each_format_are_selected_and_matched(pool, tdint, short_matching):
-    """A pair stays a pair. The tests below execute the complete chain with one more format, because
-    the formats differ only in what `scale` and `match` read."""
+def select_and_match(tdint, record_options):
+    """Select three pairs of `pool` and match them; check that pairs stay pairs. The matched files
+    are in the directory `m`."""
     choice = ("--pairs", "rotd100", *TARGET)
     selection = ("--select", "3", "--factor-range", ".25:40", "--max-factor", "40")
-    tdint("scale", "pool", *pool, *selection, *choice, "-o", "factors.csv", code=0)
+    tdint("scale", "pool", *record_options, *selection, *choice, "-o", "factors.csv", code=0)
     factors = rows("factors.csv")
     assert len(factors) == 6 and len({row["factor"] for row in factors}) == 3
-    matching = ("match", "--factors", "factors.csv", *pool, *choice, "--format", "at2", "-o", "m")
-    tdint(*matching, code=0)
+    matching = ("match", "--factors", "factors.csv", *record_options, *choice)
+    tdint(*matching, "--format", "at2", "-o", "m", code=0)
     assert len(list(Path("m").glob("*.at2"))) == 6
-    words = ("--limit", "2%", "-o", "larger", "--pair-demand", "larger")
-    said = tdint("run", "frame.yaml", "m", *words, code=0).stderr
+
+
+@pytest.mark.parametrize("pool", ["csv", "mseed", "sac", "knet"], indirect=True)
+def test_pairs_of_each_format_are_selected_and_matched(pool, tdint, short_matching):
+    """The formats differ only in the files that `scale` and `match` read. The next test executes
+    the complete chain, for these formats as a slow test."""
+    select_and_match(tdint, pool)
+    options = ("--limit", "2%", "-o", "larger", "--pair-demand", "larger")
+    messages = tdint("run", "frame.yaml", "m", *options, code=0).stderr
     mean = pairs.mean_drift(rows("larger/runs.csv"), "larger")
-    assert f"Mean drift {100.0 * mean:.3g} %" in said and "Demand of pairs: larger" in said
+    assert f"Mean drift {100.0 * mean:.3g} %" in messages and "Demand of pairs: larger" in messages
 
 
 @pytest.mark.parametrize(
@@ -129,15 +135,7 @@ def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
     """All commands recognize the pairs, without edits of the files. RotD100 of the matched records
     equals the target within 3 %, and the mean over pairs equals the result of the script for each
     rule."""
-    choice = ("--pairs", "rotd100", *TARGET)
-    selection = ("--select", "3", "--factor-range", ".25:40", "--max-factor", "40")
-    tdint("scale", "pool", *pool, *selection, *choice, "-o", "factors.csv", code=0)
-    factors = rows("factors.csv")
-    assert len(factors) == 6 and len({row["factor"] for row in factors}) == 3
-    matching = ("match", "--factors", "factors.csv", *pool, *choice, "--format", "at2", "-o", "m")
-    tdint(*matching, code=0)
-    files = sorted(Path("m").glob("*.at2"))
-    assert len(files) == 6
+    select_and_match(tdint, pool)
     means = {}
     for rule in pairs.RULES:
         page = ("--report", f"{rule}.html", "-o", rule, "--pair-demand", rule)

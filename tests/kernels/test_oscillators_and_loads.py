@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from exact_oscillators import transition
 from step_checks import RAYLEIGH, building, matrices
 from tdint.kernels import layout as rows
 from tdint.kernels.linear_terms import force_value, internal_forces
@@ -297,17 +297,6 @@ def test_bilinear_oscillator_agrees_with_dop853(omega, xi, hardening, limit):
     assert 5 < count <= events
     assert results[bilinear.LARGEST] == pytest.approx(peak, rel=1e-8)
     assert results[bilinear.RESIDUAL] == pytest.approx(residual, rel=1e-6, abs=1e-9)
-
-
-def transition(by_u, by_v, h):
-    """Matrices A and B of the step y1 = A y0 - B (g0, g1) of an oscillator with the state y =
-    (u, v), from the exponential of the system with the ground acceleration and its slope."""
-    system = np.zeros((4, 4))
-    system[0, 1], system[1] = 1.0, (-by_u, -by_v, -1.0, 0.0)
-    system[2, 3] = 1.0
-    step = expm(system * h)
-    start_value, slope = step[:2, 2], step[:2, 3] / h
-    return step[:2, :2], -np.column_stack([start_value - slope, slope])
 
 
 @pytest.mark.parametrize("components", [1, 2])

@@ -231,12 +231,12 @@ def path_faults(
     yield_sizes = []
     if 0.0 < yield_drift < math.inf:
         yield_sizes = [yield_drift * multiple for multiple in _YIELD_MULTIPLES]
-    # The tangent of a curved law is verified on short paths. On long paths, finite differences of
-    # nearly constant forces are inaccurate. If the law has branches, the forces on long paths are
-    # compared, because a branch with a finite slope can start at large drifts.
+    # The tangent of a curved law is verified on short paths only. On long paths, finite differences
+    # of nearly constant forces are inaccurate. The forces of a law with branches are also compared
+    # on long paths, because a branch with a finite slope can start at large drifts.
     sizes = sorted([*yield_sizes, *_DECADES])
     short_sizes = (yield_sizes[:2] or _DECADES[:3]) if law.curved else sizes
-    for size in short_sizes if law.curved and not law.kinked else sizes:
+    for size in sizes if law.kinked else short_sizes:
         max_force = max_slope = 0.0
         for point in _follow(story, _path_drifts(size), _SLOPE_INCREMENT * size):
             max_force = max(max_force, abs(point.force))

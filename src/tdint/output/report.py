@@ -34,7 +34,7 @@ from tdint.output.tables import buildings
 from tdint.output.tables.campaign import profile_error_table, profile_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
-from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.output.tables.table import TEXT, Cell, Table, error_percent
 from tdint.units import SI, OutputUnits, suffix
 
 if TYPE_CHECKING:
@@ -317,21 +317,12 @@ def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tu
         # A residual drift can be close to zero, so its error is given relative to the peak drift.
         references = cells[drift if name.startswith("residual") else name]
         errors = cells[f"{name}_error"]
-        columns.append(list(map(_percent, errors, references)))
+        columns.append(list(map(error_percent, errors, references)))
     labels = [_quantity(table, name) for name in shown]
     meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {
         "story": table.meanings["story"]
     }
     return _ERRORS, Table(("story", *labels), list(zip(*columns, strict=True)), meanings)
-
-
-def _percent(error: Cell, value: Cell) -> float | None:
-    """Return an error in percent of a value, with two digits; None if the value is 0 or missing."""
-    if not isinstance(error, float) or not isinstance(value, float):
-        return None
-    if math.isnan(error) or value == 0.0:
-        return None
-    return float(f"{100.0 * error / abs(value):.2g}")
 
 
 def suite_page(

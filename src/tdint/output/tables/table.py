@@ -183,6 +183,16 @@ def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     )
 
 
+def error_percent(error: Cell, value: Cell) -> float | None:
+    """Return an error in percent of a value, with two digits; None if the value is zero, or if the
+    value or the error is not a number."""
+    if not isinstance(error, float) or not isinstance(value, float):
+        return None
+    if math.isnan(error) or value == 0.0:
+        return None
+    return float(f"{100.0 * error / abs(value):.2g}")
+
+
 @dataclass(frozen=True)
 class Table:
     """Table with the names of its columns, rows with one cell per column, and descriptions of the
