@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.spectra.elastic import recursion_table
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.kernels.building.compilable import EVERYTHING
@@ -657,6 +657,12 @@ class MatchingProblem:
         merit, misfit = self.merits(maxima, is_stepwise)
         return _MotionState(samples, row_sum, found_extremes, maxima, merit, misfit)
 
+    @cached_property
+    def _component_end_derivatives(self) -> Array:
+        """Derivatives of the final velocity and displacement of each component, two rows for each
+        component, with respect to the samples of all components."""
+        return np.asarray(np.kron(np.eye(len(self.scaled_seed)), self.end_derivatives))
+
     def _quadratic_program(self, state: _MotionState) -> _QuadraticProgram:
         """Return the rows, their products and the differences from the targets for a motion.
 
@@ -667,7 +673,7 @@ class MatchingProblem:
             state.extremes, state.maxima
         )
         rows = self.rows(oscillator, when, directions)
-        end_derivatives = np.kron(np.eye(len(state.samples)), self.end_derivatives)
+        end_derivatives = self._component_end_derivatives
         change = (state.samples - self.scaled_seed).ravel()
         shortfall = np.concatenate([shortfall, -end_derivatives @ change])
         is_equality = np.concatenate([is_equality, np.ones(len(end_derivatives), bool)])
