@@ -194,7 +194,8 @@ _DEPRECATED = dict.fromkeys(
 
 @cache
 def _homes() -> dict[str, str]:
-    """Return the module that defines each public name, from the imports for type checkers."""
+    """Return the module that defines each public name, read from the imports under TYPE_CHECKING in
+    this file."""
     return declared_homes(__file__) | _RENAMED_HOMES
 
 
@@ -203,6 +204,10 @@ def _homes() -> dict[str, str]:
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
+        """Import a public name at its first use; public functions are wrapped by `validated_call`.
+
+        Deprecated names result in a DeprecationWarning, unknown names in an AttributeError.
+        """
         if name == "__all__":
             return __dir__()
         if name in _DEPRECATED:
@@ -217,8 +222,8 @@ if not TYPE_CHECKING:
         value = getattr(import_module(_homes()[name]), _DEFINED_AS.get(name, name))
         if not isinstance(value, FunctionType):
             return value
-        # Imported at the first call from Python, so that commands, which never reach this line, do
-        # not load the module.
+        # The import is here and not at the top, because commands of the terminal never reach this
+        # line and should not load the module.
         from tdint.validated_calls import validated_call
 
         return validated_call(value, name)
@@ -227,4 +232,5 @@ if not TYPE_CHECKING:
 
 
 def __dir__() -> list[str]:
+    """Return the sorted public names without deprecated names."""
     return sorted(["__version__", *(_homes().keys() - _DEPRECATED.keys())])

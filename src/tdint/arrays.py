@@ -72,7 +72,7 @@ else:
         """
 
         def __get__(self, instance, owner=None):
-            if instance is None:
+            if instance is None:  # the property was requested of the class, not of an instance
                 return self
             attributes = vars(instance)
             if self.attrname not in attributes:

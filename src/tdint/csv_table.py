@@ -105,21 +105,26 @@ class CsvTable:
             )
 
     def texts(self, name: str, *, empty: bool = True) -> list[str]:
-        """Return the cells of a column as texts; `empty=False` refuses empty cells."""
+        """Return the cells of a column as texts without blanks at the ends.
+
+        Raise `self.error` if the column or all rows are missing, if a row has too many cells, or,
+        with `empty=False`, if a cell is empty.
+        """
         self.need(name)
         if not self.rows:
             raise self.error(f"{self.source}: the table has no rows below its header; {self.needs}")
         index = self.header.index(name.lower())
         texts = []
         for line, cells in self.rows:
-            # A decimal comma, or a comma in a name, would shift the following cells.
+            # Refuse additional cells. A decimal comma (0,5), or a comma in a name without quotation
+            # marks, splits a cell in two and shifts all cells to its right.
             if self.overfull(cells):
                 raise self.error(
                     f"{self.source}:{line}: the row has {pluralize(len(cells), 'cell')}, but the "
                     f"header has {pluralize(len(self.header), 'column')}"
                 )
-            # Empty cells at the end of a row may be omitted. The tables of tdint have an apostrophe
-            # before a text that looks like a formula.
+            # A row may omit empty cells at its end. An apostrophe at the start is removed, because
+            # tdint writes it before texts that a spreadsheet program would treat as a formula.
             text = cells[index].strip() if index < len(cells) else ""
             text = text[1:] if _PROTECTED_TEXT.match(text) else text
             if not text and not empty:
@@ -128,7 +133,11 @@ class CsvTable:
         return texts
 
     def numbers(self, name: str, *, empty: bool = False, positive: bool = False) -> list[float]:
-        """Return the cells of a column as finite numbers; nan for empty cells with `empty=True`."""
+        """Return the cells of a column as finite numbers.
+
+        Raise `self.error` if a cell is not a number or, with `positive=True`, not above 0. An empty
+        cell is also an error; with `empty=True` it is nan.
+        """
         expected = "a positive number" if positive else "a number"
         numbers = []
         for line, text in self.lines(name, empty=empty):
@@ -139,7 +148,10 @@ class CsvTable:
         return numbers
 
     def truths(self, name: str) -> list[bool]:
-        """Return the cells of a column as bool; False in all rows if the column does not exist."""
+        """Return the cells of a column as bool; empty cells and a missing column are False.
+
+        Raise `self.error` for a text other than true, 1, yes, false, 0 and no.
+        """
         if not self.has(name):
             return [False] * len(self.rows)
         for line, text in self.lines(name):
@@ -212,8 +224,12 @@ class TextColumn(Sequence[str]):
             self.add(part)
 
     def add(self, texts: Sequence[str]) -> None:
-        """Append texts. Only the last call may have a number that is not a multiple of 50."""
-        assert self._length % _CELLS_PER_BLOCK == 0
+        """Append texts, joined to blocks of 50.
+
+        The number of texts must be a multiple of 50, except in the last call, because
+        `__getitem__` computes the block from the index and all blocks before the last must be full.
+        """
+        assert self._length % _CELLS_PER_BLOCK == 0  # all blocks are full
         for first in range(0, len(texts), _CELLS_PER_BLOCK):
             self._joined.append(_END_OF_CELL.join(texts[first : first + _CELLS_PER_BLOCK]))
         self._length += len(texts)
@@ -228,6 +244,7 @@ class TextColumn(Sequence[str]):
     def __getitem__(self, index: int | slice) -> str | list[str]:
         if isinstance(index, slice):
             return [self[cell_index] for cell_index in range(len(self))[index]]
+        # Indexing a range converts a negative index, and raises IndexError as a list does.
         block, cell = divmod(range(len(self))[index], _CELLS_PER_BLOCK)
         # Successive accesses to a block split it only once. The tuple is replaced in one
         # assignment, because several threads may read the column.
@@ -268,8 +285,9 @@ def numbers_in(texts: Sequence[str]) -> Array:
 
     joined, values = "".join(texts), np.empty(0)
     # Cells that are not numbers are rare. Without such cells all cells are converted together,
-    # which is faster. Otherwise `float` raises ValueError, and the cells are converted one by one
-    # below. So are texts with underscores or digits of other alphabets, which `float` accepts.
+    # which is faster. If a cell is not a number, `float` raises ValueError, and each cell is
+    # converted separately below. Cells with underscores or digits of other alphabets are also
+    # converted separately, because `float` accepts them, but this function must not.
     with suppress(ValueError):
         if joined.isascii() and "_" not in joined:
             if "" in texts:
@@ -348,12 +366,21 @@ def stream_table(
     error: type[TdintError] = ModelError,
     read_first: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
-    """Open a CSV file with a header, and read its rows one by one without storing them.
+    """Open a CSV file with a header, and read each row on demand without storing it.
 
     Parameters
     ----------
-    source, needs, columns, comment, error
-        Parameters of `read_table`.
+    source : str
+        Name of the file; `-` is standard input.
+    needs : str
+        Description of a valid file, for messages.
+    columns : collection of str, optional
+        Names of the columns that will be read, which must be unique in the header. By default, all
+        names must be unique.
+    comment : str
+        First characters of comment lines above the header; empty if such lines are not allowed.
+    error : type
+        Type of the exceptions for this type of file.
     read_first : bool
         True to read the bytes of the complete file before the first row. Its size is limited to
         `MOST_BYTES`.
@@ -368,10 +395,11 @@ def stream_table(
     Raises
     ------
     TdintError
-        As for `read_table`. Errors in rows are raised when the row is read.
+        The file cannot be read, is not UTF-8 text, is empty, or has two columns with the same name.
+        The type is `error`. An error in a row is raised when the row is read.
     """
-    # A pipe can be read only once. Therefore its complete content is read first, which also gives
-    # the digest.
+    # A pipe cannot be read again, but its digest and its rows are both needed. Therefore its
+    # complete content is read into memory first.
     if read_first or source == STDIN or not is_file(source):
         # Decode the bytes row by row, because decoded text can require four bytes per character.
         data = io.BytesIO(_read_checked_bytes(source, needs, error))
@@ -380,7 +408,8 @@ def stream_table(
     else:
         record_digest(source, lambda: digest_of(Path(source)))
         rows = _stream_rows(source, error)
-    # Skip the comment lines. The header is the next row.
+    # The header is the first row that is not a comment line. `next` returns an empty row at the end
+    # of the file.
     header_line, header = next(rows, (0, []))
     while comment and header and header[0].lstrip().startswith(comment):
         header_line, header = next(rows, (0, []))
@@ -395,7 +424,10 @@ def stream_table(
 
 
 def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line number and the cells of each row of a file, which is read in parts."""
+    """Yield the line number and the cells of each row of a CSV file, which is read in parts.
+
+    Raise an exception of the type `error` for a null character, or if the file is not UTF-8 text.
+    """
     with Path(source).open(encoding="utf-8-sig", newline="") as file:
 
         def lines() -> Iterator[str]:
@@ -435,6 +467,7 @@ def _parse_rows(
     error : type
         Type of the exceptions.
     """
+    # The line break before the appended row ends the last line of a file that has no line break.
     reader = csv.reader(chain(lines, ("\n", f"{_LAST_ROW}\n")), skipinitialspace=True)
     is_complete = False  # True if the appended row was read as a separate row
     previous_line = last_line = 0
@@ -447,12 +480,24 @@ def _parse_rows(
     except csv.Error as csv_error:
         raise error(f"{source}:{reader.line_num}: invalid CSV: {csv_error}") from None
     if not is_complete:
-        # The last row contains the rest of the file; the quotation mark is below the row before it.
+        # The last row that was read contains the quotation mark and all of the file that follows.
+        # Only its last line is known, so the message names the row before it.
         raise error(f"{source}: a quotation mark below line {previous_line} is not closed")
 
 
 def _read_checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
-    """Read a complete file, check that it is UTF-8 text, and register it as an input."""
+    """Read a complete file, check its content, and record its digest as an input of the command.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file; `-` is standard input.
+    needs : str
+        Description of a valid file, for messages.
+    error : type
+        Type of the exception that is raised if the file cannot be read, is larger than
+        `MOST_BYTES`, is not UTF-8 text, or contains a null character.
+    """
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
     data = read_whole(
         source, error, {FileNotFoundError: f"file not found; {needs}"}, large, MOST_BYTES

@@ -41,7 +41,7 @@ class TdintError(Exception):
 
 
 def _unpickle(error_type: type[TdintError], arguments: tuple[Any, ...]) -> TdintError:
-    """Create an error of a type without calling its `__init__`."""
+    """Create an exception from its `args` for pickle, without calling its `__init__`."""
     return error_type.__new__(error_type, *arguments)
 
 
@@ -115,7 +115,10 @@ class OutputError(TdintError):
 
 
 def abridged(text: str) -> str:
-    """Return a text without the middle part of its long lines."""
+    """Return a text without the middle part of each line above 1000 characters.
+
+    Such a line keeps its first 700 and its last 250 characters, with ` ... ` between them.
+    """
     if len(text) <= _MAX_LINE_LENGTH:
         return text
     return "\n".join(
@@ -148,6 +151,17 @@ def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
 
 
 def did_you_mean(name: str, names: Iterable[str], cutoff: float = 0.6) -> str:
-    """Return the end of a message about an unknown name: the most similar valid name, if any."""
+    """Return the end of a message about an unknown name, such as `; did you mean 'mass'?`.
+
+    Parameters
+    ----------
+    name : str
+        The unknown name.
+    names : iterable of str
+        The valid names.
+    cutoff : float
+        Minimum similarity, between 0 and 1, as in `nearest`. Without a name this similar, the
+        result is empty.
+    """
     similar = nearest(name, names, cutoff)
     return f"; did you mean {similar!r}?" if similar else ""

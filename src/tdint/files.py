@@ -53,8 +53,8 @@ def protect_input(source: str | Path) -> None:
     protected = PROTECTED.get()
     if protected is None:
         return
-    # The errors are raised if no file has this name, or if standard input is closed. They are
-    # ignored here, because reading the input will report them.
+    # If no file has this name, or if standard input is closed, these calls raise an error. It is
+    # ignored here, because reading the input will report it.
     with suppress(OSError, ValueError, AttributeError):
         status = os.fstat(sys.stdin.fileno()) if str(source) == STDIN else Path(source).stat()
         if stat.S_ISREG(status.st_mode):
@@ -124,20 +124,24 @@ def read_whole(
     source: str | Path,
     error: type[TdintError],
     messages: Mapping[type[Exception], str],
-    large: str,
+    too_large_text: str,
     most: int,
 ) -> bytes:
-    """Read a file that must not be larger than `most`.
+    """Read a file that must not be larger than `most` bytes.
 
     Parameters
     ----------
-    source, error, most
-        As for `read_at_most`.
+    source : str or Path
+        Path, or `-` for standard input.
+    error : type
+        Type of the exceptions.
     messages : mapping of type to str
         Messages for exceptions of the operating system, by the type of the exception. Other
         exceptions are reported with the message of the operating system.
-    large : str
+    too_large_text : str
         Message if the file is too large.
+    most : int
+        Maximum size, bytes.
 
     Raises
     ------
@@ -147,7 +151,7 @@ def read_whole(
     try:
         # A file of a known size is refused before it is read.
         if str(source) != STDIN and is_file(source) and Path(source).stat().st_size > most:
-            raise error(f"{source}: {large}")
+            raise error(f"{source}: {too_large_text}")
         data = read_at_most(source, most, error)
     except (OSError, ValueError) as exception:
         reason = f"cannot be read: {getattr(exception, 'strerror', None) or exception}"
@@ -157,7 +161,7 @@ def read_whole(
                 break
         raise error(f"{source}: {reason}") from None
     if len(data) > most:
-        raise error(f"{source}: {large}")
+        raise error(f"{source}: {too_large_text}")
     return data
 
 
@@ -174,8 +178,11 @@ def _read(file: BinaryIO, most: int) -> bytes:
 
 
 def is_named_pipe(source: str | Path) -> bool:
-    """Return True if opening a file may block; False for pipes of a shell (`<(command)`)."""
-    if str(source).startswith(("/dev/fd/", "/proc/")):
+    """Return True if a path is a named pipe (FIFO), which may block when it is opened.
+
+    The result is False for the pipes of a shell (`<(command)`), which end with their command.
+    """
+    if str(source).startswith(("/dev/fd/", "/proc/")):  # names of the pipes of a shell
         return False
     try:
         return stat.S_ISFIFO(Path(source).stat().st_mode)
@@ -322,6 +329,7 @@ def write_files(
             _write(file, content, stream)
 
     def digests() -> dict[Path, str]:
+        """Return the SHA-256 of each file that has been written under its temporary name."""
         return {file: digest_of(temporary) for file, temporary in temporaries.items()}
 
     try:
@@ -374,9 +382,10 @@ def digest_of(file: Path) -> str:
 
 
 def _write(file: Path, content: Content, stream: BinaryIO) -> None:
-    """Write the content of a file, compressed if its name ends with .gz.
+    """Write the content of a file to a stream, compressed with gzip if its name ends with .gz.
 
-    The compressed bytes do not depend on the time or the name.
+    The compressed bytes do not depend on the time or the name, so that equal contents result in
+    equal files.
     """
     writer = (lambda into: into.write(content)) if isinstance(content, bytes) else content
     if file.suffix.lower() != ".gz":
@@ -478,15 +487,20 @@ def _make_folders(folder: Path) -> list[Path]:
 
 
 def _move(temporary: Path, file: Path, overwrite: bool) -> None:
-    """Rename a temporary file. Without `overwrite`, a file created in the meantime is kept."""
+    """Rename a temporary file to its final name; symbolic links of the final name are followed.
+
+    Raise OutputError if the file exists and `overwrite` is False. Another process may have created
+    it after `check_outputs`.
+    """
     target = os.path.realpath(file)
     with _as_output_error(file):
         if not overwrite:
+            # Creating a hard link fails if the target exists. Renaming would replace the target.
             try:
                 os.link(temporary, target)
             except FileExistsError:
                 raise _exists(file) from None
-            except OSError:  # A file system without hard links.
+            except OSError:  # the file system does not support hard links
                 if Path(target).exists():
                     raise _exists(file) from None
             else:

@@ -48,8 +48,8 @@ def number_text(value: float, digits: int = DIGITS, *, unlike: float | None = No
     digits : int
         Number of significant digits, 3 or 4; trailing zeros are omitted.
     unlike : float, optional
-        A limit that the number does not meet. If the rounded number is equal to the limit, digits
-        are added until they differ. With the limit 0.9, the result is 0.89999, not 0.9.
+        A limit that the number does not meet. If the rounded number and the rounded limit are
+        equal, digits are added until they differ: 0.89999 with the limit 0.9 is not written as 0.9.
     """
     text = f"{value:.{digits}g}"
     if unlike is None or value == unlike:
@@ -81,10 +81,11 @@ def table_number(value: float, largest: float | None = None) -> str:
     if math.isnan(value):
         return ""
     text = number_text(value)
-    if "e" not in text or value == 0.0:
+    if "e" not in text or value == 0.0:  # the text has no power of ten
         return text
     if abs(value) >= 1.0:
         return f"{float(text):.0f}"
+    # The power of ten is negative, so the absolute value is below 0.0001.
     if largest is None:
         return f"below {_SMALL}"
     return "0" if abs(value) < _SMALL * largest else f"{value:.7f}"
@@ -98,12 +99,12 @@ def abbreviate(names: Sequence[str], limit: int) -> str:
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:
-    """Parse the lines at the top of a report, such as `Project: Bridge 7; Author: A. B.`.
+    """Parse the additional lines at the top of a report, such as `Project: Bridge 7`.
 
     Parameters
     ----------
     text : str
-        Lines in the form NAME: TEXT, separated by semicolons.
+        Lines in the form NAME: TEXT, separated by semicolons: `Project: Bridge 7; Author: A. B.`.
 
     Returns
     -------
@@ -205,15 +206,19 @@ class Grid:
 
 
 def parse_grid(text: str) -> Grid:
-    """Parse a grid `first:last:count`, such as `0.01:10:200`, or a single number.
+    """Parse a geometric sequence of numbers `first:last:count`, such as `0.01:10:200`, or a single
+    number.
 
     Raises
     ------
     UsageError
-        The text has another form, a number is not positive, or `first` is not less than `last`.
+        The text has another form, a number is not positive, `first` is not less than `last`, or
+        `count` is not between 2 and `MAX_GRID_POINTS`.
     """
     first, *more = text.split(":")
     try:
+        # A single number is a grid with a single point. Any number of colons other than 0 and 2
+        # raises ValueError.
         last, count = more or (first, "1")
         grid = Grid(float(first), float(last), int(count))
     except ValueError:

@@ -112,6 +112,7 @@ HOMES = declared_homes(__file__) | {"rows": "tdint.kernels.layout"}  # the name 
 if not TYPE_CHECKING:  # otherwise a type checker would accept every name
 
     def __getattr__(name: str) -> Any:
+        """Import a public name at its first use; raise AttributeError for an unknown name."""
         if name == "__all__":  # `help` shows these names
             return __dir__()
         if name not in HOMES:
@@ -123,4 +124,5 @@ if not TYPE_CHECKING:  # otherwise a type checker would accept every name
 
 
 def __dir__() -> list[str]:
+    """Return the sorted public names."""
     return sorted(HOMES)

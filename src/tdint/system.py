@@ -109,7 +109,7 @@ def memory() -> int | None:
 
     kilobytes = ctypes.c_ulonglong()
     kernel.GetPhysicallyInstalledSystemMemory(ctypes.byref(kilobytes))
-    return 1024 * kilobytes.value or None
+    return 1024 * kilobytes.value or None  # the value remains 0 if the call fails
 
 
 def set_nonblocking(descriptor: int) -> None:
@@ -262,6 +262,7 @@ def file_system(folder: Path) -> str:
         drive = os.path.splitdrive(path)[0]
         return "network drive" if kernel.GetDriveTypeW(drive + "\\") == _REMOTE_DRIVE else ""
     types = _mount_types_macos() if sys.platform == "darwin" else _mount_types_linux()
+    # Mount points that are the directory or contain it. `rstrip` is for the mount point "/".
     containing = [
         point for point in types if path == point or path.startswith(point.rstrip("/") + "/")
     ]
@@ -336,6 +337,7 @@ def this_host() -> str:
     with suppress(OSError):  # these files exist on Linux only
         identifiers.append(Path("/proc/sys/kernel/random/boot_id").read_text())
         identifiers.append(str(Path("/proc/self/ns/pid").readlink()))
+    # The identifier is part of names of files, so other characters are replaced.
     file_name = re.sub(r"[^A-Za-z0-9_.]", "_", name)[:64]
     return f"{file_name}.{hashlib.sha256('|'.join(identifiers).encode()).hexdigest()[:8]}"
 
@@ -346,8 +348,8 @@ def process_start(process: int) -> int:
         fields = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()
     except OSError:
         return 0
-    # The state of a process that has ended is Z (zombie) or X (dead). Field 22 of the line is the
-    # start time; `fields` starts with field 3.
+    # `fields` starts with field 3 of the line (see proc(5)), the state: Z (zombie) or X (dead) for
+    # a process that has ended. The start time is field 22, which has the index 19.
     return 0 if fields[0] in (b"Z", b"X") else int(fields[19])
 
 
@@ -434,6 +436,7 @@ def spawn_detached(arguments: list[str], folder: Path) -> None:
     """
     import subprocess
 
+    # The program must be able to import the same modules as this process.
     path = os.pathsep.join(filter(None, sys.path))
     options: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     if sys.platform == "win32":
@@ -457,7 +460,7 @@ def spawn_detached(arguments: list[str], folder: Path) -> None:
 
 
 def lock(descriptor: int) -> bool:
-    """Lock an open file for this process until the file is closed.
+    """Lock an open file for this process until the file is closed, without waiting.
 
     Return True if the file is locked, or if its file system does not support locks. Return False if
     another process has locked it. `descriptor` is the file descriptor of the file.
@@ -468,9 +471,9 @@ def lock(descriptor: int) -> bool:
         return _lock_on_windows(descriptor)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    except BlockingIOError:  # another process has locked the file
         return False
-    except OSError:
+    except OSError:  # the file system does not support locks
         return True
     return True
 
@@ -480,7 +483,7 @@ def _lock_on_windows(descriptor: int) -> bool:
     `descriptor` is the file descriptor of the file."""
     try:
         import msvcrt
-    except ImportError:
+    except ImportError:  # the system is not Windows and has no `fcntl`
         return True
     try:
         msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
@@ -559,9 +562,9 @@ def on_threads(
     Parameters
     ----------
     work : callable
-        Function of one item.
+        Function that receives an item and returns its result.
     items : iterable
-        Items.
+        Items; None is not allowed.
     jobs : int
         Number of threads.
     """
@@ -577,7 +580,8 @@ def on_threads(
                 len(running) < _SUBMITTED_PER_THREAD * jobs
                 and (item := next(remaining, None)) is not None
             ):
-                # The context records the files that the thread reads.
+                # The thread runs in a copy of the present context (`contextvars`), which contains
+                # the records of the files that the command reads.
                 running.add(pool.submit(copy_context().run, work, item))
             if not running:
                 return
@@ -595,10 +599,12 @@ __version__ = "0.2.0"
 
 @cache
 def version_of_sources() -> tuple[str, str]:
-    """Return the version and the hash of the sources (16 hexadecimal digits).
+    """Return the version of tdint, and the first 16 hexadecimal digits of the SHA-256 of its
+    sources.
 
-    The version includes the hash (`0.2.0+sources.1a2b3c4d`) unless the sources are those of the
-    installed package. A checkout always includes the hash, because changes cannot be detected.
+    If the sources differ from the installed package, the version includes the start of the hash:
+    `0.2.0+sources.1a2b3c4d`. The version of a checkout always includes it, because a checkout has
+    no list of unchanged files.
     """
     from base64 import urlsafe_b64encode
     from hashlib import sha256

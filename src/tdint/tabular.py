@@ -103,6 +103,7 @@ def progress_reporter(requested: bool | Progress, count: int, unit: str) -> Iter
     ) as bar:
 
         def advance_bar(done: int, total: int) -> None:
+            """Set the bar to `done` parts; `update` expects the increment."""
             bar.update(done - bar.n)
 
         yield advance_bar
@@ -278,6 +279,7 @@ def map_over_first(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def wrapper(*arguments: Any, **keywords: Any) -> Any:
+        """Call the function, or call it for each member of a list and return a `ResultList`."""
         if arguments:
             first, further = arguments[0], arguments[1:]
         else:  # the first argument is passed by name
@@ -311,10 +313,12 @@ class FunctionPackage(ModuleType):
 
     @property
     def _function(self) -> Callable[..., Any]:
+        """Public function with the name of the package, such as `campaign` for `tdint.campaign`."""
         return type(self).functions(self.__name__.rpartition(".")[2])
 
     @property
     def __signature__(self) -> inspect.Signature:
+        """Signature of the function, which `help` and editors display."""
         return inspect.signature(self._function)
 
     @property
@@ -326,7 +330,10 @@ class FunctionPackage(ModuleType):
 
 
 def declared_homes(file: str) -> dict[str, str]:
-    """Return the module that defines each name that a source file imports for type checkers only.
+    """Return the module of each name that a source file imports, read from the text of the file.
+
+    The imports are below `if TYPE_CHECKING:` and are never executed; the file imports a name from
+    its module at the first use.
 
     Parameters
     ----------
@@ -336,7 +343,7 @@ def declared_homes(file: str) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Module by name.
+        Name of the module by imported name.
     """
     text = Path(file).read_text(encoding="utf-8")
     lines = re.findall(r"^    from (tdint\.\S+) import (?:\(\s*)?(\w+) as \2\b", text, re.MULTILINE)
@@ -344,9 +351,13 @@ def declared_homes(file: str) -> dict[str, str]:
 
 
 def modules_on_use(package: str) -> Callable[[str], ModuleType]:
-    """Return a `__getattr__` for a package that imports its modules at their first use."""
+    """Return a `__getattr__` for a package that imports its modules at their first use.
+
+    `package` is the full name of the package, such as `tdint.output.tables`.
+    """
 
     def import_on_use(name: str) -> ModuleType:
+        """Import the module `name` of the package; raise AttributeError if there is no module."""
         if find_spec(f"{package}.{name}") is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return import_module(f"{package}.{name}")

@@ -164,7 +164,10 @@ def parse_drift(text: str) -> DriftSize:
 
 
 def canonical(name: str) -> str:
-    """Return a unit in the spelling of `GROUND_MOTION`; an unknown unit in lower case."""
+    """Return a unit in the spelling of `GROUND_MOTION`, such as `cm/s^2` for `CM / sec**2`.
+
+    An unknown unit is returned in lower case and without blanks.
+    """
     plain = (
         "".join(name.split())
         .lower()
@@ -173,6 +176,7 @@ def canonical(name: str) -> str:
         .replace("sec", "s")
         .replace("**", "^")
     )
+    # Replace the other notations of the squared second at the end: m/s/s, m/s2 and m/(s^2).
     plain = re.sub(r"/(s/s|s2|\(s\^2\))$", "/s^2", plain)
     return "gal" if plain == "gals" else plain
 
@@ -200,6 +204,7 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
         units = parse_units(text)
     except UsageError:
         units = None
+    # `has_factor` is False for a unit without a number before it.
     if units is None or not units.has_factor or units.quantity != quantity:
         raise UsageError(
             f"{key} must be a number with its unit, such as {example}, got {text[:40]!r}".lstrip()
@@ -259,10 +264,11 @@ class Quantity:
 
 
 def quantities(declaring: type) -> tuple[Quantity, ...]:
-    """Return the quantities that the fields and properties of a class declare.
+    """Return the `Quantity` objects in the annotations of the fields and properties of a class.
 
-    They are in the order of the attribute `columns` of the class if it exists, otherwise in the
-    order of declaration.
+    Such an annotation is `Annotated[float, Quantity("m", "peak drift")]`. The result is in the
+    order of the attribute `columns` of the class if it exists, otherwise in the order of
+    declaration. The name and the type of each quantity are set from its field.
     """
     # Annotations are texts. Their names are defined in the modules of the class and of its bases.
     namespace: dict[str, Any] = {}
@@ -362,7 +368,7 @@ class OutputUnits:
         return chosen.get(si, (si, 1.0))
 
     def of(self, value: Any, si: str) -> Any:
-        """Convert a number or an array from an SI unit to the output unit."""
+        """Convert a number or an array from the SI unit `si` to its output unit."""
         return value / self.unit(si)[1]
 
     def text(self, value: float, si: str) -> str:

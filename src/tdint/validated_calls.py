@@ -39,6 +39,7 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
 
     @functools.wraps(function)
     def wrapper(*arguments: Any, **keywords: Any) -> Any:
+        """Call the function; convert an error that an argument causes to a UsageError."""
         try:
             return function(*arguments, **keywords)
         except TdintError:
@@ -48,7 +49,8 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
                 bound = inspect.signature(function).bind(*arguments, **keywords)
             except TypeError as binding_error:  # a missing or an unknown argument
                 raise WrongCall(f"{name}: {binding_error}") from None
-            # If no argument has a wrong type, the error is a bug of tdint.
+            # `_wrong_argument` returns None if all arguments are valid. Then the error is a bug of
+            # tdint and is raised unchanged.
             raise _wrong_argument(name, bound) or error from error
 
     # pickle imports the function by its public name.
@@ -62,10 +64,17 @@ def _wrong_argument(function: str, arguments: inspect.BoundArguments) -> UsageEr
     If all arguments match, the error is for the first argument with an annotation such as `Any` or
     `AnyModel`: it matches every value, so that the value may still be the cause of the failure.
     Without such an argument, return None.
+
+    Parameters
+    ----------
+    function : str
+        Public name of the called function, for the message.
+    arguments : inspect.BoundArguments
+        Arguments of the call by name of the parameter.
     """
-    unchecked_error = None
+    unchecked_error = None  # error for the first argument that matches every value
     for parameter in arguments.signature.parameters.values():
-        if parameter.name not in arguments.arguments:
+        if parameter.name not in arguments.arguments:  # the call did not pass this argument
             continue
         value = arguments.arguments[parameter.name]
         is_variadic = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
@@ -103,7 +112,15 @@ def _accepts_any(annotation: ast.AST) -> bool:
 
 
 def _matches(value: Any, annotation: ast.expr) -> bool:
-    """Return True if a value matches an annotation, or if the annotation cannot be checked."""
+    """Return True if a value matches an annotation, or if the annotation cannot be checked.
+
+    Parameters
+    ----------
+    value : object
+        Value of an argument.
+    annotation : ast.expr
+        Parsed annotation of the parameter, such as `Sequence[float] | None`.
+    """
     match annotation:
         case ast.BinOp():  # the operator | of a union
             return _matches(value, annotation.left) or _matches(value, annotation.right)
@@ -123,6 +140,7 @@ def _matches(value: Any, annotation: ast.expr) -> bool:
             is_sequence = isinstance(value, Iterable) and not isinstance(
                 value, str | bytes | Mapping
             )
+            # An array without axes (a numpy number) is iterable by its type, but not in fact.
             is_sequence = is_sequence and getattr(value, "ndim", 1) > 0
             return is_sequence and (
                 not hasattr(value, "__len__") or all(_matches(item, member) for item in value)
@@ -144,7 +162,8 @@ def _matches(value: Any, annotation: ast.expr) -> bool:
             return isinstance(value, _SIMPLE_TYPES[name][0]) and not is_bool
         case ast.Name(id=name):
             # Types are compared by name, because modules imported for annotations only are not
-            # loaded at run time.
+            # loaded at run time. Aliases of callables, such as `Progress`, are not types, so any
+            # callable is accepted.
             return (
                 _accepts_any(annotation)
                 or callable(value)
@@ -164,7 +183,7 @@ _SIMPLE_TYPES: dict[str, tuple[tuple[type, ...], str]] = {
 
 
 def _as_text(annotation: ast.expr) -> str:
-    """Return an annotation as text for a message."""
+    """Return the description of an annotation for a message, such as `a number or None`."""
     match annotation:
         case ast.BinOp():
             return f"{_as_text(annotation.left)} or {_as_text(annotation.right)}"

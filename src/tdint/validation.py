@@ -201,8 +201,8 @@ def _free_vibration() -> Array:
 
 
 def _resonance() -> Array:
-    """Return the displacement (m) at 4.9 s of an undamped oscillator, initially at rest, under a
-    force of 1 N at its natural frequency.
+    """Return the displacements (m) at 4.9 s of an undamped oscillator, initially at rest, under a
+    sinusoidal force of amplitude 1 N at its natural frequency, by `moment4` and `impulse4`.
     """
     force = {
         "excitation": {"forces": [{"floor": 1, "amplitude": 1.0, "omega": _OMEGA, "phase": "sin"}]}
@@ -216,8 +216,8 @@ def _resonance() -> Array:
 
 
 def _sudden_step() -> Array:
-    """Return the maximum displacements (m) of oscillators under a ground acceleration that is
-    constant, 1 m/s^2, from the start.
+    """Return the maximum displacements (m) of undamped oscillators with periods of 0.3, 1 and 3 s
+    under a ground acceleration that is constant, 1 m/s^2, from the start.
     """
     record = make_record(np.ones(1001), dt=0.01, units="m/s^2")
     return np.asarray(spectrum(record, np.array([0.3, 1.0, 3.0]), damping=0.0).sd).ravel()
@@ -230,14 +230,21 @@ _DUFFING = {
 
 
 def _duffing_frequency() -> tuple[float, float]:
-    """Return the circular frequency (rad/s) and the parameter m of the elliptic cosine."""
+    """Return the circular frequency omega (rad/s) and the parameter m of the Duffing oscillator.
+
+    Released at 1.5 m, it has the displacement 1.5 cn(omega t, m), where cn is the elliptic cosine.
+    For u'' + a u + b u^3 = 0 and the amplitude A, omega^2 = a + b A^2 and m = b A^2 / (2 omega^2).
+    """
     square = 100.0 + 1000.0 * 1.5**2
     return math.sqrt(square), 1000.0 * 1.5**2 / (2.0 * square)
 
 
 def _duffing() -> Array:
-    """Return the displacement (m) after 13.3 periods, with a time step of 1/300 period."""
+    """Return the displacements (m) of the Duffing oscillator after 13.3 periods, computed by
+    `moment4` and `impulse4` with a time step of 1/300 period.
+    """
     omega, m = _duffing_frequency()
+    # The period of cn is 4 K(m), where K is the complete elliptic integral (`ellipk`).
     period = 4.0 * float(ellipk(m)) / omega
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
     return np.array(
@@ -263,22 +270,26 @@ def _energy_conservation() -> Array:
 def _bilinear_loop() -> Array:
     """Return the hysteretic energy (J) of a bilinear story in a complete cycle.
 
-    The closed form is 4 (1 - a) Fy (D - dy).
+    The closed form is 4 (1 - a) Fy (D - dy), with the hardening ratio a = 0.05, the yield force
+    Fy = 10 N, the amplitude D = 0.03 m (1 % of the height) and the yield drift dy = 0.01 m.
     """
     law = {"type": "bilinear", "yield_force": 10.0, "hardening": 0.05}
     model = load_model({"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 1000.0, "law": law}]})
+    # The first cycle starts at zero drift, so only the second cycle is a closed loop.
     return np.array([cyclic_test(model, 1, ["1%", "1%"], points=100).cycles[1].hysteretic_energy])
 
 
 def closed_form_cases() -> tuple[ValidationCase, ...]:
     """Return the cases with closed-form solutions."""
-    # Free vibration from 1 m; resonance for 4.9 s from rest; twice the static displacement; the
-    # elliptic cosine of the Duffing oscillator.
+    # Damped free vibration from 1 m, after 1.3 s.
     damped, decay = _OMEGA * math.sqrt(1.0 - _XI**2), math.exp(-_XI * _OMEGA * 1.3)
     free = decay * (math.cos(damped * 1.3) + _XI / math.sqrt(1.0 - _XI**2) * math.sin(damped * 1.3))
+    # Undamped oscillator from rest under sin(omega t), after 4.9 s.
     angle = _OMEGA * 4.9
     resonance = (math.sin(angle) - angle * math.cos(angle)) / (2.0 * _OMEGA**2)
+    # Sudden step: twice the static displacement, (1 m/s^2) / omega^2.
     steps = tuple(2.0 * (period / (2.0 * math.pi)) ** 2 for period in (0.3, 1.0, 3.0))
+    # Duffing oscillator: the elliptic cosine after 13.3 of its periods 4 K(m).
     _, m = _duffing_frequency()
     duffing = 1.5 * float(ellipj(13.3 * 4.0 * float(ellipk(m)), m)[1])
     computations = {
@@ -322,7 +333,11 @@ _PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
 
 
 def _bathe(method: str) -> Array:
-    """Return the displacements at 3.36 s of Bathe's two masses between walls (12 steps)."""
+    """Return the displacements at 3.36 s (12 steps) of the two masses between walls in Bathe's
+    textbook, without units, shape (2,).
+
+    Equations: 2 u1'' + 6 u1 - 2 u2 = 0 and u2'' - 2 u1 + 4 u2 = 10.
+    """
     model = {
         # The spring from the second mass to the wall is a story below a mass that is so large that
         # it does not move.
@@ -366,9 +381,9 @@ def _eigenvalues_of_three_masses() -> Array:
 
 
 def _frequencies_of_eight_masses() -> Array:
-    """Return the natural frequencies (Hz) of eight masses between walls.
+    """Return the natural frequencies (Hz) of eight masses between walls, shape (8,).
 
-    The upper wall is modeled as a mass; its frequency, the lowest, is omitted.
+    The upper wall is modeled as a very large mass; its frequency, the lowest, is omitted.
     """
     masses, wall = {"repeat": 8, "mass": 10, "stiffness": 1e5}, {"mass": 1e13, "stiffness": 1e5}
     return _circular_frequencies(masses, wall)[1:] / (2.0 * math.pi)

@@ -89,12 +89,15 @@ def pushover_page(
 
 
 def _with_method_names(table: Table) -> Table:
-    """Replace the keys of methods by their names."""
+    """Replace the keys of the methods for target displacements in a table by their names."""
     return table.with_values("method", lambda key: method_name(str(key)))
 
 
 def method_name(key: str) -> str:
-    """Return the name of a method for target displacements, with its clause."""
+    """Return the name of a method for target displacements and its clause in the building code.
+
+    `key` is `n2` or `coefficients`.
+    """
     return _METHODS[key]
 
 
@@ -154,8 +157,9 @@ def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = 
 
 
 def _modes_on_target(result: ModalResponse, units: OutputUnits) -> Figure:
-    """Return the figure of the target spectrum with the modes of the building."""
-    # Show the usual periods of a report, extended to include all modes (longest period first).
+    """Return the figure of the target spectrum with marks at the modes of the building."""
+    # Show the usual periods of a report, extended to include all modes. `result.period` is in
+    # descending order.
     target = result.target
     shortest = min(SPECTRUM_PERIODS[0], 0.9 * float(result.period[-1]))
     longest = max(SPECTRUM_PERIODS[1], 1.3 * float(result.period[0]))
@@ -176,7 +180,11 @@ _ENOUGH_MASS = 0.9
 
 
 def _draw_low(draw: Callable[[], Figure]) -> Figure:
-    """Return a low figure with its legend at the right, which leaves space for other figures."""
+    """Create a figure, reduce its height, and move its legends to the right of the axes.
+
+    The page then has space for other figures. `draw` is a function without arguments that returns
+    the figure.
+    """
     figure = draw()
     figure.set_size_inches(8.0, 3.2)
     for axes in figure.axes:
@@ -290,7 +298,8 @@ def _mode_verdict(model: Model, mass_ratios: Array, cumulative_mass_ratios: Arra
     """
     building = assemble(model)
     period, damping = building.first_period, building.first_mode()[1]
-    # `argmax` returns the index of the first mode at which the modes contain the required mass.
+    # For an array of Booleans, `argmax` returns the index of the first True: the first mode at
+    # which the cumulative mass reaches the required fraction.
     count = int(np.argmax(cumulative_mass_ratios >= _ENOUGH_MASS)) + 1
     return (
         f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping, "
@@ -309,7 +318,8 @@ _MODAL_ASSUMPTIONS = (
 
 
 def _sensors(comparisons: Sequence[Comparison]) -> str:
-    """Return the recordings at the base, as file and component or column."""
+    """Return a list of the recordings at the base of the building as text, for example
+    `station.mseed HNE, station.mseed HNN`: file, and component or column."""
     sensors = [sensor for item in comparisons for sensor in item.event.recording.base]
     names = (
         " ".join(

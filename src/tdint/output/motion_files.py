@@ -41,7 +41,7 @@ def motion_file_names(motions: Sequence[GroundMotion], kind: str) -> list[str]:
     motions : sequence of Record or Horizontals
         The motions. The sources are the files that they were read from.
     kind : str
-        One of `FORMATS`; also the suffix of the names.
+        Format of the files, which is also the suffix of the names: mseed, at2 or csv.
     """
     names_of_motions = [_names_of_components(components(motion), kind) for motion in motions]
     count = Counter(name for names in names_of_motions for name in names)
@@ -61,9 +61,16 @@ def motion_contents(
     Parameters
     ----------
     motions : sequence of Record or Horizontals
-        The motions.
+        The ground motions.
     kind : str
-        One of `FORMATS`.
+        Format of the files: mseed, at2 or csv.
+
+    Returns
+    -------
+    list of bytes
+        Content of the file of each component, in the order of `motion_file_names`.
+    tuple of str
+        Notes, for example about a shortened station code; empty for AT2 and CSV.
 
     Raises
     ------
@@ -99,9 +106,15 @@ def motion_contents(
 
 
 def _names_of_components(records: Sequence[Record], kind: str) -> list[str]:
-    """Return file names for the components of one motion, from which readers recognize a pair.
+    """Return file names for the components of a ground motion, such that readers recognize two
+    files as the components of a pair by their names.
 
-    The name of a single component contains the component.
+    Parameters
+    ----------
+    records : sequence of Record
+        One component, or the two components of a pair.
+    kind : str
+        Suffix of the names, without a dot.
     """
     stems = [Path(record.source).stem.strip(" -") or "motion" for record in records]
     suffixes = [_component_suffix(record.component) for record in records]
@@ -109,10 +122,13 @@ def _names_of_components(records: Sequence[Record], kind: str) -> list[str]:
         f"{stem}-{suffix}".rstrip("-") for stem, suffix in zip(stems, suffixes, strict=True)
     ]
     if len(records) == 1:
+        # The file name of a single component must contain the component.
         has_component = _is_in_name(suffixes[0], stems[0])
         return [f"{(stems if has_component else with_suffixes)[0]}.{kind}"]
 
-    # Use the first pair of names by which the two files are recognized as one motion.
+    # Try the names of the sources, these names with the component, and the common start of the
+    # names with the component. Use the first pair of names that identifies the two files as one
+    # ground motion.
     common = os.path.commonprefix(stems).rstrip(" -_.") or stems[0]  # noqa: RUF071  of letters
     for candidates in (stems, with_suffixes, [f"{common}-{suffix}" for suffix in suffixes]):
         names = [f"{name}.{kind}" for name in candidates]
@@ -122,7 +138,8 @@ def _names_of_components(records: Sequence[Record], kind: str) -> list[str]:
 
 
 def _is_in_name(component: str, stem: str) -> bool:
-    """Return True if a file name contains the component: a word, or a number at its end."""
+    """Return True if a file name without suffix contains the component: a name such as HNE as a
+    separate word, a direction such as 090 only at the end of the file name."""
     if component.isdecimal():
         return bool(re.search(rf"(?<!\d){component}$", stem))
     word = rf"(?<![A-Z0-9]){re.escape(component)}(?![A-Z0-9])"
@@ -130,14 +147,15 @@ def _is_in_name(component: str, stem: str) -> bool:
 
 
 def _component_suffix(component: str) -> str:
-    """Return a component as it is written at the end of a file name: directions have three
-    digits."""
+    """Return the text of a component at the end of a file name: a direction in degrees has three
+    digits (`090`), special characters are replaced by hyphens."""
     name = re.sub(r"[^\w-]+", "-", component.strip())
     return f"{int(name):03d}" if name.isdecimal() else name
 
 
 def _named_components(records: Sequence[Record]) -> list[Record]:
-    """Return the components of a motion; a pair whose components have no names gets names."""
+    """Return the components of a ground motion. If the components of a pair have no names or equal
+    names, they are called H1 and H2."""
     names = [record.component.strip() for record in records]
     if len(records) == 2 and (not all(names) or names[0] == names[1]):
         names = list(_PAIR_COMPONENTS)
@@ -145,13 +163,15 @@ def _named_components(records: Sequence[Record]) -> list[Record]:
 
 
 def _codes(record: Record) -> list[str]:
-    """Return network, station, location and channel of a record, empty if unknown."""
+    """Return the codes of the network, station, location and channel of a record; four empty texts
+    if they are unknown."""
     codes = record.id.split(".")
     return codes if len(codes) == 4 else [""] * 4
 
 
 def _csv_header(record: Record) -> bytes:
-    """Return comment lines that declare what the columns of a table of samples do not contain."""
+    """Return the comment lines at the start of a CSV file of samples: event, network, station,
+    component and start time. Unknown values are omitted."""
     network, station, _, _ = _codes(record)
     declared = {
         "event": re.sub("[,;]", " ", record.event),
@@ -164,7 +184,8 @@ def _csv_header(record: Record) -> bytes:
 
 
 def _short_stations(stations: Sequence[str]) -> dict[str, str]:
-    """Return a code of at most five letters and digits for each station, different for each."""
+    """Return a code for each station, which is unique and has at most five characters, as MiniSEED
+    requires. The keys of the result are the names of the stations."""
     codes: dict[str, str] = {}
     for station in dict.fromkeys(stations):
         letters_and_digits = re.sub(r"[\W_]+", "", station)
@@ -189,9 +210,11 @@ def _channels(names: Sequence[str]) -> list[str]:
         code, direction = name.upper(), azimuth(name)
         if len(code) > _CHANNEL and direction is not None:
             code = f"{round(direction) % 360:03d}"
-        # Replace the letter of another instrument by N, the letter of an accelerometer.
+        # The second letter of a code is the type of the instrument. It is replaced by N, the letter
+        # of accelerometers, because the file contains accelerations.
         code = _OTHER_INSTRUMENT.sub(r"\1N\2", code)
         codes.append(code if len(code) <= _CHANNEL and code.isalnum() else "")
     if len(codes) == 1:
         return codes
+    # An empty code, of a name that is not suitable, is not a direction either.
     return codes if at_right_angles(*codes) else ["HN1", "HN2"]

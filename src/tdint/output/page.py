@@ -211,6 +211,7 @@ class _Flow:
         # rounded up.
         lines = re.sub("<br>", "\n", text).split("\n")
         line_count = sum(-(-max(len(line), 1) // _LETTERS) for line in lines)
+        # The closing tag has the name of the element without attributes.
         self.body.append(f"<{element}{more}>{text}</{element.split()[0]}>")
         self.advance(line_count * _LINE + (height or _PARAGRAPH))
 
@@ -221,10 +222,16 @@ class _Flow:
         self.position = (self.position + height) % _PAGE
 
     def break_class(self, height: float) -> str:
-        """Return the HTML class of content that needs `height` (mm) on one page.
+        """Return the HTML attribute that moves content to a new page if the current page has no
+        space for it, and update the estimated position.
 
-        The class moves the content to the next page if the current page has less space; otherwise
-        it is empty. Far from the last known page break, the browser decides.
+        The attribute is empty if the content fits. It is also empty far from the last known page
+        break, where the estimated position is unreliable and the browser decides.
+
+        Parameters
+        ----------
+        height : float
+            Height that the content needs on one page, mm; infinite to require a new page.
         """
         if _PAGE - self.position >= height:
             return ""
@@ -250,7 +257,7 @@ class _Flow:
         on_new_page : bool
             True to start a new page; false by default.
         """
-        needed = _MIN_BELOW_HEADING
+        needed = _MIN_BELOW_HEADING  # mm, height of the heading and of the content that must follow
         if isinstance(part, Table):
             needed = _HEADING + _FIRST_ROWS
         elif _introduces_table(part):
@@ -335,14 +342,14 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     images: dict[int, tuple[str, float]] = {}
 
     def lay_out(scale: float, last_chapters: int = 0) -> _Flow:
-        """Return the layout for a scale of the figures and a page break before the last
-        chapters."""
+        """Return the layout with the relative height `scale` of the figures and with a page break
+        before the last `last_chapters` chapters (0: no page break)."""
         flow = _Flow(scale, last_chapters)
         return _lay_out(title_text, about, chapter_list, page_text, software, flow, images)
 
     # The layout with the lowest cost is selected. It has smaller figures if this avoids a nearly
-    # blank page. If the cost exceeds the cost of the smallest figures, a nearly blank page remains,
-    # and page breaks before the last chapters are tried.
+    # blank page. The cost of reduced figures is at most 1 - min(_SCALES). A higher cost means that
+    # a nearly blank page remains; then page breaks before the last chapters are tried as well.
     flow = min(map(lay_out, _SCALES), key=lambda layout: layout.cost)
     if flow.cost > 1.0 - _SCALES[-1]:
         with_break = (lay_out(scale, count) for count in _LAST_CHAPTERS for scale in _SCALES)
@@ -397,7 +404,7 @@ def _lay_out(
             f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in page_text.head
         )
         flow.text("p", "<br>".join(lines), more=' class="h"')
-    # The verdict comes first; warnings precede all numbers.
+    # CSS classes of the verdict. It comes first; warnings precede all numbers.
     classes = {None: "v", True: "v kept", False: "v broken"}
     for is_met, text in page_text.verdict:
         flow.text("p", _html(text), more=f' class="{classes[is_met]}"', height=6.3)
@@ -495,11 +502,13 @@ def _plain(text: str) -> str:
 
 
 def once(texts: Iterable[str]) -> list[str]:
-    """Return texts without duplicates; texts `FILE: text` that differ only in the file are merged.
+    """Return messages without duplicates, and merge messages that differ only in the file.
 
-    A merged text is `FILE; FILE: text`.
+    `a.yaml: no height` and `b.yaml: no height` become `a.yaml; b.yaml: no height`.
     """
-    files: dict[str, dict[str, None]] = {}  # dictionaries keep the order of the texts
+    # For each message without its file, the files as keys; the file is empty for a message
+    # without a file.
+    files: dict[str, dict[str, None]] = {}
     for text in texts:
         file, colon, message = text.partition(": ")
         files.setdefault(message if colon else text, {})[file if colon else ""] = None
@@ -521,6 +530,7 @@ def _draw(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
         Width and height, inches.
     """
     for image_format in ("svg+xml", "png"):
+        # The first three characters are the file extension of the format.
         drawing, stream = figures.style.picture(f".{image_format[:3]}", picture.draw), io.BytesIO()
         figure = drawing.figure()
         drawing.save(figure, stream)
@@ -568,7 +578,8 @@ def _add_table(flow: _Flow, table: Table) -> None:
     Empty columns and the zero forces of absent dampers are omitted. A table that is wider than the
     page is continued below, again with its first column.
     """
-    # Drifts and displacements of a table have one unit, which follows from their maximum.
+    # All drifts and displacements of a table have the same unit, m or mm, so that their columns can
+    # be compared. The unit follows from their common maximum.
     max_length = _max_number(table, [name for name in table.columns if _is_motion(table, name)])
     columns = []
     for name in table.columns:
@@ -681,7 +692,7 @@ def _is_motion(table: Table, name: str) -> bool:
 
 
 def _max_number(table: Table, names: Sequence[str]) -> float:
-    """Return the largest absolute number of some columns; 0 without a number."""
+    """Return the largest absolute number in the columns `names` of a table; 0 without a number."""
     indices = [table.columns.index(name) for name in names]
     numbers = (row[i] for row in table.rows for i in indices)
     return max(
@@ -695,10 +706,10 @@ _MILLIMETERS = 0.01
 
 
 def _cell_text(cell: Cell, maximum: float = 1.0) -> str:
-    """Return the text of a cell; empty for a missing value.
+    """Return the text of a cell for a report; empty for a missing value.
 
-    `maximum` is the largest absolute number of the column, which determines the decimals of all
-    numbers of the column.
+    `maximum` is the largest absolute number of the column: a number below 0.0001 times this value
+    is written as 0.
     """
     if isinstance(cell, float):
         return table_number(cell, maximum)

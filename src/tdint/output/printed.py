@@ -40,7 +40,10 @@ class PrintedAs:
     style: str | None = None
 
     def over(self, other: PrintedAs) -> PrintedAs:
-        """Return these settings, with settings of `other` for those that are not set."""
+        """Return these settings, completed by the settings of `other` that are not set here.
+
+        A title is omitted if either object omits it; the labels of both are joined.
+        """
         return PrintedAs(
             self.width or other.width,
             self.font or other.font,
@@ -85,7 +88,7 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
     UsageError
         A part is invalid, or a width is out of range.
     """
-    # Between the items there may be only commas; anything else is an unclosed quotation mark.
+    # Without the items, only commas may remain. Any other character is an unclosed quotation mark.
     if not text.strip() or re.sub(_ITEM, "", text).strip(","):
         raise UsageError(
             f"{of} {text!r} must be a width (90mm), a style sheet (paper.mplstyle) or "
@@ -184,7 +187,8 @@ def in_print(text: str, printed: PrintedAs) -> str:
     A label with a replacement is replaced. In other texts, mathematical symbols replace ASCII words
     such as omega.
     """
-    # The parameters of a method may follow its label after a colon; they are retained.
+    # The parameters of a method may follow its label after a colon. A text such as `trio:rho=0.5`
+    # is replaced completely by the replacement of `trio`.
     for label, replacement in printed.labels:
         if text.strip() == label or text.strip().startswith(f"{label}:"):
             return text.replace(text.strip(), replacement)

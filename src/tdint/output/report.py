@@ -92,7 +92,7 @@ def model_chapter(
 
 
 def first_period(model: Model) -> float:
-    """Return the first period, s, with the initial stiffness."""
+    """Return the first period of a building, s, with the initial stiffness."""
     return assemble(model).first_period
 
 
@@ -116,10 +116,12 @@ def damping_text(model: Model) -> str:
     Dashpots of stories are not included.
     """
     exception = ""
+    # Stories with `rayleigh` False (isolators) do not contribute to the damping matrix.
     if not all(story.rayleigh for story in model.stories):
         exception = ", without the share of the isolators"
     match model.damping:
         case RayleighRatio(ratios, modes):
+            # A dict removes a repeated pair of ratio and mode and keeps the order.
             pairs = dict.fromkeys(zip(ratios, modes, strict=True))
             listed = " and ".join(f"{100.0 * ratio:g} % in mode {mode}" for ratio, mode in pairs)
             return f"Rayleigh damping of {listed}{exception}"
@@ -279,9 +281,10 @@ def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) ->
 
 
 def method_text(specification: str) -> str:
-    """Return the name of a method and its publication.
+    """Return the name of a time-integration method and its publication, for reports.
 
-    Parameters that differ from their defaults are included in the name.
+    If a parameter of the specification, such as `newmark:beta=0.3`, differs from its default, the
+    complete specification is used as the name.
     """
     chosen = parse(specification)
     is_default = chosen.values == parse(chosen.method.name).values
@@ -289,12 +292,15 @@ def method_text(specification: str) -> str:
 
 
 def _quantity(table: Table, name: str) -> str:
-    """Return the name of a column without its unit."""
+    """Return the name of a column of a table without the suffix of its unit: `peak_drift` for
+    `peak_drift_m`."""
     return name.removesuffix(suffix(table.meanings[name].get("unit", TEXT)))
 
 
 def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tuple[Part, ...]:
-    """Return a heading and a table of estimated errors in percent.
+    """Return a sentence and the table of the estimated errors of the peaks of a run, in percent.
+
+    If the errors were not estimated, the result is a sentence that states this.
 
     Parameters
     ----------
@@ -379,6 +385,7 @@ def suite_page(
     record_warnings = [
         f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings
     ]
+    # `warned` contains the warnings without the file of the record.
     warned = tuple(text.partition(": ")[2] for text in record_warnings)
     notes = [note for note in plan.notes if not note.endswith(warned)]
     chapters = [
@@ -466,10 +473,15 @@ def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | N
 
 
 def _steps_and_errors(store: Store) -> tuple[str, str]:
-    """Return two clauses on a campaign: its time steps, and the maximum errors of its runs.
+    """Return two clauses for the assumptions in the report of a campaign.
 
-    The second clause states the energy imbalance and, with error estimates, the estimated error of
-    the drifts.
+    Returns
+    -------
+    str
+        Time steps of the runs.
+    str
+        Maximum energy imbalance of a run, and maximum estimated error of the drifts if errors were
+        estimated.
     """
     query = "SELECT min(dt_s), max(dt_s), max(abs(energy_error)) FROM run_rows"
     low, high, energy = store.connection.execute(query).fetchone()
@@ -492,6 +504,7 @@ def _steps_and_errors(store: Store) -> tuple[str, str]:
         estimated = (
             f"the largest estimated error of a maximum drift is {number_text(100.0 * error, 2)} %"
         )
+    # Either clause is empty if no run has a result.
     return step, "; ".join(filter(None, (estimated, imbalance)))
 
 
@@ -589,6 +602,7 @@ def _damage(store: Store) -> tuple[Part, ...]:
             "Mean loss ratios with their standard errors, and standard deviations of the loss:"
         )
     omission = ""
+    # A table with the maximum number of rows has probably been cut off above.
     if _MAX_DAMAGE_ROWS in (len(states.rows), len(losses.rows)):
         omission = "The first rows; damage-types.csv and losses.csv list all."
     return (
@@ -632,9 +646,14 @@ def _with_state_columns(table: Table) -> Table:
 
 
 def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
-    """Return the ground motions with their scale factors for each level, smallest factors first.
+    """Return the ground motions of each intensity level with their scale factors, smallest factors
+    first.
 
-    Lists that several buildings share are returned once.
+    Returns
+    -------
+    list of list of (Record, float)
+        For each level, the unscaled records and their scale factors. Levels that are equal for
+        several buildings are returned once.
     """
     # The factors are collected by building, ground motion and sample of the varied parameters.
     factors: dict[tuple[int, int, int], list[float]] = {}
@@ -775,15 +794,28 @@ def _scaled_suite(plan: Plan, levels: MotionFactors, settings: Mapping[str, Any]
 def _scaled_motions(
     plan: Plan, levels: MotionFactors, *, paired: bool
 ) -> list[tuple[GroundMotion, tuple[float, ...]]]:
-    """Return the scaled ground motions with their factors.
+    """Return the ground motions of a scaled suite with their scale factors.
 
-    If `paired` is true, pairs are returned as pairs, also if the runs use single components.
+    Parameters
+    ----------
+    plan : Plan
+        Ground motions of the campaign.
+    levels : MotionFactors
+        Factors of each ground motion.
+    paired : bool
+        True to return the components of a pair together, also if the runs use single components.
+
+    Returns
+    -------
+    list of (Record or Horizontals, tuple of float)
+        Single components or pairs, each with its scale factors.
     """
     # The keys of `first_of_second` are indices of second components, and the values are indices of
     # their first components.
     first_of_second = PairRule.of_motions(plan.motions, None).partners if paired else {}
     second_of_first = {first: second for second, first in first_of_second.items()}
-    # Both components of a pair in one file have the same object `whole`: use it as the key.
+    # The key of a ground motion is the identity of `whole`, the object that was read from a file,
+    # because both components of a pair in one file have the same object.
     motions: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
     for index, item in enumerate(plan.motions):
         motion = item.whole

@@ -286,8 +286,12 @@ def _with_provenance(
 
 
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return unit and meaning of every key with a number in a summary."""
-    # Settings are documented by --help, parameters of methods by the publications of the methods.
+    """Return the unit and the meaning of every key with a number in the summary of a run.
+
+    The keys of the result are the keys in `content`, at any depth.
+    """
+    # Settings and parameters of methods are omitted, because --help and the publications of the
+    # methods document them.
     skipped = ("settings", "method_parameters")
     names = dict.fromkeys(
         _number_keys({key: value for key, value in content.items() if key not in skipped})
@@ -308,26 +312,29 @@ def _number_keys(content: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _is_number(value: object) -> bool:
+    """Return True for a number; False for a bool, which is an int in Python."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
-    """Return the maximum demands in SI units, each with its story or floor (from 1).
+    """Return the maximum demands of a run over the stories in SI units, by the key in summary.json.
 
-    Unknown values are None.
+    Each demand is followed by its story or floor (from 1); None if it is unknown.
     """
     result: dict[str, float | int | None] = {}
     for demand in DEMANDS:
         largest = only(demand.of(stories))
         result[demand.column] = None if math.isnan(largest.value) else largest.value
-        # A demand that is defined for one story has no key for the story.
+        # A demand of a fixed story (`demand.story`), such as the base shear, does not need a key
+        # for its story.
         if demand.story is None:
             result[demand.of_place] = largest.place
     return result
 
 
 def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:
-    """Return the estimated errors of the values of `peaks`; None if an error is unknown."""
+    """Return the estimated errors of the maximum demands of a run by the key in summary.json; None
+    if an error is unknown."""
     errors_by_column = {
         f"{demand.column}_error": demand.error(stories, errors) for demand in DEMANDS
     }
@@ -335,7 +342,8 @@ def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | N
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
-    """Return the damping, and the first mode with its spectral acceleration if it is known."""
+    """Return the part of summary.json about the building: number of stories, damping, and, if they
+    are known, the first mode and the spectral acceleration at its period."""
     damping: dict[str, Any] | None = None
     match model.damping:
         case RayleighCoefficients(mass, stiffness):
@@ -358,7 +366,8 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
 
 
 def _shock(shock: Shock) -> dict[str, Any]:
-    """Return record, start and peaks of an event of a sequence, with errors if estimated."""
+    """Return the part of summary.json about one event of a sequence: its record, its start and its
+    peak responses, with their errors if these were estimated."""
     errors = peak_errors(shock.stories, shock.errors) if shock.errors else None
     record = motion_summary(shock.record)
     return {
@@ -370,7 +379,16 @@ def _shock(shock: Shock) -> dict[str, Any]:
 
 
 def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:
-    """Return the error estimate of a run; None if the errors were not estimated."""
+    """Return the part of summary.json about the error estimate of a run; None if the errors were
+    not estimated.
+
+    Parameters
+    ----------
+    check : ErrorEstimate or None
+        Error estimate of the run.
+    stories : StoryPeaks
+        Peak responses of the run; the errors are the errors of these values.
+    """
     if check is None:
         return None
     choice = check.step_choice
@@ -389,7 +407,7 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
 
 
 def _limits(checks: Sequence[LimitCheck]) -> dict[str, Any]:
-    """Return the comparisons with limits; empty without limits."""
+    """Return the part of summary.json about limits; empty if the run has no limits."""
     if not checks:
         return {}
     # Imported here, because runs without limits do not need it.
@@ -399,7 +417,8 @@ def _limits(checks: Sequence[LimitCheck]) -> dict[str, Any]:
 
 
 def _damage(response: Response) -> dict[str, Any]:
-    """Return the damage and loss of the model's damage states; empty without damage states."""
+    """Return the part of summary.json about damage: demand, damage state, probabilities of the
+    states and mean loss ratio; empty if the model has no damage states."""
     if response.model.damage is None:
         return {}
     # Imported here, because runs of buildings without damage states do not need it.

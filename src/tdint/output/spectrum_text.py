@@ -34,19 +34,19 @@ _PARAMETERS = {
 
 
 def spectrum_text(source: str) -> str:
-    """Return the printed form of a target spectrum.
+    """Return the name of a target spectrum for titles and reports.
 
     Parameters
     ----------
     source : str
-        A file name, or a code and its parameters as on the command line
+        File name, or building code and its parameters as on the command line
         (`asce7:sds=1.0,sd1=0.6,tl=8`).
 
     Returns
     -------
     str
-        For example "ASCE 7, SDS = 1.0 g, SD1 = 0.6 g, TL = 8 s". A file name is returned unchanged,
-        and so is a text with an unknown parameter.
+        For example "ASCE 7, SDS = 1.0 g, SD1 = 0.6 g, TL = 8 s". A file name, and a text with an
+        unknown parameter, are returned unchanged.
     """
     code, colon, listed = source.partition(":")
     if colon and code in _MULTI_PERIOD:

@@ -142,16 +142,17 @@ def ida_page(
 
 
 def _motion_count(study: IdaStudy) -> str:
-    """Return the number of ground motions of a study; a pair is one motion."""
+    """Return the number of ground motions of a study as text; a pair counts as a single motion
+    unless its components count separately."""
     paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
     return motions_text(len(study.states[0].curves), paired)
 
 
 def _curves_text(study: IdaStudy) -> str:
-    """Return a sentence with the numbers of ground motions that cause collapse.
+    """Return a sentence with the number of ground motions that cause collapse.
 
-    If a building survives a level above its first collapse (resurrection), the number of these
-    motions is added.
+    A building may survive a level above its first collapse (resurrection). The sentence also states
+    the number of ground motions with a resurrection, if there are any.
     """
     collapses = sum(not curve.collapse.censored for curve in study.motion_curves)
     text = (
@@ -166,7 +167,8 @@ def _curves_text(study: IdaStudy) -> str:
 
 
 def _medians(study: IdaStudy) -> list[str]:
-    """Return a sentence on the median capacity against collapse for each state of damage."""
+    """Return sentences on the median capacity against collapse, one for each damage that the
+    building had before the ground motions."""
     texts, unit = [], study.measure.unit
     for state in study.states:
         curves = state.motion_curves
@@ -186,7 +188,8 @@ def _medians(study: IdaStudy) -> list[str]:
 
 
 def _fractile_table(study: IdaStudy) -> Table:
-    """Return fractiles of the capacities for each drift ratio and state of damage."""
+    """Return the table of the fractiles of the capacities over the ground motions, with one row for
+    each drift ratio and each damage of the building before the ground motions."""
     # The state of damage is a column only if the study has several.
     unit, has_states = study.measure.unit, len(study.states) > 1
     intensities = ("fractile_16", "median", "fractile_84")
@@ -206,12 +209,19 @@ def _fractile_table(study: IdaStudy) -> Table:
 
 
 def _state(damage: float) -> str:
-    """Return the state of a building with a drift ratio of previous damage."""
+    """Return the text for the state of a building before a ground motion, such as `damaged to 2 %`.
+
+    `damage` is the drift ratio of the damage by a main shock; 0 results in `intact`.
+    """
     return f"damaged to {100.0 * damage:g} %" if damage else "intact"
 
 
 def _capacities(study: IdaStudy) -> tuple[Table, str]:
-    """Return the capacities of each motion at the largest drift ratios, and a remark."""
+    """Return the table of the capacities of each ground motion, and a remark for the report.
+
+    The table has columns for the largest drift ratios of the study. The remark states if capacities
+    are censored or if rows are omitted; it is empty otherwise.
+    """
     has_states, unit = len(study.states) > 1, study.measure.unit
     # The last threshold is the collapse drift.
     thresholds = study.thresholds[-_MOST_THRESHOLDS:]
@@ -238,10 +248,22 @@ def _capacities(study: IdaStudy) -> tuple[Table, str]:
 
 
 def _factor(curve: IdaCurve, capacity: float) -> float:
-    """Return the scale factor of the record at an intensity; nan without a run.
+    """Return the scale factor of the record of a curve at an intensity.
 
-    Between two levels the factor is interpolated on logarithmic axes, on which factor and intensity
-    have a linear relation.
+    The factor is on a straight line through the lowest and the highest level on logarithmic axes,
+    because intensity measures are powers of the factor.
+
+    Parameters
+    ----------
+    curve : IdaCurve
+        Curve with the intensity and the scale factor of each run.
+    capacity : float
+        Intensity in the unit of the study.
+
+    Returns
+    -------
+    float
+        Scale factor; nan if the capacity or all factors are not finite.
     """
     # Both components of a pair have the same factors.
     runs = curve.parts[0].runs if isinstance(curve, PairCurve) and curve.parts else curve.runs
@@ -256,12 +278,21 @@ def _factor(curve: IdaCurve, capacity: float) -> float:
 
 
 def _fits(study: IdaStudy) -> tuple[list[Fragility], list[str]]:
-    """Return the functions fitted to the capacities, and the reasons for missing functions."""
+    """Fit fragility functions to the capacities of a study.
+
+    Returns
+    -------
+    list of Fragility
+        Function of each drift threshold and each damage of the building before the ground motions.
+    list of str
+        Sentences with the reasons for missing functions.
+    """
     functions, failures = [], []
     for state in study.states:
         curves = state.motion_curves
         for threshold in study.thresholds:
             capacities = [curve.capacity(threshold) for curve in curves]
+            # Capacities that are not positive and finite are unknown and omitted from the fit.
             known = [item for item in capacities if 0.0 < item.capacity < math.inf]
             try:
                 fitted = fit_capacities(
@@ -276,11 +307,22 @@ def _fits(study: IdaStudy) -> tuple[list[Fragility], list[str]]:
 
 
 def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[str]:
-    """Return the methods of a study, and the assumptions of its runs."""
+    """Return the sentences of the report on the methods and assumptions of a study.
+
+    Parameters
+    ----------
+    study : IdaStudy
+        Curves of the building.
+    settings : IdaSettings
+        Settings of the levels and runs.
+    damping : float
+        Damping ratio of the intensity measure, which is stated for spectral measures only.
+    """
     step = (
         f"time step {settings.dt:g} s" if settings.dt else "time steps of the model or the records"
     )
     damping_text = ""
+    # An intensity measure in units of acceleration is taken as a spectral acceleration.
     if study.measure.unit in ("m/s^2", "g", "cm/s^2", "in/s^2", "ft/s^2"):
         damping_text = f", {100.0 * damping:g} % damping"
     points = [
@@ -328,7 +370,8 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
         True to list the state of the building before the motion.
     """
     unit = functions[0].unit or "1"
-    # A column that is multiplied by a flag is present only if the flag is true.
+    # In `columns` and `rows`, a tuple times a flag is the tuple if the flag is True, and an empty
+    # tuple (no column, no cell) if it is False.
     has_total_beta = any(function.modeling_dispersion for function in functions)
     has_types = any(function.type for function in functions)
     # The number of runs is a column only if ground motions have several runs.
@@ -434,12 +477,16 @@ def fragility_page(
 
 
 def _damaged(functions: Sequence[Fragility]) -> bool:
-    """Return True if the functions are for several states of previous damage."""
+    """Return True if the fragility functions are for several initial damages of the building.
+
+    The damage of functions without initial damage is nan.
+    """
     return len({function.damage for function in functions if function.damage >= 0.0}) > 1
 
 
 def _median_text(function: Fragility) -> str:
-    """Return a sentence on the median and the dispersion of a function."""
+    """Return a sentence on the median and the dispersion of a fragility function, with the 95 %
+    interval of the median if its standard error is known."""
     parts = [f"{function.type}, {function.state}"] if function.type else []
     if math.isfinite(function.threshold):
         demand = "drift ratio" if function.of_drift else "threshold"
@@ -497,14 +544,15 @@ _MOST_RECORDS = 60
 
 
 def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
-    """Return building, method, errors and records of a study.
+    """Return the part of the report on the study that the observations are from: building, method,
+    errors and records.
 
     Parameters
     ----------
     source : str
         Table or directory with the observations.
     content : dict
-        Summary of the study; empty for a table from elsewhere.
+        JSON summary of the study; empty for a table that tdint has not written.
     """
     if not content:
         return (
@@ -543,9 +591,10 @@ def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
 
 
 def _building(model: Mapping[str, Any]) -> str:
-    """Return the name, the file and the first period of the building of a study.
+    """Return a clause with the name, the file and the first period of the building of a study.
 
     A model file that changed since the study, or that is missing, is stated by its name only.
+    `model` contains the name (`file`) and the SHA-256 (`sha256`) of the file from the JSON summary.
     """
     file = Path(model["file"])
     with suppress(OSError, TdintError):
@@ -559,7 +608,7 @@ def _building(model: Mapping[str, Any]) -> str:
 
 
 def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
-    """Return the number and the range of the observations of each fit."""
+    """Return sentences on the number of observations of each fit, and on runs without a result."""
     points = []
     # Functions with the same observations are listed once.
     for fit, runs, motions, censored in dict.fromkeys(

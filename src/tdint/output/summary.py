@@ -45,17 +45,20 @@ _PACKAGES = ("numpy", "scipy", "numba", "obspy")
 
 
 def model_input(model: Model) -> Input:
-    """Return the input entry of a model file, with the SHA-256 of the content that was read."""
+    """Return the file name of a model with the SHA-256 of the content that was read, for the list
+    of inputs in a JSON file."""
     return input_of(model.source, model.text)
 
 
 def input_of(source: str, text: bytes) -> Input:
-    """Return the input entry of a file with this content."""
+    """Return a file name with the SHA-256 of its content `text`, for the list of inputs in a JSON
+    file."""
     return Input(source, hashlib.sha256(text).hexdigest())
 
 
 def record_summary(record: Record) -> dict[str, Any]:
-    """Return the description of a record: its data, its origin and its processing."""
+    """Return the description of a record for a JSON file: data, origin, processing and inputs."""
+    # The processing steps are listed separately, so they are not repeated in the notes.
     notes = [note for note in record.notes if note not in record.processing]
     return {**motion_summary(record), "notes": notes, "inputs": inputs_summary(record.inputs)}
 
@@ -91,7 +94,8 @@ def table_summary(
 
 
 def campaign_summary(store: Store) -> dict[str, Any]:
-    """Return the settings, progress and inputs of a campaign, and the columns of runs.csv."""
+    """Return the content of summary.json of a campaign: settings, progress, inputs, and the columns
+    of its tables."""
     from tdint.output.tables.campaign import PROFILE_ERRORS, PROFILES, run_columns
     from tdint.output.tables.damage_states import damage_summary
 
@@ -132,7 +136,8 @@ def campaign_summary(store: Store) -> dict[str, Any]:
 
 
 def without_error(store: Store) -> int | None:
-    """Return the number of runs without an error estimate; None if no estimates were requested."""
+    """Return the number of runs of a campaign that have a result but no error estimate; None if no
+    estimates were requested."""
     if not store.checked:
         return None
     return store.count("peak_drift_m IS NOT NULL AND peak_drift_m_error IS NULL")
@@ -157,8 +162,9 @@ def in_units(
         Summary in SI units.
     units : OutputUnits
         Units of the result.
-    keys : mapping
-        SI units of keys, in addition to the keys that all summaries share.
+    keys : mapping of str to str
+        SI unit of the number of each key, in addition to `pga_m_s2` and `pgv_m_s`, which all
+        summaries share.
     """
     if units == SI:
         return content
@@ -198,7 +204,8 @@ def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: f
 
 
 def json_bytes(content: dict[str, Any]) -> bytes:
-    """Return JSON with 12 significant digits, null for non-finite numbers, and LF line ends."""
+    """Return a dictionary as JSON text with 12 significant digits, null for numbers that are not
+    finite, and LF line ends."""
     # A file name that is not UTF-8 has surrogates; escaped (ASCII) they are still valid JSON.
     text = json.dumps(_plain(content), indent=2, allow_nan=False)
     # A short list or object without nested parts is written on one line. Strings contain no line
@@ -208,7 +215,8 @@ def json_bytes(content: dict[str, Any]) -> bytes:
 
 
 def _on_a_line(part: re.Match[str]) -> str:
-    """Return a part of indented JSON on one line if it is short enough, otherwise unchanged."""
+    """Return a list or an object of indented JSON on one line if the line is short enough,
+    otherwise unchanged; a function for `re.sub`."""
     line = re.sub(r"\n *", " ", part[0])
     line = f"{line[0]}{line[1:-1].strip()}{line[-1]}"
     return line if len(line) <= _LINE else part[0]
@@ -226,7 +234,8 @@ def listed_files(summary: Path) -> dict[str, str]:
 
 
 def stored_summary(summary: Path) -> dict[str, Any]:
-    """Return the content of a JSON file of tdint; empty if the file is missing or foreign."""
+    """Return the content of a JSON file of tdint; an empty dictionary if the file is missing,
+    cannot be read, or was written by another program."""
     try:
         content = json.loads(summary.read_bytes())
         return dict(content) if content["schema"]["name"].startswith("tdint ") else {}
@@ -235,7 +244,8 @@ def stored_summary(summary: Path) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value, and all values in it, as JSON has them: rounded, None for NaN."""
+    """Convert a value and all values in it for JSON: numbers have 12 significant digits, nan and
+    infinite numbers become None, tuples become lists."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -246,7 +256,8 @@ def _plain(value: Any) -> Any:
 
 
 def motion_summary(record: Record) -> dict[str, Any]:
-    """Return the data of a ground motion after processing and scaling."""
+    """Return the description of a ground motion after processing and scaling for a JSON file: file,
+    channel, sampling, peak, scale factor, processing and warnings."""
     attributes = ("id", "component", "event", "start", "quantity", "units", "units_from")
     return {
         "file": record.source,
@@ -279,7 +290,7 @@ def files_read() -> list[dict[str, str]]:
 
 
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
-    """Return files with the SHA-256 of the content that was read."""
+    """Return the entries of a JSON file for input files: name and SHA-256 of the content."""
     return list(map(asdict, inputs))
 
 
@@ -482,6 +493,7 @@ def _parameters_of(lines: Iterable[str]) -> dict[str, dict[str, float]]:
     """
     from tdint.methods.catalogue import resolved  # most summaries do not need the catalogue
 
+    # The condition is True for a label without a slash and without a space.
     return {line: resolved(line) for line in lines if not set("/ ") & set(line)}
 
 
@@ -501,7 +513,10 @@ def _timing(timing: Timing) -> Mapping[str, Any]:
 
 
 def _point(point: Point, target: str) -> dict[str, Any]:
-    """Return a point of a chart with its error of the target quantity."""
+    """Return the description of a point of a work-precision diagram for a JSON file.
+
+    Its error is the error of the quantity `target`, such as `peak-drift`.
+    """
     return {
         "method": point.method,
         "dt_s": point.dt,
@@ -518,7 +533,7 @@ def comparison_summary(
     settings: Mapping[str, Any],
     units: OutputUnits = SI,
 ) -> dict[str, Any]:
-    """Return the content of the JSON file of a comparison.
+    """Return the content of the JSON file of a comparison with recordings.
 
     Parameters
     ----------
@@ -563,7 +578,8 @@ def comparison_summary(
 
 
 def _event(comparison: Comparison) -> dict[str, Any]:
-    """Return an event of a comparison with its settings and its agreement on each floor."""
+    """Return the part of a JSON file about one event of a comparison with recordings: its settings
+    and the agreement of the responses on each floor."""
     from tdint.analysis.compare import absolute_displacements
     from tdint.methods.catalogue import resolved
 
@@ -599,7 +615,7 @@ _TABLES = ("capacities.csv", "ida.csv", "runs.csv")
 
 
 def study_summary(source: Path) -> dict[str, Any]:
-    """Return the summary of the study that wrote a table; empty for a table from elsewhere.
+    """Return the JSON summary of the study that wrote a table; empty for a table from elsewhere.
 
     Parameters
     ----------

@@ -33,12 +33,14 @@ class Verdict(NamedTuple):
 
 
 def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) -> list[Verdict]:
-    """Return the results of a run for each performance level.
+    """Return the result of the comparison of a run with its limits.
+
+    There is a result for each performance level.
 
     Parameters
     ----------
     checks : sequence of LimitCheck
-        Comparisons of the run.
+        Comparisons of the demands of the run with the limits.
     status : str
         Status of the run; a collapsed building does not meet any limit.
     units : OutputUnits
@@ -86,12 +88,14 @@ class LostMotions(NamedTuple):
 def suite_verdicts(
     checks: Sequence[LimitCheck], lost: LostMotions, pair_demand: str, units: OutputUnits
 ) -> list[Verdict]:
-    """Return the results of a suite for each performance level, at one intensity level.
+    """Return the result of the comparison of a suite with its limits at one intensity level.
+
+    There is a result for each performance level.
 
     Parameters
     ----------
     checks : sequence of LimitCheck
-        Comparisons of the mean demands.
+        Comparisons of the mean demands over the ground motions with the limits.
     lost : LostMotions
         Number of motions that the means exclude.
     pair_demand : str
@@ -131,7 +135,8 @@ def _sentence(
     lost: str,
     mean: bool,
 ) -> str:
-    """Return the result for several quantities, the governing quantity first.
+    """Return a sentence on the comparison of several demands with their limits, the governing
+    demand first.
 
     Parameters
     ----------
@@ -174,7 +179,7 @@ def _maximum(check: LimitCheck, units: OutputUnits) -> str:
 
 
 def _demand(check: LimitCheck, units: OutputUnits, digits: int = DIGITS) -> str:
-    """Return the demand with its unit; ratios in percent.
+    """Return the demand of a comparison with its unit as text; ratios in percent.
 
     A demand that exceeds its limit is written with enough digits to differ from the limit.
     """
@@ -189,7 +194,7 @@ def _text(
     digits: int = DIGITS,
     unlike: float | None = None,
 ) -> str:
-    """Return a number with the unit of the limited quantity; ratios in percent.
+    """Return a number with the unit of the limited quantity as text; ratios in percent.
 
     Parameters
     ----------
@@ -211,7 +216,7 @@ def _text(
 
 
 def _limit(check: LimitCheck, units: OutputUnits) -> str:
-    """Return a limit with its unit; ratios in percent."""
+    """Return the limit of a comparison with its unit as text; ratios in percent."""
     unit = QUANTITIES[check.quantity].unit
     if unit == "1":
         return f"{100.0 * check.limit:g} %"
@@ -255,11 +260,12 @@ def has_isolator_limit(checks: Iterable[LimitCheck]) -> bool:
 def limit_table(
     checks_by_name: Mapping[str, Sequence[LimitCheck]], units: OutputUnits, *, mean: bool
 ) -> Table:
-    """Return the comparisons as a table of a report, the governing comparisons first.
+    """Return the comparisons of demands with limits as a table of a report, the governing
+    comparisons first.
 
     Parameters
     ----------
-    checks_by_name : mapping
+    checks_by_name : mapping of str to sequence of LimitCheck
         Comparisons by the name of the building and the intensity level; the name is empty if there
         is one building at one level.
     units : OutputUnits
@@ -298,7 +304,7 @@ def limit_table(
 
 
 def limits_summary(checks: Iterable[LimitCheck], *, mean: bool) -> list[dict[str, Any]]:
-    """Return the comparisons for summary.json in SI units.
+    """Return the comparisons of demands with limits for summary.json, in SI units.
 
     Parameters
     ----------

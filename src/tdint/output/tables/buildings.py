@@ -181,7 +181,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
 
 
 def pushover_table(result: Pushover) -> Table:
-    """Return the table with one row per load step; row 0 is the undeformed state."""
+    """Return the table of a pushover, with one row per load step; row 0 is the undeformed state."""
     return Table.of_results(pushover(result.drift.shape[1]), [result])
 
 
@@ -238,7 +238,8 @@ TARGET_OF_BUILDING = (
 
 
 def target_table(results: Sequence[TargetDisplacement]) -> Table:
-    """Return the table with one row per method and story."""
+    """Return the table of the drifts at the target displacement, with one row per method of the
+    target displacement and story."""
     return Table.of_results(TARGET_DISPLACEMENT, results)
 
 
@@ -321,12 +322,13 @@ MODAL_SHARE = (
 
 
 def modal_share_table(result: ModalResponse) -> Table:
-    """Return the table with one row per mode: its contribution to the combined peaks."""
+    """Return the table of the contributions of the modes to a response spectrum analysis, with one
+    row per mode."""
     return Table.of_results(MODAL_SHARE, [result])
 
 
 def modal_response_table(result: ModalResponse) -> Table:
-    """Return the table with one row per story."""
+    """Return the table of the peaks of a response spectrum analysis, with one row per story."""
     return Table.of_results(MODAL_RESPONSE, [result])
 
 
@@ -378,7 +380,7 @@ MODE_END = (
 
 
 def mode_damping(ratios: Any) -> Column:
-    """Return the column of the damping ratios of the modes, shape (n,)."""
+    """Return the column of the damping ratios of modes. `ratios` are the cells, shape (modes,)."""
     return Column(
         "damping",
         "1",
@@ -452,13 +454,13 @@ FITTED = (
 
 
 def of_event(name: str) -> Column:
-    """Return the last column of tables of several events. All its cells are `name`, the file of the
-    recordings of the event."""
+    """Return the column that identifies the event in tables of several events. All its cells are
+    `name`, the file of the recordings of the event."""
     return Column("recorded", "text", lambda _: name, "file of the recordings")
 
 
 def cyclic_table(test: CyclicTest) -> Table:
-    """Return the table with one row per point of the displacement path."""
+    """Return the table of a cyclic test, with one row per point of the displacement path."""
     return Table.of_results(CYCLIC, [test])
 
 
@@ -479,7 +481,8 @@ MODEL = (
 
 
 def _of_stories(model: Model, name: str) -> Array:
-    """Return an attribute of all stories, shape (n,); NaN for a story without a value."""
+    """Return the attribute `name` of all stories of a model, shape (stories,); nan for a story
+    without a value."""
     values = [getattr(story, name) for story in model.stories]
     return np.array([math.nan if value is None else value for value in values])
 
@@ -509,6 +512,7 @@ def law_words(story: Story, units: OutputUnits = SI) -> str:
             else (parameter.default,)
         )
         values_by_name.setdefault(parameter.name, values)
+        # Omit a parameter with its default, or with the value that has no effect (`without`).
         if values in (default, (parameter.without,)):
             continue
         # The value is a list of backbone points (force at drift), a list of numbers, or one number.
@@ -556,8 +560,8 @@ def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
 
 
 def model_table(model: Model, units: OutputUnits = SI) -> Table:
-    """Return the table of a model with one row per story, from the ground up: numbers, hysteretic
-    law and dashpot."""
+    """Return the table of a model with one row per story, from the ground up: mass, height and
+    stiffness, hysteretic law, dashpot."""
     numbers = Table.of_results(MODEL, [model]).in_units(units)
     rows = [
         (*row, law_words(story, units), _dashpot_text(story, units))
@@ -581,12 +585,13 @@ def _dashpot_text(story: Story, units: OutputUnits) -> str:
     linear_text = ""
     if power_law and power_law.linear_below:
         linear_text = f"; linear below {power_law.linear_below / meters_per_second:.4g} {rate_unit}"
+    # The coefficient is in N/(m/s)^exponent.
     number = coefficient * meters_per_second**exponent / newtons
     return f"{number:.4g} {function} ({force_unit}; v in {rate_unit}{linear_text})"
 
 
 def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
-    """Return the table with one row per mode, longest period first.
+    """Return the table of the modes of a building, with one row per mode, longest period first.
 
     Parameters
     ----------
@@ -609,16 +614,26 @@ def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
-    """Return the table with one row per floor; several events are identified in the last column."""
+    """Return the table that compares computed with recorded floor responses, with one row per
+    floor and quantity. With several events, the last column is the file of the recordings."""
     return _by_event(COMPARISON, [(comparison, comparison.floors) for comparison in comparisons])
 
 
 def comparison_spectra_table(
     comparisons: Sequence[Comparison], periods: Array, damping: float
 ) -> Table:
-    """Return the table with one row per floor and period.
+    """Return the table of computed and recorded floor spectra, with one row per floor and period.
 
-    Several events are identified in the last column.
+    With several events, the last column is the file of the recordings.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        Comparisons of a computed with a recorded response, one for each event.
+    periods : ndarray
+        Periods, s.
+    damping : float
+        Damping ratio.
     """
     return _by_event(
         COMPARISON_SPECTRA,
@@ -627,12 +642,14 @@ def comparison_spectra_table(
 
 
 def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Table:
-    """Return the table with one row per fitted value; the name contains the unit."""
+    """Return the table of fitted parameters, with one row per value; the name of a parameter
+    contains its unit."""
     return Table.of_results(FITTED, [fitted_in(value, units) for value in values])
 
 
 def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
-    """Return a fitted value in other units. Its name ends with the new unit."""
+    """Convert a fitted value, its bounds and its standard error from SI to other units; its name
+    then ends with the new unit."""
     name, factor = units.column(value.name, value.unit)
     numbers = {
         key: getattr(value, key) / factor

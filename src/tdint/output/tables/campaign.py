@@ -173,7 +173,15 @@ RATIOS = (
 
 
 def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
-    """Return the table that identifies each run and lists its intensities."""
+    """Return the table of the intensity measures of the ground motions of all runs (measures.csv).
+
+    Parameters
+    ----------
+    measures : sequence of RunMeasure
+        Intensity measures; each measure has a column.
+    runs : iterable of MeasuredRun
+        Runs with their intensities; each run has a row.
+    """
     rows = (
         (run.building, run.record, run.component, run.scale, run.sample, *run.values)
         for run in runs
@@ -211,8 +219,11 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 
 
 def run_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of runs.csv. Parameters of a sweep, the event and columns of the inventory
-    are the last columns."""
+    """Return the columns of runs.csv, the table of all runs of a campaign.
+
+    The last columns are the parameters of a sweep, the event and the columns of the inventory, if
+    the campaign has them.
+    """
     error_columns_of_runs = RUN_ERRORS if store.checked else ()
     sweep_columns = varied_columns(_varied_names(store.varied()))
     columns = (*RUNS, *error_columns_of_runs, *sweep_columns)
@@ -286,7 +297,8 @@ def story_columns(store: Store) -> tuple[Column, ...]:
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """Yield the rows of stories.csv, in the order of runs.csv and from the ground up."""
     has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
-    # A row of the store has cells of errors, even if no errors were estimated.
+    # A row of the store ends with the cells of the errors, even if no errors were estimated. They
+    # are then cut off.
     value_count = len(STORY_COLUMNS) + len(STORY_ERROR) * store.checked
     for building, record, scale, sample, *values in store.stories():
         sample_cell = (sample,) if has_samples else ()
@@ -294,17 +306,27 @@ def story_rows(store: Store) -> Iterator[list[Any]]:
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write runs.csv to a stream."""
+    """Write runs.csv, the table of all runs of a campaign, to a stream."""
     write_rows(run_columns(store), run_rows(store), stream, units)
 
 
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write stories.csv to a stream."""
+    """Write stories.csv, the peak responses of all stories in all runs of a campaign."""
     write_rows(story_columns(store), story_rows(store), stream, units)
 
 
 def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
-    """Yield the rows of profiles.csv by building, level and quantity, from the ground up."""
+    """Yield the rows of profiles.csv: statistics of the peak responses over the ground motions.
+
+    There is one row per building, intensity level, quantity and story, from the ground up.
+
+    Parameters
+    ----------
+    profiles : iterable of Profile
+        Peak responses of a building at an intensity level under all ground motions.
+    units : OutputUnits
+        Units of the statistics; SI by default.
+    """
     for profile in profiles:
         counts = (profile.runs, profile.collapsed, profile.failed)
         level = () if math.isnan(profile.level) else (profile.level,)
@@ -316,6 +338,7 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
             if (error_statistics := profile.errors(quantity)) is not None:
                 errors = _cells_of_stories(error_statistics, factor)
             name = quantity.called or quantity.name
+            # The lengths may differ (`strict=False`), because `repeat` is endless.
             for story, (cells, error_cells) in enumerate(
                 zip(statistics, errors, strict=False), start=1
             ):
@@ -324,16 +347,19 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
 
 
 def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float]]:
-    """Return the statistics of each story, divided by `factor`, in the order of the columns mean,
-    median, p16, p84 and max."""
+    """Return the statistics of each story as a list of the five cells mean, median, p16, p84 and
+    max, divided by `factor` (value of the output unit in SI units)."""
     values = np.array(list(vars(statistics).values()))
     cells: list[list[float]] = (values.T / factor).tolist()
     return cells
 
 
 def _with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:
-    """Return the columns with the column LEVEL inserted before the column with an index; the
-    unchanged columns if the levels of the campaign are scale factors."""
+    """Return the columns with the column of the intensity level inserted before the column `index`.
+
+    The columns are unchanged if the levels of the campaign are scale factors, because these have a
+    separate column.
+    """
     from tdint.campaign.profiles import has_levels
 
     if not has_levels(store):
@@ -342,8 +368,8 @@ def _with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[
 
 
 def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, ...]:
-    """Return the columns. If the store has pairs of components, add the column that states how
-    pairs are counted; all its cells are equal."""
+    """Return the columns of a table and, if the campaign has pairs of components, the column with
+    the rule for the demand of a pair, such as `larger`; all its cells are equal."""
     pair_demand = store.pair_rule().demand_if_pairs
     if not pair_demand:
         return tuple(columns)
@@ -351,7 +377,10 @@ def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, .
 
 
 def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write profiles.csv; levels that are not scale factors have a column `level`."""
+    """Write profiles.csv, the statistics of peak responses over the ground motions, to a stream.
+
+    Levels that are not scale factors have a column `level`.
+    """
     from tdint.campaign.profiles import profiles
 
     columns = [*_with_level(store, PROFILES, 2), *PROFILE_ERRORS * store.checked]
@@ -360,7 +389,7 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
 
 def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write shocks.csv to a stream."""
+    """Write shocks.csv, the response to each event of the sequences of a campaign, to a stream."""
     name_cells = run_heads(store)
     rows = (
         [*name_cells(building, record), scale, *values]
@@ -492,7 +521,7 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
 
 
 def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
-    """Return mean and envelope of floor spectra over the ground motions.
+    """Return the table of the mean and the maximum of floor spectra over the ground motions.
 
     There is one row per building, level, floor, damping ratio and period.
     """
@@ -545,8 +574,16 @@ def runs_table(store: Store) -> Table:
 
 
 def status_table(statuses: dict[str, int], remaining: int) -> Table:
-    """Return the number of runs of each status, and the number of remaining runs in the last row
-    with the status `left`."""
+    """Return the table of the number of runs by status; its last row, with the status `left`, is
+    the number of runs that are not completed.
+
+    Parameters
+    ----------
+    statuses : dict of str to int
+        Number of completed runs by status.
+    remaining : int
+        Number of runs that are not completed.
+    """
     return Table.of(STATUS, [*statuses.items(), ("left", remaining)])
 
 
@@ -587,6 +624,7 @@ def copied_cells(store: Store) -> Callable[[int, int], list[str]]:
     # The runs of a building are consecutive, so the cells of one building are cached.
     @lru_cache(maxsize=1)
     def inventory_cells(building: int) -> list[str]:
+        """Return the formatted cells of the inventory row of a building, by its number."""
         return [cell_text(cell) for cell in store.copied_cells(building)]
 
     # The sample is the number of the event, from 1. Without events, the slice is empty.
@@ -594,9 +632,9 @@ def copied_cells(store: Store) -> Callable[[int, int], list[str]]:
 
 
 def numeric(store: Store) -> list[bool]:
-    """Return, for each copied inventory column, True if it contains numbers and no other text.
-    Empty cells are ignored; a column with only empty cells is not numeric."""
-    # For each column, the set of the answers to the question whether a cell is a number.
+    """Return a list with True for each copied inventory column that contains numbers and no other
+    text. Empty cells are ignored; a column with only empty cells is not numeric."""
+    # For each column a set that contains True if a cell is a number, and False if a cell is not.
     answers: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
         for column_answers, text in zip(answers, store.copied_cells(number), strict=False):

@@ -119,7 +119,8 @@ LOSSES = (
 
 
 def demand_column(states: DamageStates) -> Column:
-    """Return the column of the demand that determines the damage state."""
+    """Return the column of the demand that determines the damage state, such as the peak drift
+    ratio."""
     demand = DEMANDS[states.demand]
     return Column(
         f"{states.demand}{suffix(demand.unit)}",
@@ -136,8 +137,11 @@ def probability_name(outcome: str) -> str:
 
 
 def damage_columns(states: DamageStates) -> tuple[Column, ...]:
-    """Return the columns of damage.csv. The names of the states and the demand are the same for all
-    building types of a campaign; `states` are the states of any type."""
+    """Return the columns of damage.csv, the damage in each run of a campaign.
+
+    The names of the states and the demand are the same for all building types of a campaign;
+    `states` are the states of any type.
+    """
     outcomes = (
         Column(
             probability_name(name),
@@ -148,11 +152,11 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
         for name in states.outcomes
     )
     head = (*OF_BUILDING, SAMPLE, TYPE, _STATUS, demand_column(states), _STATE)
-    return (*head, *outcomes, *(LOSS,) * bool(states.losses))
+    return (*head, *outcomes, *((LOSS,) if states.losses else ()))
 
 
 def damage_table_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of damage.csv of a store; inventory columns are the last ones."""
+    """Return the columns of damage.csv of a campaign, followed by the columns of its inventory."""
     columns = damage_columns(next(iter(stored_states(store).values())))
     return (*columns, *copied_columns(store, names(columns)))
 
@@ -187,7 +191,8 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
 
 
 def damage_summary(store: Store) -> dict[str, Any]:
-    """Return the damage states of each type in SI units, and the descriptions of the columns."""
+    """Return the part of the JSON file of a campaign about damage: the damage states of each
+    building type in SI units, and the descriptions of the columns of its tables."""
     types = stored_states(store)
     columns = {
         "damage.csv": damage_table_columns(store),
@@ -201,13 +206,16 @@ def damage_summary(store: Store) -> dict[str, Any]:
 
 
 def write_damage(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write damage.csv to a stream."""
+    """Write damage.csv, the damage in each run of a campaign, to a stream."""
     write_rows(damage_table_columns(store), damage_rows(store), stream, units)
 
 
 def type_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of damage-types.csv; with ground motion fields, the event is the last."""
-    return with_pair_demand(store, (*TYPES, *(EVENT,) * bool(store.events())))
+    """Return the columns of damage-types.csv, the damage of each building type.
+
+    The column of the event is included if the campaign has ground motion fields.
+    """
+    return with_pair_demand(store, (*TYPES, *((EVENT,) if store.events() else ())))
 
 
 def has_costs(store: Store) -> bool:
@@ -216,8 +224,10 @@ def has_costs(store: Store) -> bool:
 
 
 def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
-    """Return the columns of losses.csv. If `by` is the name of a column of the inventory, this
-    column is included."""
+    """Return the columns of losses.csv, the mean losses of buildings and groups of buildings.
+
+    If `by` is the name of a column of the inventory, this column is included.
+    """
     group_column = Column(
         by or "",
         "text",
@@ -235,7 +245,7 @@ def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
 
 
 def write_types(store: Store, stream: BinaryIO) -> None:
-    """Write damage-types.csv to a stream."""
+    """Write damage-types.csv, the probabilities of damage states by building type, to a stream."""
     write_rows(type_columns(store), _type_rows(store), stream)
 
 
@@ -268,15 +278,24 @@ def check_column(store: Store, by: str) -> None:
 
 
 def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
-    """Write losses.csv.
+    """Write losses.csv, the mean losses of groups of buildings and of each building, to a stream.
 
-    The rows are: all buildings (if there are costs), all buildings of each type, all buildings with
-    each value of the column `by`, and each building.
+    The groups are: all buildings (if there are costs, or with `by`), all buildings of each type,
+    and all buildings with each value of the column `by`.
+
+    Parameters
+    ----------
+    store : Store
+        Store of a campaign with losses.
+    stream : BinaryIO
+        Output.
+    by : str, optional
+        Column of the inventory, such as `district`.
 
     Raises
     ------
     UsageError
-        The inventory has no such column.
+        The inventory has no column `by`.
     """
     if by is not None:
         check_column(store, by)
@@ -320,9 +339,11 @@ def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
 
 
 def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
-    """Return the columns of exceedance.csv. The loss is an amount of money if the inventory has
-    costs, otherwise a loss ratio. If `by` is the name of a column of the inventory, this column is
-    included."""
+    """Return the columns of exceedance.csv, the annual rates of exceedance of losses.
+
+    The loss is an amount of money if the inventory has costs, otherwise a loss ratio. If `by` is
+    the name of a column of the inventory, this column is included.
+    """
     loss = _MONEY[1] if has_costs(store) else LOSS
     group_meaning = f"column {by} of the inventory; empty for all buildings"
     columns = (
@@ -400,10 +421,13 @@ def _exceeding(loss: float, means: Array, deviations: Array, maxima: Array) -> A
         Maximum losses, the upper bounds of the distributions.
     """
     mean, relative_loss = means / maxima, loss / maxima
-    # A beta distribution with this mean has a variance below mean (1 - mean).
+    # A beta distribution with this mean has a variance below mean (1 - mean). The factor keeps a
+    # and b above 0.
     variance = np.minimum((deviations / maxima) ** 2, (1.0 - 1e-9) * mean * (1.0 - mean))
-    # A loss without scatter is equal to its mean.
+    # A loss without scatter, except for rounding, is equal to its mean.
     is_certain = variance <= 1e-12 * mean**2
+    # The parameters a and b of the beta distribution follow from its mean a / (a + b) and its
+    # variance mean (1 - mean) / (a + b + 1).
     a_plus_b = mean * (1.0 - mean) / np.where(is_certain, 1.0, variance) - 1.0
     a, b = (np.where(is_certain, 1.0, a_plus_b * fraction) for fraction in (mean, 1.0 - mean))
     probability = 1.0 - betainc(a, b, np.minimum(relative_loss, 1.0))
@@ -411,10 +435,10 @@ def _exceeding(loss: float, means: Array, deviations: Array, maxima: Array) -> A
 
 
 def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
-    """Write exceedance.csv: events in the order of decreasing mean loss.
+    """Write exceedance.csv, the annual rates of exceedance of losses, to a stream.
 
-    The events are listed for all buildings and for the buildings with each value of the column
-    `by`.
+    The rows are the events in the order of decreasing mean loss. They are listed for all buildings
+    and, if `by` is a column of the inventory, for the buildings with each value in the column.
     """
     write_rows(exceedance_columns(store, by), _exceedance_rows(store, by), stream)
 
@@ -502,7 +526,8 @@ def _curve_cells(
 
 
 def _pair_demand(store: Store) -> tuple[str, ...]:
-    """Return the cell of the column that states how pairs are counted; empty without pairs."""
+    """Return a tuple with the cell of the column `pair_demand` (the rule for the demand of a pair);
+    an empty tuple if the campaign has no pairs."""
     pair_demand = store.pair_rule().demand_if_pairs
     return (pair_demand,) if pair_demand else ()
 
@@ -513,5 +538,5 @@ def _counts(group: TypeDamage) -> tuple[int, ...]:
 
 
 def _event(group: TypeDamage) -> tuple[str, ...]:
-    """Return the cell of the column `event`; empty if the campaign has no events."""
+    """Return a tuple with the cell of the column `event`; an empty tuple without events."""
     return (cell_text(group.event),) if group.event else ()

@@ -135,7 +135,7 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
             if cells[0] != cells[1]:
                 is_rounding = scale.is_rounding(column, old, cells)
                 yield Difference(file, number, column, *cells, is_rounding)
-        # Compare the number of cells that exceed the columns of the header.
+        # Cells to the right of the last column of the header were not compared above.
         if max(0, len(old) - len(old_header)) != max(0, len(new) - len(new_header)):
             old_text, new_text = (pluralize(len(row), "cell") for row in (old, new))
             yield Difference(file, number, "", old_text, new_text)
@@ -148,8 +148,8 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
 def _common_columns(
     old_header: Sequence[str], new_header: Sequence[str], but: Collection[str]
 ) -> list[tuple[str, int, int]]:
-    """Return the columns that both headers contain, except the columns in `but`: name, index in the
-    old header, index in the new header."""
+    """Return the columns that both headers contain, except the columns in `but`, as tuples of the
+    name, the index in the old header and the index in the new header."""
     # In equal headers, columns with the same name are compared by their position.
     if old_header == new_header:
         return [(column, i, i) for i, column in enumerate(old_header) if column not in but]
@@ -200,8 +200,8 @@ class _Scale:
             magnitude = max(magnitude, 1.0)
         elif reference in self.header:
             magnitude = max(magnitude, abs(_finite(row, self.header.index(reference))))
-        # In a response history, the rounding of a number near a zero crossing is relative to the
-        # peak.
+        # Near a zero crossing, a number of a response history is small, but its rounding is as
+        # large as at the peak. Therefore it is compared with the peak of its column.
         if self.header[:1] == [TIME]:
             peaks = self._peaks
             magnitude = max(magnitude, peaks.get(column, 0.0), peaks.get(reference, 0.0))
@@ -224,20 +224,20 @@ def _is_whole(text: str | None) -> bool:
     return (text or "").lstrip("-").isdecimal()
 
 
-def _finite(row: Sequence[str], place: int) -> float:
-    """Return the number in a cell of a row; 0 for a missing cell and for a non-finite value."""
-    number = _number(row[place]) if place < len(row) else 0.0
+def _finite(row: Sequence[str], index: int) -> float:
+    """Return the number in the cell `index` of a row; 0 for a missing cell, a text, nan and inf."""
+    number = _number(row[index]) if index < len(row) else 0.0
     return number if math.isfinite(number) else 0.0
 
 
 def _reference(column: str) -> str:
-    """Return the name of the column whose numbers determine the rounding of the numbers of a
-    column.
+    """Return the name of the reference column of a column; rounding differences are relative to its
+    numbers.
 
     An estimated error is the difference of two results, and a residual drift or oscillation is
-    small compared with the peak, so their rounding is relative to the peak. For other columns it is
-    the column itself. The name is empty for a relative error, such as the energy error: its
-    rounding is relative to 1.
+    small compared with the peak drift, so their rounding is relative to the peak: the result for
+    `peak_drift_error` is `peak_drift`. Most other columns are their own reference. The name is
+    empty for a relative error, such as the energy error: its rounding is relative to 1.
     """
     if column in ("error", "energy_error", "drift_error"):
         return ""
@@ -248,8 +248,9 @@ def _reference(column: str) -> str:
 
 
 def _cells(file: Path) -> Iterator[list[str]]:
-    """Yield the rows of a table as text, the header first. The file is CSV, CSV compressed by gzip,
-    or Parquet; numbers of Parquet files have all digits.
+    """Yield the rows of a table file as lists of texts, the header first.
+
+    The file is CSV, CSV compressed by gzip, or Parquet; numbers of Parquet files have all digits.
 
     Raises
     ------
@@ -351,8 +352,8 @@ def json_differences(
             reason = getattr(error, "strerror", None) or error
             raise OutputError(f"{file}: cannot be read as JSON: {reason}") from None
     before_content, now_content = contents
-    # Only the current file is searched recursively, because this program has written it, so that
-    # the depth of its nesting is limited.
+    # Only the current file is searched recursively. This program has just written it, so its
+    # nesting cannot be too deep for a recursion, in contrast to a file from elsewhere.
     magnitudes: dict[str, float] = {}
     _collect_magnitudes(now_content, magnitudes)
     not_compared = _NOT_COMPARED if is_same_version else _NOT_RESULTS
@@ -436,6 +437,7 @@ def _json_differences(
     elif before != now or _is_number(before) != _is_number(now):
         is_rounding = False
         if _is_number(before) and _is_number(now):
+            # The last key of the path, without an index: `drift` for `stories[2].drift[1]`.
             key = path.rpartition(".")[2].partition("[")[0]
             magnitude = max(abs(before), abs(now), _json_magnitude(key, magnitudes))
             are_whole = isinstance(before, int) and isinstance(now, int)
@@ -444,7 +446,7 @@ def _json_differences(
 
 
 def _value_text(value: Any) -> str:
-    """Return a JSON value for the table of differences."""
+    """Return a JSON value as text for the table of differences, with at most 200 characters."""
     return json.dumps(value)[:_MAX_TEXT]
 
 

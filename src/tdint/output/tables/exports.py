@@ -50,7 +50,7 @@ _INTEGER_COLUMNS = {
 
 
 def write_runs_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write runs.parquet to a stream."""
+    """Write the table of all runs of a campaign, with its inventory columns, as Parquet."""
     _write_parquet(
         store,
         stream,
@@ -61,12 +61,13 @@ def write_runs_parquet(store: Store, stream: BinaryIO) -> None:
 
 
 def write_stories_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write stories.parquet to a stream."""
+    """Write the table of the peak responses of all stories of all runs of a campaign as Parquet."""
     _write_parquet(store, stream, story_columns(store), story_rows(store))
 
 
 def write_damage_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write damage.parquet to a stream."""
+    """Write the table of the damage states of all runs of a campaign, with its inventory columns,
+    as Parquet."""
     columns = damage_table_columns(store)
     _write_parquet(
         store, stream, columns, damage_rows(store), inventory_count=len(store.inventory_columns())
@@ -175,7 +176,19 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
 
 
 def demand_names(stories: int, direction: int) -> list[str]:
-    """Return SimCenter's names of the demands of a building in one direction."""
+    """Return SimCenter's names of the demands of a building in one direction.
+
+    The names are, for example, `1-PFA-0-1` to `1-PFA-N-1` (floor accelerations, floor 0 is the
+    ground), `1-PID-1-1` to `1-PID-N-1` (drift ratios), `1-PRD-1-1` (roof drift ratio) and
+    `1-PFD-1-1` to `1-PFD-N-1` (floor displacements) for N stories and direction 1.
+
+    Parameters
+    ----------
+    stories : int
+        Number of stories.
+    direction : int
+        Horizontal direction of the ground motion, 1 or 2.
+    """
     floors = range(1, stories + 1)
     return [
         *(f"1-PFA-{floor}-{direction}" for floor in (0, *floors)),
@@ -234,6 +247,7 @@ def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> li
     stories : int
         Number of stories of the tallest building. Cells of missing stories are empty (None).
     """
+    # The cells of all stories by the name of the column, for example the heights of all stories.
     columns = dict(zip(STORIES.columns, zip(*rows, strict=True), strict=False))
     missing_stories = [None] * (stories - len(rows))
     heights, displacements = columns["height_m"], columns["peak_displacement_m"]
@@ -322,6 +336,8 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         for function, state in zip(group, group_states, strict=True):
             median, beta = function.theta * factor, function.beta_total
             limits += [median * math.exp(sign * _RANGE * beta) for sign in (-1.0, 1.0)]
+            # Mean and standard deviation of a lognormal variable from its median and from the
+            # standard deviation beta of its logarithm.
             mean = median * math.exp(0.5 * beta**2)
             deviation = mean * math.sqrt(math.expm1(beta**2))
             params.append(
@@ -364,8 +380,20 @@ def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable
 
 
 def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[str]]:
-    """Return the functions of the building types that have a function of every state, and the names
-    of the other types."""
+    """Select the building types that have a fragility function of every damage state.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Fragility functions of all building types.
+
+    Returns
+    -------
+    list of Fragility
+        Functions of the complete types.
+    list of str
+        Names of the other types, for which some states have no function.
+    """
     groups = _grouped(functions)
     state_count = max(len(group) for group in groups)
     incomplete_types = [group[0].type for group in groups if len(group) < state_count]
@@ -401,9 +429,10 @@ def _state_names(functions: Sequence[Fragility], states: Sequence[str]) -> dict[
 
 
 def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
-    """Return one list of functions for each state of previous damage, or for each building type.
-    Each list is in ascending order of the thresholds."""
-    # The damage is a text in the key, because NaN is not equal to NaN.
+    """Return one list of fragility functions for each building type, or for each damage that the
+    building had before the ground motion. Each list is in ascending order of the thresholds."""
+    # The damage is nan for functions without initial damage. It is a text in the key, because nan
+    # is not equal to nan.
     groups: dict[tuple[str, str], list[Fragility]] = {}
     for function in functions:
         groups.setdefault((str(function.damage), function.type), []).append(function)
@@ -455,6 +484,8 @@ def vulnerability_model(
         state_probabilities = reaching_probabilities - np.vstack(
             [reaching_probabilities[1:], np.zeros_like(intensities)]
         )
+        # The functions are in ascending order of the states. The losses of heavier states without a
+        # function are ignored.
         loss_ratios = np.array(losses[group[0].type][: len(group)])
         mean = np.maximum(loss_ratios @ state_probabilities, _LEAST_LOSS)
         mean_square = loss_ratios**2 @ state_probabilities

@@ -106,6 +106,7 @@ def check_events(store: Store, requested: Collection[str]) -> None:
     events = store.events()
     for name in requested:
         if name not in events:
+            # The message lists the first ten events, followed by dots if there are more.
             known_names = ", ".join(events[:10]) + ", ..." * (len(events) > 10)
             reason = f"it has {known_names}" if events else "only ground motion fields have events"
             raise UsageError(f"--event {name}: {store.name} has no such event; {reason}")
@@ -137,6 +138,7 @@ def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> I
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
         run_damage = next(damages, None)
         damage = damage_by_motion(run_damage, rules.pairs) if run_damage else None
+        # The cells 1 to 3 of a row identify the run: ground motion, scale factor and sample.
         runs = {Run(*row[1:4]): row for row in rows}
         cells = store.copied_cells(number)
         inventory_properties: Feature = {}
@@ -266,8 +268,12 @@ def _losses(
 
 
 def _value_of(cells: Mapping[str, str]) -> float:
-    """Return the cost of all identical buildings of a row of an inventory; nan if the cell of the
-    cost is empty. `cells` are the cells of the row by the name of the column."""
+    """Return the cost of all identical buildings of a row of an inventory: cost of a building times
+    number of buildings (1 if the row has no number).
+
+    The result is nan if the cell of the cost is empty. `cells` are the cells of the row by the name
+    of the column.
+    """
     count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
     return cell_number(cells.get(COST, "")) * count
 
@@ -306,7 +312,7 @@ def write_districts(
 def _districts(
     store: Store, by: str, polygons: Mapping[str, Feature] | None, requested: Collection[str]
 ) -> Iterator[Feature]:
-    """Yield a feature for each district (value of the column `by`), event and level.
+    """Yield a GeoJSON feature for each district (value of the column `by`), event and level.
 
     The properties are the numbers of buildings and runs, the mean loss, and with event rates the
     annual loss due to the event and the average annual loss of the district over all events.
@@ -327,7 +333,8 @@ def _districts(
     pair_demand = store.pair_rule().demand_if_pairs
 
     def mean_loss(group: TypeDamage) -> float:
-        """Return the mean loss of a group; without costs the mean loss ratio."""
+        """Return the mean loss of the buildings of a group in the unit of the costs; without costs
+        the mean loss ratio."""
         return float((group.money if costs else group.loss).value[0])
 
     def cell(value: float) -> float | None:
@@ -370,8 +377,11 @@ def _districts(
 
 
 def _positions_by_district(store: Store, by: str) -> dict[str, list[list[float]]]:
-    """Return a dictionary from each value of the inventory column `by` to the positions of the
-    buildings with this value, as longitude and latitude."""
+    """Return the positions of the buildings of each district.
+
+    The keys are the values of the inventory column `by`; a position is [longitude, latitude] in
+    degrees. Buildings without a position are omitted.
+    """
     titles = [title.lower() for title in store.inventory_columns()]
     column, *degrees = (titles.index(name) for name in (by.lower(), "longitude", "latitude"))
     positions: dict[str, list[list[float]]] = {}
@@ -445,9 +455,11 @@ _POLYGONS = ("Polygon", "MultiPolygon")
 
 
 def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
-    """Return the properties of a level: scale factor or level, numbers of ground motions, and mean
-    and maximum of each demand. A demand is None without completed runs, or if it is undefined (no
-    drift ratio without height).
+    """Return the properties of a building on a map at one intensity level.
+
+    They are the scale factor or the level, the numbers of ground motions, and the mean and maximum
+    of each demand. A demand is None without completed runs, or if it is undefined (no drift ratio
+    without height).
 
     Parameters
     ----------
@@ -491,6 +503,7 @@ def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
     event : int
         Number of the event; 0 for the runs of all events.
     """
+    # The sample of a run is the number of its event; event 0 selects all runs.
     is_of_event = np.array([event in (0, sample) for _, _, sample in damage.keys])
     is_used = damage.known & (damage.rank == rank) & is_of_event
     property_names = [*map(probability_name, damage.states.outcomes)]

@@ -178,7 +178,7 @@ OVERSHOOT = (
 
 
 def _order(quantity: str) -> Column:
-    """Return the column of the observed order of accuracy of a quantity."""
+    """Return the column of the observed order of accuracy of a quantity, such as `velocity`."""
     return Column(
         f"{quantity}_order",
         "1",
@@ -208,7 +208,19 @@ ORDER = (
 
 
 def _chart_error(quantity: str, meaning: str, name: str = "") -> Column:
-    """Return the column of an error of a chart; nan for points without errors."""
+    """Return the column of an error in the table of a work-precision diagram.
+
+    The cell of a point without errors, such as a failed run, is nan.
+
+    Parameters
+    ----------
+    quantity : str
+        Attribute of the errors of a point, such as `peak_drift`.
+    meaning : str
+        Description of the error.
+    name : str
+        Start of the column name; the quantity by default.
+    """
     return Column(
         f"{name or quantity}_error",
         "1",
@@ -277,7 +289,8 @@ FAILURE = (
 
 
 def _example_errors(reference: str, description: str, prefix: str = "") -> tuple[Column, ...]:
-    """Return the columns of the errors of displacement, velocity and acceleration.
+    """Return the columns of the errors of an example of the paper: displacement, velocity and
+    acceleration.
 
     Parameters
     ----------
@@ -312,8 +325,11 @@ OUTCOME = Column("outcome", "text", "outcome", "status of the run")
 
 
 def rank(rank_of: Callable[[Any], int | None]) -> Column:
-    """Return the column of the rank of a method. `rank_of` returns the rank for a result, or
-    None."""
+    """Return the column of the rank of a method.
+
+    `rank_of` is a function that receives a result and returns its rank from 1; None results in an
+    empty cell.
+    """
     return Column(
         "rank",
         "1",
@@ -354,33 +370,37 @@ def reference_table(methods: Iterable[Method]) -> Table:
 
 
 def method_table(integrators: Iterable[Integrator]) -> Table:
-    """Return the table with one row per method, with the properties of the method for its default
-    parameters."""
+    """Return the table of the properties of methods with their parameters, one row per method."""
     return Table.of_results(METHOD, integrators)
 
 
 def stability_table(curves: Iterable[StabilityCurve]) -> Table:
-    """Return the table with one row per method, damping ratio and ratio of time step to period."""
+    """Return the table of spectral radius and numerical errors, with one row per method, damping
+    ratio and ratio of time step to period."""
     return Table.of_results(STABILITY, curves)
 
 
 def overshoot_table(motions: Iterable[Overshoot]) -> Table:
-    """Return the table with one row per method, start and time step; step 0 is the start."""
+    """Return the table of the first time steps with a large time step (overshoot), with one row per
+    method, initial condition and time step; step 0 is the initial condition."""
     return Table.of_results(OVERSHOOT, motions)
 
 
 def order_table(measured: Iterable[ObservedOrder]) -> Table:
-    """Return the table with one row per method and frequency ratio."""
+    """Return the table of observed orders of accuracy, with one row per method and frequency ratio
+    (frequency of the load divided by the frequency of the oscillator)."""
     return Table.of_results(ORDER, measured)
 
 
 def failure_table(trials: Iterable[Trial]) -> Table:
-    """Return the table with one row per problem, method and time step."""
+    """Return the table of the results of methods for problems with known solutions, as reported by
+    `tdint failures`, with one row per problem, method and time step."""
     return Table.of_results(FAILURE, trials)
 
 
 def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table:
-    """Return the table with one row per example, time step, method and variant.
+    """Return the table of the errors in the examples of the paper, with one row per example, time
+    step, method and variant.
 
     Methods are ranked by the displacement error relative to `reference`, a key of
     `tdint.analysis.assessment.paper_examples.REFERENCES`.
@@ -394,6 +414,7 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
             return None
         smaller_errors = 0
         for run in runs:
+            # A run with a variant is not ranked and does not count; nan is never smaller.
             is_compared = (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")
             smaller_errors += is_compared and run.error("displacement", reference) < error
         return 1 + smaller_errors
@@ -406,12 +427,14 @@ PEER = "/"
 
 
 def chart_table(chart: Chart) -> Table:
-    """Return the table with one row per method and time step; missing values are empty cells."""
+    """Return the table of a work-precision diagram, with one row per method and time step; missing
+    values are empty cells."""
     return Table.of_results(CHART, chart.points)
 
 
 def sizes_table(charts: Iterable[Chart]) -> Table:
-    """Return the rows of several charts, with the number of stories in the first column."""
+    """Return the table of the work-precision diagrams of buildings of different size, with the
+    number of stories in the first column."""
     points: list[Any] = []
     heads: list[tuple[Cell, ...]] = []
     for chart in charts:
@@ -421,7 +444,11 @@ def sizes_table(charts: Iterable[Chart]) -> Table:
 
 
 def _within(factor: float, name: str = "") -> Column:
-    """Return the column of the number of problems solved within a factor of the minimum cost."""
+    """Return the column of the number of problems that a method solves at a cost of at most
+    `factor` times the minimum cost of the methods of tdint.
+
+    `name` is the name of the column, by default `within_FACTOR`.
+    """
     meaning = f"number of these problems with a cost of at most {factor:g} times the minimum cost"
     return Column(
         name or f"within_{factor:g}", "1", lambda profile: profile.within(factor), meaning
@@ -472,7 +499,8 @@ PROFILE = (
 
 
 def profile_table(chart: FieldChart) -> Table:
-    """Return the table with one row per quantity, tolerance and method."""
+    """Return the table of performance profiles (costs of methods over many problems), with one row
+    per quantity, tolerance and method."""
     return Table.of_results(PROFILE, chart.profiles)
 
 
@@ -511,12 +539,12 @@ VALIDATION = (
         "difference_is",
         "text",
         _without_commas("case.difference_is"),
-        "definition of the difference",
+        "cause of the difference: rounding of the source, numerical error or model error",
     ),
     Column("within", "text", "within", "true if all differences are within the tolerance"),
 )
 
 
 def validation_table(results: Iterable[ValidationResult]) -> Table:
-    """Return the table with one row per validation case."""
+    """Return the table of computed and published values, with one row per validation case."""
     return Table.of_results(VALIDATION, results)

@@ -80,9 +80,15 @@ _ROWS_AT_ONCE = 256  # rows formatted together, which takes 1 MB for a hundred c
 
 
 def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
-    """Return the table with one row per story, from the ground up.
+    """Return the table of the peak responses of the stories, one row per story from the ground up.
 
-    With `errors`, a column `<name>_error` for each peak follows after all peaks.
+    Parameters
+    ----------
+    stories : StoryPeaks
+        Peak responses, arrays of shape (stories,).
+    errors : StoryErrors, optional
+        Estimated errors of the peaks. If they are specified, the columns of the peaks are followed
+        by a column `<name>_error` for each peak.
     """
     groups = [
         (columns, values)
@@ -97,7 +103,7 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
 
 
 def response_table(response: Response) -> Table:
-    """Return the table of a run with one row per story, from the ground up.
+    """Return the table of the peak responses of a run, with one row per story from the ground up.
 
     For a sequence, these rows are listed for each event and then for the complete sequence; the
     first column identifies the event.
@@ -116,10 +122,11 @@ def response_table(response: Response) -> Table:
 
 
 def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
-    """Return the columns of a response history in groups.
+    """Return the columns of a response history in groups, as tuples of a name and the columns.
 
-    A group with the name `floor` or `story` is written for each floor or story; a group with an
-    empty name is written once. `error` adds the columns of the estimated errors.
+    A group with the name `floor` or `story` is repeated for each floor or story; a group with an
+    empty name (time, ground, energies) is written once. `error` adds the columns of the estimated
+    errors.
     """
     errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
     return (
@@ -132,8 +139,15 @@ def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
 
 
 def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
-    """Return the columns of a response history of a building with `stories` stories. If `error` is
-    true, the columns of the estimated errors follow at the end."""
+    """Return the columns of the CSV file of a response history, for example `floor_2_velocity_m_s`.
+
+    Parameters
+    ----------
+    stories : int
+        Number of stories of the building.
+    error : bool
+        True to add the columns of the estimated errors at the end; false by default.
+    """
     result: list[Column] = []
     for location, group in history_groups(error):
         prefixes = [f"{location}_{i}_" for i in range(1, stories + 1)] if location else [""]
@@ -143,8 +157,19 @@ def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
 
 
 def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a response history as CSV, given as consecutive pieces. The file is the same as if the
-    complete history were written at a time."""
+    """Write a response history as CSV from consecutive pieces, so that memory use is limited.
+
+    The file is the same as the file that `write_history` writes for the complete history.
+
+    Parameters
+    ----------
+    pieces : iterable of History
+        Parts of the history in the order of time.
+    stream : BinaryIO
+        Output.
+    units : OutputUnits
+        Units of the columns; SI by default.
+    """
     for index, piece in enumerate(pieces):
         write_history(piece, stream, units, header=index == 0)
 
@@ -194,8 +219,9 @@ def gradient_columns(result: Gradient) -> list[Column]:
 
     There is a row for each run, parameter and story; the column `run` is omitted for a single run.
     """
-    # The arrays of a single run have no axis of runs. With it, the axes are runs, parameters and
-    # stories.
+    # The arrays have the shape (runs, parameters, stories), or (parameters, stories) for a single
+    # run. `atleast_3d` adds a missing axis at the end; of the transposed array, this is the axis of
+    # the runs.
     shape = np.atleast_3d(result.peak_drift.T).T.shape
     runs, parameters, stories = np.indices(shape)
     names = np.array(result.parameters)[parameters.ravel()]

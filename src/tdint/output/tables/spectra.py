@@ -168,8 +168,10 @@ TARGET = (
 
 
 def difference(published: str) -> tuple[Column, ...]:
-    """Return the columns of the comparison of a computed with a published spectrum. `published` is
-    the name of the column that the published file contains."""
+    """Return the columns of the comparison of a computed with a published spectrum.
+
+    `published` is the column of spectra that the published file contains, such as `psa_m_s2`.
+    """
     compared = next(column for column in SPECTRUM if column.name == published)
     published_meaning = f"published: {compared.meaning}"
     return (
@@ -202,8 +204,14 @@ ROTATED_END = (
 
 
 def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
-    """Return the columns of a rotated spectrum, with one column for each percentile over all
-    directions."""
+    """Return the columns of a rotated spectrum (RotDnn), with one column for each percentile.
+
+    Parameters
+    ----------
+    percentiles : sequence of int
+        Percentiles of the pseudo-acceleration over all horizontal directions: 100 for the maximum
+        (RotD100), 50 for the median (RotD50). They are the rows of the attribute `psa`.
+    """
     percentile_columns = (
         Column(
             f"rotd{percentile:02d}_psa_m_s2",
@@ -275,7 +283,8 @@ def record_info(record: AnyRecord) -> RecordInfo:
     try:
         intensity = spectrum_intensity(periods, spectrum(ground_motion, periods, SA_DAMPING).psv)
     except AnalysisError:
-        # The sampling interval is too long for the shortest period, which the user did not request.
+        # The sampling interval is too long for the shortest period of the Housner intensity. The
+        # user did not request this measure, so it is nan and not an error.
         intensity = math.nan
     return RecordInfo(
         ground_motion, measure(ground_motion), intensity, _predominant_period(ground_motion)
@@ -308,14 +317,14 @@ _OF_BOTH = ("pga", "pgv", "pgd", "arias", "d5-95")
 
 
 def _of_measures(index: int, name: str) -> Callable[[Any], Any]:
-    """Return a function that returns an intensity measure of a match: of the matched ground motion
-    (index 0) or of its scaled seed (1)."""
+    """Return a function of a spectral match, which returns the intensity measure `name` of the
+    matched ground motion (index 0) or of its scaled seed (index 1), shape (1,)."""
     return lambda matched: np.array([getattr(matched.measures[index], name.replace("-", "_"))])
 
 
 def _end_displacement(index: int) -> Callable[[Any], Any]:
-    """Return a function that returns the displacement at the end of the matched ground motion
-    (index 0) or of its scaled seed (1)."""
+    """Return a function of a spectral match, which returns the ground displacement (m) at the end
+    of the matched ground motion (index 0) or of its scaled seed (index 1), shape (1,)."""
     return lambda matched: np.array([matched.motions[index].displacement[-1]])
 
 
@@ -359,9 +368,11 @@ MATCHED = (
 
 
 def match_table(matches: Sequence[Match]) -> Table:
-    """Return the table with one row per component and damping ratio of the matched ground motions.
+    """Return the table of spectral matches: misfits and intensity measures of the matched ground
+    motions.
 
-    There is a column with the damping ratio if the motions were matched at several ratios.
+    It has one row per component and damping ratio. There is a column with the damping ratio if the
+    ground motions were matched at several ratios.
     """
     # A match has a result for each damping ratio, which has one result per component.
     results = [
@@ -376,13 +387,16 @@ def match_table(matches: Sequence[Match]) -> Table:
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:
-    """Return the table with one row per record."""
+    """Return the table of the properties and intensity measures of records, one row per record."""
     return Table.of_results(INFO, infos)
 
 
 def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
-    """Return the table of results that have an attribute `record`, with the file of the record and
-    its component in the first columns."""
+    """Return the table of results that have an attribute `record`.
+
+    The first two columns are the file of the record and its component; `columns` are the further
+    columns.
+    """
     # The names of the components depend on all records: a component that a file contains twice gets
     # its full identifier.
     names = component_names([result.record for result in results])
@@ -391,18 +405,24 @@ def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
 
 
 def result_table(results: Sequence[Any], additional: Sequence[str] = ()) -> Table:
-    """Return the table of results of one class that have an attribute `record`.
+    """Return the table of results of a class, such as spectra, that have an attribute `record`.
 
-    The columns are the columns of every table that the class declares, and the columns of the
-    quantities in `additional`.
+    Parameters
+    ----------
+    results : sequence of object
+        Results of the same class. The annotations of the class declare the columns (`Quantity`).
+    additional : sequence of str
+        Names of the declared quantities that only some tables contain and that this table has as
+        columns in addition to the usual columns; empty by default.
     """
     return record_table(columns_of(type(results[0]), *additional), results)
 
 
 def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
-    """Return computed and published values and their difference.
+    """Return the table of the comparison of computed with published spectra.
 
-    There is one row per record, component, damping ratio and period.
+    There is one row per record, component, damping ratio and period, with both values and their
+    relative difference.
     """
     from tdint.analysis.spectra.target import QUANTITIES
 
@@ -410,10 +430,15 @@ def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
 
 
 def rotated_table(spectra: Sequence[RotatedSpectrum], additional: Sequence[str] = ()) -> Table:
-    """Return the table with one row per ground motion, damping ratio and period.
+    """Return the table of rotated spectra, with one row per ground motion, damping ratio and
+    period.
 
-    Each percentile has a column. `additional` are the names of settings of the spectra that have
-    columns, too.
+    Parameters
+    ----------
+    spectra : sequence of RotatedSpectrum
+        Spectra with the same percentiles. Each percentile has a column.
+    additional : sequence of str
+        Names of settings of the spectra that also have columns; empty by default.
     """
     setting_columns = columns_of(Spectrum, *additional)[len(SPECTRUM) :]
     columns = (*OF_MOTION, *rotated(spectra[0].percentiles), *setting_columns)
@@ -433,8 +458,8 @@ OF_FLOORS = (
 
 
 def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
-    """Return the table with one row per record. `components` are the names of the components in the
-    order of the records."""
+    """Return the table of the sampling, scale factor and peak of ground motions, one row per
+    record. `components` are the names of the components in the order of the records."""
     heads = [
         (record.source, component) for record, component in zip(records, components, strict=True)
     ]
@@ -442,7 +467,7 @@ def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
-    """Return the table with one row per floor, damping ratio and period, in their order."""
+    """Return the table of floor spectra, with one row per floor, damping ratio and period."""
     heads = [(floor_spectrum.floor,) for floor_spectrum in spectra]
     return Table.of_results(
         (FLOOR, *SPECTRUM), [floor_spectrum.spectrum for floor_spectrum in spectra], heads

@@ -100,7 +100,8 @@ _RECORD = (
 
 
 def _of_runs(name: str) -> Callable[[Any], Any]:
-    """Return a function of a `_CurveRows`, which returns an attribute of all its runs."""
+    """Return a function of a `_CurveRows` (an IDA curve), which returns the attribute `name` of all
+    runs of the curve as an array, shape (runs,)."""
     return lambda curve: curve.of_runs(name)
 
 
@@ -264,14 +265,25 @@ CLOUD = (
 
 
 def _of_line(function: Fragility, name: str) -> float:
-    """Return an attribute of the regression line of a fragility function (intercept, slope, sigma,
-    or number of demands below all states); nan for functions of other fits."""
+    """Return an attribute of the regression line of a fragility function from a cloud analysis.
+
+    `name` is `intercept`, `slope`, `sigma` or `light` (number of demands below all states). The
+    result is nan for functions that were fitted in another way.
+    """
     return getattr(function.cloud, name, np.nan)
 
 
 def _bound(bound: int, parameter: str) -> Column:
-    """Return the column of a parameter, theta or beta, of a fit in which all failed runs count as
-    exceeding (bound 0) or as not exceeding (bound 1)."""
+    """Return the column of a parameter of a fragility function that was fitted with the failed
+    runs.
+
+    Parameters
+    ----------
+    bound : int
+        0: all failed runs count as exceeding the threshold; 1: as not exceeding it.
+    parameter : str
+        `theta` (median) or `beta` (dispersion).
+    """
     name_end, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[bound]
     return Column(
         f"{parameter}_failed_{name_end}",
@@ -298,10 +310,20 @@ _COUNTS = {
 
 
 def _value_in_bin(bin_index: int, attribute: str) -> Callable[[Fragility], float]:
-    """Return a function that returns an attribute of `Counted` in the bin with an index, from 0, of
-    a fragility function; nan if the function has fewer bins."""
+    """Return a function of a fragility function, which returns a value of one of its bins.
+
+    The runs of a fit are counted in bins of the intensity.
+
+    Parameters
+    ----------
+    bin_index : int
+        Index of the bin, from 0.
+    attribute : str
+        Attribute of `Counted`, an array with one value per bin.
+    """
 
     def value(function: Fragility) -> float:
+        """Return the value in the bin; nan if the fragility function has fewer bins."""
         values = getattr(function.counted, attribute, ())
         return float(values[bin_index]) if bin_index < len(values) else np.nan
 
@@ -329,7 +351,8 @@ FRAGILITY_TOTAL = Column(
 
 
 def factor_table(scaling: Scaling) -> Table:
-    """Return the table with one row per component of a suite."""
+    """Return the table of the scale factors of a suite, with one row per record (each component of
+    a pair has a row)."""
     records, factors = [], []
     for motion, factor in zip(scaling.motions, scaling.factors, strict=True):
         for record in components(motion):  # both components of a pair have the same factor
@@ -396,13 +419,20 @@ class _CurveRows:
 
 
 def ida_table(study: IdaStudy) -> Table:
-    """Return the table with one row per run of each record, from the lowest level."""
+    """Return the results of an incremental dynamic analysis, with one row per run.
+
+    The rows are in the order of the records, and of the intensity levels of each record from the
+    lowest.
+    """
     columns = (*_with_damage(IDA, study), *(IDA_ERRORS if study.checked else ()))
     return _with_unit(Table.of_results(columns, _curves(study)), study.measure.unit)
 
 
 def capacity_table(study: IdaStudy) -> Table:
-    """Return the capacities, one row per ground motion and drift threshold.
+    """Return the table of the capacities of an incremental dynamic analysis, with one row per
+    ground motion and drift threshold.
+
+    A capacity is the lowest intensity that exceeds the threshold.
 
     The two horizontal components of a pair are one ground motion unless they count separately.
     """
@@ -423,9 +453,10 @@ def fragility_table(
     total: bool = False,
     states: Sequence[Column] = FRAGILITY_STATES,
 ) -> Table:
-    """Return the table with one row per fragility function.
+    """Return the table of fragility functions, with one row per function.
 
-    Columns that do not apply are omitted: regression line, failed runs, counts in bins.
+    The columns of the regression line, of failed runs and of the counts in bins are omitted if no
+    function has these values.
 
     Parameters
     ----------
@@ -434,7 +465,7 @@ def fragility_table(
     total : bool
         True to add the standard deviation with the modeling dispersion; false by default.
     states : sequence of Column
-        First columns of functions of damage states.
+        First columns of functions of damage states; by default the building type and the state.
     """
     has_damage = any(not math.isnan(function.damage) for function in functions)
     # The fits of functions by type have no bounds for failed runs.
@@ -447,6 +478,7 @@ def fragility_table(
         *(CLOUD if any(function.cloud for function in functions) else ()),
         *(FAILED if has_failed_runs else ()),
         *((FRAGILITY_TOTAL,) if total else ()),
+        # Each bin has len(_COUNTS) columns; bins that no function has are omitted.
         *COUNTED[: len(_COUNTS) * max(bin_counts, default=0)],
         *((PAIR_DEMAND,) if any(function.pair_demand for function in functions) else ()),
     ]
@@ -499,8 +531,12 @@ DEPENDENCE = (
 
 
 def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
-    """Return the table with one row per intensity measure and characteristic of the ground motions.
-    Without characteristics, an intensity measure has one row with empty cells at the end."""
+    """Return the table that compares intensity measures as predictors of the drift ratio.
+
+    It has one row per intensity measure and characteristic of the ground motions, such as the
+    magnitude, that may explain the residuals. Without characteristics, an intensity measure has a
+    single row with empty cells at the end.
+    """
     rows: list[tuple[Cell, ...]] = []
     for fit in fits:
         fit_cells = tuple(column.of(fit) for column in COMPARED)
@@ -512,14 +548,14 @@ def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
 
 
 def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, ...]:
-    """Return the columns, preceded by the damage if the building was damaged by a main shock in
-    some of the curves."""
+    """Return the columns of a table of an IDA study, preceded by the damage column if the building
+    was damaged by a main shock in some of the curves."""
     return (DAMAGE, *columns) if any(curve.damage for curve in study.curves) else columns
 
 
 def _with_unit(table: Table, unit: str) -> Table:
-    """Return the table with the unit of the intensities in the descriptions of the columns, whose
-    names do not contain it."""
+    """Return the table with the unit of the intensities in the descriptions of their columns. The
+    names of these columns do not contain the unit."""
     units = {
         name: {**table.meanings[name], "unit": unit}
         for name in INTENSITIES
@@ -529,16 +565,19 @@ def _with_unit(table: Table, unit: str) -> Table:
 
 
 def motion_rows(study: IdaStudy) -> Iterator[tuple[str, str, IdaCurve]]:
-    """Yield file, components and curve of each ground motion, as in the table of capacities."""
+    """Yield the file, the names of the components (`HNE+HNN` for a pair) and the IDA curve of each
+    ground motion, as in the table of capacities."""
     for row in _motion_curves(study):
         yield row.record, row.component, row.curve
 
 
 def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
-    """Yield the curves of the ground motions.
+    """Yield the IDA curve of each ground motion with its file and component.
 
-    A pair has the file name of its first component and the names of both components.
+    A pair that counts as one ground motion has the file name of its first component and the names
+    of both components.
     """
+    # Curves are identified by `id`, because they contain arrays, which have no hash.
     rows = {id(row.curve): row for row in _curves(study)}
     for curve in study.motion_curves:
         if isinstance(curve, PairCurve):
@@ -550,8 +589,8 @@ def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
 
 
 def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
-    """Yield the curves of all components, with the names of the components."""
-    # The names are distinct over all states of damage.
+    """Yield the IDA curve of each component, with its file and the name of the component."""
+    # A single call for all curves makes the names distinct over all initial damages.
     names = component_names([curve.record for curve in study.curves])
     for curve, name in zip(study.curves, names, strict=True):
         yield _CurveRows(curve.record.source, name, study, curve)

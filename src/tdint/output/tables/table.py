@@ -74,14 +74,16 @@ class Column:
         return cls(quantity.column, quantity.unit, quantity.name, quantity.meaning)
 
     def of(self, result: Any) -> Any:
-        """Return the value of this column for a result."""
+        """Return the value of the column for a result: an array with a cell for each row, or a
+        single value that applies to all rows of the result."""
         if isinstance(self.value, np.ndarray):
             return self.value
         return self.value(result) if callable(self.value) else attrgetter(self.value)(result)
 
 
 def columns_of(result_class: type, *additional: str) -> tuple[Column, ...]:
-    """Return the columns that a class of results declares in its fields.
+    """Return the columns that a class of results declares in the annotations of its fields
+    (`tdint.units.Quantity`).
 
     Parameters
     ----------
@@ -156,14 +158,17 @@ def converted(value: Cell, factor: float) -> Cell:
 
 
 def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
-    """Return the rows of a result. Their number is the common length of the arrays among its
-    values; without arrays, there is one row."""
+    """Return the rows of a result in a table, each with one cell per column.
+
+    The number of rows is the common length of the arrays among the values of the columns; without
+    arrays, there is one row.
+    """
     values = [column.of(result) for column in columns]
     # A value that is not an array applies to every row.
     lengths = {value.size for value in values if isinstance(value, np.ndarray)}
     if not lengths:
         return [tuple(values)]
-    (length,) = lengths
+    (length,) = lengths  # raises an error if arrays have different lengths
     cells_of_columns = (
         value.tolist() if isinstance(value, np.ndarray) else repeat(value, length)
         for value in values
@@ -204,7 +209,8 @@ class Table:
 
     @classmethod
     def of(cls, columns: Sequence[Column], rows: Iterable[Iterable[Any]]) -> Table:
-        """Return a table of declared columns."""
+        """Return a table from its columns and its rows; the cells of a row are in the order of the
+        columns."""
         return cls(names(columns), list(map(tuple, rows)), describe(columns))
 
     @classmethod
@@ -271,7 +277,11 @@ class Table:
         return replace(self, rows=rows)
 
     def by_column(self) -> list[tuple[Column, Any]]:
-        """Return each column with its cells: an array (nan if missing), or a list with text."""
+        """Return each column with its cells.
+
+        The cells of a column of numbers are an array, with nan for missing values. The cells of
+        other columns are a list.
+        """
         columns = []
         for index, name in enumerate(self.columns):
             description = self.meanings[name]
@@ -374,7 +384,8 @@ def harmless(text: str) -> str:
 
 
 def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
-    """Return rows of harmless cells as CSV.
+    """Return rows of cells as CSV (UTF-8, LF line ends). The texts must be results of `cell_text`
+    or `harmless`.
 
     A cell that contains a formula after a semicolon is quoted, because many spreadsheets use the
     semicolon as separator.

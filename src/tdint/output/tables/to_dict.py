@@ -48,8 +48,8 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     UsageError
         The result has no table, or a unit is unknown.
     """
-    # Several results have a common table with a row for each result if their class is in
-    # `_IN_ROWS`; otherwise their tables are joined.
+    # If the class of several results is in `_IN_ROWS`, their table has one row for each result.
+    # Otherwise each result has a table, and these tables are joined.
     if isinstance(result, list | tuple | ResultList):
         first = result[0] if len(result) else None
         if type(first).__name__ not in _IN_ROWS:
@@ -116,15 +116,24 @@ def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def to_parquet(result: Any, file: str | Path) -> None:
-    """Write the table of a result to a Parquet file, with units and meanings of the columns as
-    metadata."""
+    """Write the table of a result in SI units to a Parquet file, with units and meanings of the
+    columns as metadata. An existing file is replaced."""
     descriptions = describe(column for column, _ in _values(result))
     write_files({Path(file): parquet(to_dict(result), descriptions)}, overwrite=True)
 
 
 def to_xarray(runs: Runs) -> Any:
-    """Return runs as an xarray data set with the dimensions run, story and, with response
-    histories, time."""
+    """Return the results of many runs as an `xarray.Dataset`.
+
+    The peak responses and their errors have the dimensions run and story; response histories have
+    the dimensions run, time and story. Building, record, scale factor and the other properties of a
+    run are coordinates.
+
+    Raises
+    ------
+    UsageError
+        xarray is not installed.
+    """
     xarray = import_optional("xarray", "to_xarray")
     table = to_dict(runs)
     run_columns = [*OF_RUN, *(column.name for column in campaign.varied_columns(runs.varied))]
@@ -204,8 +213,15 @@ OF_RUNS: dict[str, Column] = {str(column.value): column for column in campaign.R
 
 
 def _values(result: Any) -> _Values:
-    """Return each column with its values: an array, or a value that applies to all rows."""
-    # Several results of a class that is not in _IN_ROWS were joined before this call.
+    """Return the columns of the table of a result, each with its values: an array, a list with
+    text, or a single value that applies to all rows.
+
+    Raises
+    ------
+    UsageError
+        The result has no table.
+    """
+    # `to_dict` passes several results only if their class is in `_IN_ROWS`.
     if isinstance(result, list | tuple | ResultList):
         return _in_rows(list(result))
     # The table of a class also applies to its subclasses.
@@ -216,7 +232,7 @@ def _values(result: Any) -> _Values:
 
 
 def _rows_of(columns: Sequence[Column]) -> Callable[[Sequence[Any]], Table]:
-    """Return a function that returns the table of several results with the columns."""
+    """Return a function of several results, which returns their table with the given columns."""
     return partial(Table.of_results, columns)
 
 
@@ -236,33 +252,36 @@ imported."""
 
 
 def _in_rows(results: Sequence[Any]) -> _Values:
-    """Return the columns, with their values, of the table with one row per result."""
+    """Return the columns, with their cells, of the table with one row for each result."""
     return _IN_ROWS[type(results[0]).__name__](results).by_column()
 
 
 def _of(columns: Sequence[Column], result: Any) -> _Values:
-    """Return columns with their values for a result."""
+    """Return a list of tuples: a column, and the value of the column for the result."""
     return [(column, column.of(result)) for column in columns]
 
 
 def _from(table: Callable[[Any], Table]) -> Callable[[Any], _Values]:
-    """Return a function that returns the columns, with their values, of the table of a result."""
+    """Return a function of a result, which returns the columns of `table(result)` with their
+    cells."""
     return lambda result: table(result).by_column()
 
 
 def _of_record(result: Any) -> _Values:
-    """Return the columns, with their values, of a result that has an attribute `record`."""
+    """Return the columns that the class of a result declares, with their values, after the file and
+    the component of its record."""
     return _of((*OF_RECORD, *columns_of(type(result))), result)
 
 
 def _of_campaign(result: Any) -> _Values:
-    """Return the columns of runs.csv, with their values, of a campaign."""
+    """Return the columns of runs.csv, the table of the runs of a campaign, with their cells."""
     with result.store as store:
         return campaign.runs_table(store).by_column()
 
 
 def _of_runs(result: Runs) -> _Values:
-    """Return the columns of runs.csv, with their values, of many runs."""
+    """Return the columns of the results of `run_many`, with one row per run; they have the names of
+    the columns of runs.csv of a campaign."""
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
     # Arrays have space for the tallest building; the values above a lower building are nan.
     for number in range(len(result.models)):
@@ -290,8 +309,8 @@ def _of_runs(result: Runs) -> _Values:
 
 
 def _demand_errors(result: Runs) -> _Values:
-    """Return the error columns of runs.csv, with their values; empty if errors were not
-    estimated."""
+    """Return the columns of the estimated errors of the peak responses of `run_many`, with one row
+    per run; an empty list if errors were not estimated."""
     if result.errors is None:
         return []
     rows = []
@@ -304,7 +323,22 @@ def _demand_errors(result: Runs) -> _Values:
 
 
 def _values_of_run(values: Any, run: int, story_count: int) -> Any:
-    """Return the peaks, or their errors, of one run from arrays of shape (runs, stories)."""
+    """Return the peak responses, or their errors, of one of many runs.
+
+    Parameters
+    ----------
+    values : StoryPeaks or StoryErrors
+        Arrays of shape (runs, stories of the tallest building).
+    run : int
+        Index of the run.
+    story_count : int
+        Number of stories of the building.
+
+    Returns
+    -------
+    StoryPeaks or StoryErrors
+        Arrays of shape (story_count,).
+    """
     return type(values)(
         **{field.name: getattr(values, field.name)[run, :story_count] for field in fields(values)}
     )
