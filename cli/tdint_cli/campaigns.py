@@ -530,7 +530,7 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
     """
     from tdint.campaign.pairs import PairRule, check_pairs
 
-    rule = PairRule.of_motions(plan.motions, plan.pair_demand)
+    rule = PairRule.from_motions(plan.motions, plan.pair_demand)
     check_pairs(plan.motions, rule)
     if request.pair_demand is not None and not rule.pairs:
         raise UsageError(

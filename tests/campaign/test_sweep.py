@@ -156,7 +156,7 @@ def test_each_variation_equals_run_of_varied_model(tmp_path, model, records):
         {"damping": (0.02, 0.05), "story 1.strength_factor": (0.8, 1.0)},
         methods=("newmark-average", "bathe"),
     )
-    with stored(sweep.of([model]), records, (0.5, 1.0)) as store:
+    with stored(sweep.vary_models([model]), records, (0.5, 1.0)) as store:
         found = rows(store, tmp_path / "runs.csv")
     assert len(found) == 2 * 2 * 2 * 2 * 2
     assert list(found[0])[-2:] == ["damping", "story_1_strength_factor"]
@@ -226,7 +226,7 @@ def test_labels_of_variations_contain_values_and_sample_number(model):
     sweep = ParameterSweep(
         {"damping": (0.02, 0.05)}, random, samples=2, seed=1, methods=("bathe",), steps=(0.01,)
     )
-    labels = [varied.label for varied in sweep.of([model])]
+    labels = [varied.label for varied in sweep.vary_models([model])]
     assert labels == [
         f"damping={ratio}, draw {draw}, bathe, dt=0.01" for ratio in (0.02, 0.05) for draw in (1, 2)
     ]
@@ -245,7 +245,7 @@ def test_rank_correlation_of_monotonic_response(records):
     sweep = ParameterSweep(
         random={"stiffness_factor": Distribution("uniform", 0.5, 2.0)}, samples=12, seed=1
     )
-    with stored(sweep.of([stiff]), records) as store:
+    with stored(sweep.vary_models([stiff]), records) as store:
         found = {correlation.quantity.name: correlation for correlation in rank_correlations(store)}
     assert math.isclose(found["peak_drift_ratio"].coefficient, -1.0)
     assert found["peak_drift_ratio"].draws == 12

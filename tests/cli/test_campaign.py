@@ -420,7 +420,7 @@ def test_an_unresponsive_scheduler_is_reported(
         (["study.yaml", "-o", "new", "--dask", "tcp://far.example:8786"], "must be encrypted"),
         (
             ["study.yaml", "-o", "new", "--dask", "tls://far.example:8786"],
-            "--tls-ca, --tls-cert and --tls-key are all required",
+            "a tls:// address requires --tls-ca, --tls-cert and --tls-key",
         ),
         (["study.yaml", "-o", "new", "--dask", "far.example"], "invalid scheduler address"),
         (

@@ -190,7 +190,7 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
             "threshold,capacity\n0.1,1\n0.1,2\n",
             ("--threshold", "2%"),
             2,
-            "threshold 0.02 not found; its thresholds are 0.1",
+            "threshold 0.02 not found; the thresholds of the table are 0.1",
         ),
         (
             "capacity,im_name\n1,pga\n2,pgv\n",

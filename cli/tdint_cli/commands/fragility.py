@@ -263,7 +263,7 @@ def _fit(request: Request) -> None:
     # A table of `tdint ida` or `tdint campaign` has a JSON file, and its thresholds are drift
     # ratios. A table of another program can have any demand.
     if not by and study_summary(Path(request.table)):
-        functions = [replace(function, of_drift=True) for function in functions]
+        functions = [replace(function, is_drift_ratio=True) for function in functions]
     if openquake_files:
         _write_openquake(request, result.functions, openquake_files)
 
@@ -405,7 +405,7 @@ def _function_text(function: Fragility) -> str:
     """
     text = ""
     if not math.isnan(function.threshold):
-        demand = "Drift ratio" if function.of_drift else "Threshold"
+        demand = "Drift ratio" if function.is_drift_ratio else "Threshold"
         text = f"{demand} {function.threshold_text}: "
     if not math.isnan(function.damage):
         text += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "

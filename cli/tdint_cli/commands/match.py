@@ -152,7 +152,7 @@ def command(request: MatchRequest) -> None:
             matches = match_suite(
                 suite.motions,
                 targets,
-                factors=factors.of_motions(suite.motions) if factors else None,
+                factors=factors.common_factors(suite.motions) if factors else None,
                 progress=lambda done, total: show_progress("matching", done / total),
                 **matching_options,
             )

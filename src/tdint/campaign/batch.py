@@ -164,7 +164,8 @@ class RunRow(NamedTuple):
         return self.values[_INDICES[name]]
 
     def changed(self, **changes: Any) -> RunRow:
-        """Return a copy of the row in which some values, given by name, are replaced."""
+        """Return a copy of the row with some new values. `changes` contains the new values by the
+        name of their quantity in `RUN`; other names are ignored."""
         return self._replace(
             values=tuple(changes.get(name, self.values[index]) for name, index in _INDICES.items())
         )
@@ -229,8 +230,11 @@ class Rows:
 
 
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
-    """Return one dictionary per run: the demands, such as the peak drift ratio, by name. They are
-    computed from the peaks of the stories, which have the shape (runs, stories)."""
+    """Return the demands of several runs: one dictionary per run, from the name of a demand, such
+    as `peak_drift_ratio`, to its value.
+
+    `stories` contains the peak responses of all stories, in arrays of shape (runs, stories).
+    """
     columns = {name: column.tolist() for name, column in demand_columns(stories).items()}
     return [
         dict(zip(columns, run_values, strict=True))
@@ -256,8 +260,10 @@ def story_rows(
     """
     values = _values_by_story(stories)
     errors = _values_by_story(check.errors) if check else repeat(())
-    # `repeat` does not end, so the iterables may have different lengths.
+    # `errors` is infinite if the errors were not estimated (`repeat`), so that `strict=True` would
+    # raise an error.
     cells_by_story = zip(stories.height.tolist(), values, errors, strict=False)
+    # `run` fills the columns motion, scale and sample; `cells` fills height, values and errors.
     return [
         StoryRow(building, *run, story, *cells)
         for story, cells in enumerate(cells_by_story, start=1)
@@ -265,7 +271,7 @@ def story_rows(
 
 
 def _values_by_story(peaks: Any) -> Iterable[tuple[float, ...]]:
-    """Return one tuple per story, which contains one value per quantity of `STORY_QUANTITIES`.
+    """Return one tuple per story with one value per quantity of `STORY_QUANTITIES`, in that order.
 
     Parameters
     ----------
@@ -466,6 +472,11 @@ class Batch:
             tolerance; the runs are not integrated, and the status in their rows states this reason.
             By default (infinity) the time step of the settings is used.
 
+        Returns
+        -------
+        Rows
+            One row per run, its stories if they are stored, and its events if it is a sequence.
+
         Raises
         ------
         UsageError
@@ -483,8 +494,8 @@ class Batch:
             run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)
         ]
         # The time step depends on the sampling interval of the motion, but not on the scale factor:
-        # compute it one time for each motion. Without a step within the tolerance, the rows contain
-        # the time steps of the settings.
+        # compute it one time for each motion. If no time step meets the tolerance (None), the runs
+        # are not integrated; their rows contain the time step of the settings for information.
         step_limit = math.inf if max_step is None else max_step
         motions = dict.fromkeys(run.motion for run in single_runs)
         steps_of_motion = {motion: self._time_steps(motion, step_limit) for motion in motions}
@@ -583,7 +594,7 @@ class Batch:
         return self.subject.case(self.motions.records[run.motion], run.scale)
 
     def _integrate_together(self, jobs: list[_Job], results: Rows) -> list[_Job]:
-        """Integrate runs that have the same time step by a compiled call.
+        """Integrate runs that have the same time step in a single call of compiled code.
 
         Parameters
         ----------
@@ -785,6 +796,7 @@ def _first_mode_accelerations(
         m/s^2; None if the period is too short for the record.
     """
     spectral: list[dict[int, float | None]] = [{} for _ in periods]
+    # Indices in `periods` of the buildings that are run under each ground motion.
     buildings_of_motion: dict[int, list[int]] = {}
     for building, building_runs in enumerate(chunk.buildings):
         for motion in dict.fromkeys(run.motion for run in building_runs.runs):
@@ -811,13 +823,15 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     Returns
     -------
     list of float or None
-        Spectral accelerations; None for a period that is too short for the record.
+        Spectral accelerations; None for a period that is too short for the sampling interval of the
+        record.
     """
     if isinstance(record, JoinedRecord):
         values_by_period = zip(
             *(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True
         )
-        # `filter` also removes zeros; `default` is the maximum if all values are zero.
+        # A period that is too short for an event (None) has no result. `filter` omits values of
+        # zero, so that 0.0 is the result (`default`) if all events have the value zero.
         return [
             None if None in values else max(filter(None, values), default=0.0)
             for values in values_by_period

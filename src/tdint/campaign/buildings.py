@@ -23,13 +23,16 @@ if TYPE_CHECKING:
 
 
 def output_units(buildings: Buildings) -> OutputUnits:
-    """Return the output units that all models request; SI if they differ, and for an inventory."""
+    """Return the output units that all models of the buildings request. The result is SI if the
+    models request different units, or if the buildings are from an inventory."""
     units = {model.output_units for model in models_of(buildings)}
     return units.pop() if len(units) == 1 else SI
 
 
 def models_of(buildings: Buildings) -> list[Model]:
     """Return the models of the buildings; an empty list if the buildings are from an inventory."""
+    # `with_all_methods` returns a single building of an inventory instead of millions; it is not a
+    # `ModelBuilding`.
     return [
         building.made.model
         for building in with_all_methods(buildings)
@@ -48,6 +51,8 @@ def plugin_files(buildings: Buildings) -> dict[str, str]:
     buildings, to the SHA-256 of its content."""
     if not CODE:  # no plug-in is loaded
         return {}
+    # `code_of` identifies code by `method NAME` and `law NAME`. The name of a method ends at the
+    # colon that precedes its parameters.
     methods = {
         f"method {building.method.partition(':')[0]}" for building in with_all_methods(buildings)
     }
@@ -100,10 +105,11 @@ class ModelBuilding:
 
 
 def model_buildings(subjects: Sequence[Subject]) -> tuple[ModelBuilding, ...]:
-    """Return the buildings with unique names.
+    """Return the buildings of model files, each with a unique name for the tables.
 
-    The name is the name of the model; if several files contain models with the same name, it is the
-    path of the file. A variation of a sweep adds its label: `frame: damping=0.05`.
+    The name of a building is the name of its model. If several files contain models with the same
+    name, it is the path of the file. A variation of a sweep adds its label:
+    `frame: damping=0.05`.
     """
     models_with_files = {(subject.model.name, subject.model.source) for subject in subjects}
     file_count = Counter(model_name for model_name, _ in models_with_files)
@@ -177,7 +183,8 @@ class RowBuilding:
     rules: Rules
 
     def subject(self) -> Subject:
-        """Return the building, derived by the rules and changed by the variation of the row."""
+        """Return the building that the rules derive from the row, with the parameters that a sweep
+        changed."""
         rules = self.rules
         derived = derive_row(
             self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed
@@ -242,7 +249,8 @@ class RowBuildings(LazySequence[RowBuilding]):
     def __init__(self, rows: InventoryRows, rules: Rules) -> None:
         self.rows, self.rules = rows, rules
         if rows.is_varied:
-            # The variations of a building have consecutive numbers.
+            # Building `first` is the first building with its number of stories; its variations
+            # have consecutive numbers. `subject` applies the variation, or raises the error.
             first_numbers = np.unique(rows.stories, return_index=True)[1].tolist()
             for first in sorted(first_numbers):
                 for building in self[first : first + len(rows.changes)]:
@@ -252,7 +260,7 @@ class RowBuildings(LazySequence[RowBuilding]):
         return len(self.rows)
 
     def make(self, number: int) -> RowBuilding:
-        """Return the building with a number."""
+        """Return the building with the index `number`."""
         return RowBuilding(self.rows.make(number), self.rules)
 
 
@@ -261,14 +269,16 @@ Buildings = Sequence[ModelBuilding] | RowBuildings
 
 
 def with_all_methods(buildings: Buildings) -> Sequence[ModelBuilding | RowBuilding]:
-    """Return enough buildings to know the methods of all: all buildings of model files, but only
-    the first building of an inventory, because all its rows have the same method."""
+    """Return a sufficient set of buildings to determine the methods of all buildings: all buildings
+    of model files, but only the first building of an inventory, because all its rows have the same
+    method."""
     return buildings[:1] if isinstance(buildings, RowBuildings) else buildings
 
 
 def digests_of(buildings: Buildings) -> list[str]:
-    """Return SHA-256 values that identify the buildings: one per building of model files; two for
-    an inventory, of its rules and of its table."""
+    """Return SHA-256 values that identify the response of the buildings: one value per building of
+    model files; for an inventory, the value of its rules and the value of its table. Columns of the
+    inventory that are only copied to results (`carried`) are not included."""
     if not isinstance(buildings, RowBuildings):
         return [building.digest for building in buildings]
     return [
@@ -300,11 +310,11 @@ NO_LIMITS = BuildingLimits()
 
 
 def limits_text(buildings: Buildings) -> str:
-    """Return the limits and isolators of all buildings as JSON; an empty text if no building has
-    any.
+    """Return the limits and isolators of all buildings as JSON text; an empty text if no building
+    has limits or isolators.
 
-    `sets` lists the different pairs of limits and isolators; `of` has the index in this list for
-    each building. Variations of one model share an item.
+    The key `sets` lists the distinct pairs of limits and isolators. The key `of` contains, for each
+    building, the index of its pair in this list. Variations of a model have the same index.
     """
     index_of_set: dict[str, int] = {}  # index in `sets` by the JSON text of the item
     set_of_building = []
@@ -313,6 +323,7 @@ def limits_text(buildings: Buildings) -> str:
         isolators = [i for i, story in enumerate(model.stories, start=1) if story.isolator]
         text = json.dumps([[limit.as_json() for limit in model.limits], isolators])
         set_of_building.append(index_of_set.setdefault(text, len(index_of_set)))
+    # Without buildings there is no pair; without limits and isolators there is only the empty pair.
     has_no_limits = list(index_of_set) in ([], [json.dumps([[], []])])
     if has_no_limits:
         return ""
@@ -320,8 +331,8 @@ def limits_text(buildings: Buildings) -> str:
 
 
 def limits_of_text(text: str) -> list[BuildingLimits]:
-    """Return the limits of each building from the JSON text of `limits_text`. An empty text results
-    in an empty list."""
+    """Return the limits and isolators of each building, in the order of the buildings, from the
+    JSON text of `limits_text`. The list is empty if the text is empty."""
     # Imported here, because most campaigns have no limits.
     from tdint.model.limits import Limit
 

@@ -64,7 +64,7 @@ class Cluster:
         if parts.scheme == "tls":
             if None in certificates:
                 raise UsageError(
-                    f"{self.address}: --tls-ca, --tls-cert and --tls-key are all required"
+                    f"{self.address}: a tls:// address requires --tls-ca, --tls-cert and --tls-key"
                 )
             # Report an unreadable file here, because the error of the connection does not name it.
             for file in certificates:

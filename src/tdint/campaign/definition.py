@@ -56,25 +56,27 @@ class Distribution:
     second: float
 
     def __post_init__(self) -> None:
-        """Raise UsageError for invalid parameters."""
-        first, second = DISTRIBUTIONS[self.kind]
+        """Raise UsageError if the parameters are invalid for this distribution."""
+        first_name, second_name = DISTRIBUTIONS[self.kind]
         if self.kind == "uniform" and not self.first < self.second:
             raise UsageError(
-                f"uniform: {first} must be less than {second}, got {self.first:g} and "
+                f"uniform: {first_name} must be less than {second_name}, got {self.first:g} and "
                 f"{self.second:g}"
             )
         if self.kind != "uniform" and not self.second > 0.0:
-            raise UsageError(f"{self.kind}: {second} must be positive, got {self.second:g}")
+            raise UsageError(f"{self.kind}: {second_name} must be positive, got {self.second:g}")
         if self.kind == "lognormal" and not self.first > 0.0:
-            raise UsageError(f"lognormal: {first} must be positive, got {self.first:g}")
+            raise UsageError(f"lognormal: {first_name} must be positive, got {self.first:g}")
 
     def at(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the quantiles for probabilities (0 to 1)."""
+        """Return the quantiles of the distribution at probabilities from 0 to 1, as an array of the
+        same shape."""
         from scipy.special import ndtri
 
         if self.kind == "uniform":
             return self.first + probability * (self.second - self.first)
-        # The second parameter is a standard deviation: of the logarithm, if lognormal.
+        # The second parameter is the standard deviation of the value (normal) or of its logarithm
+        # (lognormal).
         deviations = self.second * ndtri(probability)
         if self.kind == "lognormal":
             return np.asarray(self.first * np.exp(deviations))
@@ -102,8 +104,8 @@ class ParameterSweep:
         variation.
     steps : tuple of float
         Time steps, s, in all combinations with the other values; empty: no variation.
-    place : ModelFault, optional
-        Position of the sweep in the campaign file, for error messages.
+    location : ModelFault or None
+        Position of the sweep in the campaign file, for error messages; None: not from a file.
     """
 
     grids: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -116,9 +118,9 @@ class ParameterSweep:
 
     @contextmanager
     def reported_at_key(self) -> Iterator[None]:
-        """Run the body of a `with` statement, which creates the buildings. A UsageError, raised
-        because of an invalid variation, is converted to a ModelError with the position of the sweep
-        in the campaign file."""
+        """Convert a UsageError of an invalid variation to a ModelError that states the position of
+        the sweep in the campaign file. The body of the `with` statement creates the buildings. The
+        error is not converted if the sweep is not from a file."""
         try:
             yield
         except UsageError as error:
@@ -137,8 +139,8 @@ class ParameterSweep:
         UsageError
             A sampled value is out of range; there are too many variations.
         """
-        # Check the number of variations before they are created, because a typing error can lead to
-        # millions of them, which do not fit in memory.
+        # Check the number of variations before they are created, because a typing error in the
+        # campaign file can request so many that they do not fit in memory.
         count = math.prod(map(len, self.grids.values())) * max(self.samples, 1)
         if count > _MAX_VARIATIONS:
             raise UsageError(
@@ -161,6 +163,7 @@ class ParameterSweep:
             distribution.at(probabilities[:, i]).tolist()
             for i, distribution in enumerate(self.random.values())
         ]
+        # One dictionary per sample, from the name of a random parameter to its value
         samples = [
             dict(zip(self.random, values, strict=True))
             for values in zip(*values_by_parameter, strict=True)
@@ -170,11 +173,12 @@ class ParameterSweep:
                 check_value(name, value)
         return [point | sample for point in grid_points for sample in samples]
 
-    def of(self, models: Sequence[Model]) -> tuple[Model, ...]:
-        """Return all variations of all models: first those of the first model, and so on.
+    def vary_models(self, models: Sequence[Model]) -> tuple[Model, ...]:
+        """Return all variations of all models: all variations of the first model, then all
+        variations of the second model, and so on.
 
-        A variation is a combination of parameter values, method and time step. Without a list of
-        methods or time steps, each model keeps its own.
+        A variation is a combination of parameter values, method and time step. If the sweep has no
+        list of methods (or time steps), each model keeps its method (or time step).
 
         Raises
         ------
@@ -198,7 +202,7 @@ class ParameterSweep:
                 varied_models.append(replace(model.changed(change), analysis=analysis, label=label))
         return tuple(varied_models)
 
-    def of_rows(self, rows: InventoryRows) -> InventoryRows:
+    def vary_inventory(self, rows: InventoryRows) -> InventoryRows:
         """Return an inventory with all variations of its buildings. All variations of a building
         have the same random factors of stiffness and damping, and the same ground motions.
 
@@ -218,15 +222,15 @@ class ParameterSweep:
     def _label(
         self, change: Mapping[str, float], number: int, method: str | None, dt: float | None
     ) -> str:
-        """Return the label of a variation, such as `damping=0.05, draw 3, dt=0.01`. Sampled values
-        are replaced by the number of the sample (`draw`).
+        """Return the label of a variation in tables, such as `damping=0.05, draw 3, dt=0.01`. The
+        label contains the number of the sample (`draw 3`) instead of all sampled values.
 
         Parameters
         ----------
         change : mapping of str to float
             Values of the parameters.
         number : int
-            Number of the combination of parameter values, from 1. The samples are the inner loop.
+            Number of the variation in the order of `changes`, from 1.
         method : str or None
             Method, if varied.
         dt : float or None
@@ -237,6 +241,7 @@ class ParameterSweep:
             for name, value in change.items()
             if name in self.grids
         ]
+        # The samples are the inner loop of `changes`, so the remainder is the index of the sample.
         if self.random:
             texts.append(f"draw {(number - 1) % self.samples + 1}")
         if method:
@@ -255,8 +260,8 @@ _VALUES_TEXT = "a list of values, or a distribution such as {lognormal: {median:
 
 
 def _distribution(value: Value, kind: str, **numbers: float) -> Distribution | None:
-    """Return the distribution that a key of the file defines; None if its parameters are invalid,
-    which is recorded as an error of the file.
+    """Return the distribution that a key of the campaign file defines; None if its parameters are
+    invalid. In this case an error is recorded in the document.
 
     Parameters
     ----------
@@ -285,9 +290,10 @@ _RANDOM = Keys(
         )
         for kind, parameters in DISTRIBUTIONS.items()
     ),
-    # Exactly one distribution is allowed, so that no other is silently ignored.
+    # Each alternative (`ways`) has one key: a mapping with two distributions is an error.
     ways=tuple((kind,) for kind in DISTRIBUTIONS),
     what=_VALUES_TEXT,
+    # `distributions` contains the specified distribution, and None for all other types.
     make=lambda _, **distributions: next(filter(None, distributions.values())),
 )
 
@@ -298,8 +304,8 @@ class Varied:
     number of samples and seed."""
 
     def schema(self) -> Schema:
-        """Return the JSON schema. Names of story parameters are those of `Model.replace`, such as
-        `story 2.mass`."""
+        """Return the JSON schema of the key `vary`. Parameters of stories have the same names as in
+        `Model.replace`, for example `story 2.mass` or `stories.stiffness`."""
         values = {"type": "array", "items": _NUMBER.schema(), "minItems": 1}
         # The mapping of a distribution has exactly one key, its name.
         distribution = _RANDOM.schema() | {"minProperties": 1, "maxProperties": 1}
@@ -358,7 +364,9 @@ def read_sweep(
 
 
 def _read_vary(value: Value) -> ParameterSweep | None:
-    """Read grids and distributions, samples and seed; None after an error."""
+    """Read the key `vary` of a campaign file: values and distributions of parameters, number of
+    samples, and random seed. Errors are recorded in the document; the result is None if the value
+    is not a mapping with valid keys."""
     grids: dict[str, tuple[float, ...]] = {}
     random: dict[str, Distribution] = {}
     names = value.names
@@ -394,10 +402,12 @@ def _read_vary(value: Value) -> ParameterSweep | None:
 
 
 def _values(entry: Value, name: str) -> tuple[float, ...]:
-    """Return the values of the parameter `name` in a list. Duplicate values are ignored, because
-    they would repeat the same building; invalid values are recorded as errors of the file."""
-    numbers: dict[float, None] = {}  # keys of a dictionary keep their order
+    """Return the values that a list (`entry`) specifies for the parameter `name`. Duplicate values
+    are ignored, because they would repeat the same building. Invalid values are recorded as errors
+    of the campaign file."""
+    numbers: dict[float, None] = {}  # a dictionary has no duplicate keys and keeps their order
     for item in entry.items(_VALUES_TEXT) or ():
+        # A damping ratio may be in percent. An invalid number is NaN, with its error recorded.
         number = item.number(_NUMBER if name == "damping" else ANY)
         try:
             if not math.isnan(number):

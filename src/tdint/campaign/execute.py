@@ -42,24 +42,32 @@ if TYPE_CHECKING:
     from tdint.model.limits import LimitCheck
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[ChunkResult]]
-"""Function that runs chunks: threads of this process, or workers of a cluster."""
+"""Function that runs the chunks of a plan with the given numbers, on threads of this process or on
+workers of a cluster, and yields their results in order of completion."""
 
 
 @dataclass(frozen=True)
 class Shard:
-    """Part of a campaign: every `of`-th chunk, starting with chunk `number`, counted from 1."""
+    """Part K/N of a campaign, which one of several machines runs: every N-th chunk, starting with
+    the K-th chunk.
+
+    Attributes
+    ----------
+    number, count : int
+        K, from 1, and the number of shards N.
+    """
 
     number: int
-    of: int
+    count: int
 
     def chunks(self, plan: Plan) -> range:
-        """Return the chunks of the shard."""
-        return range(self.number - 1, plan.chunks, self.of)
+        """Return the numbers of the chunks of the shard, counted from 0."""
+        return range(self.number - 1, plan.chunks, self.count)
 
     @property
     def text(self) -> str:
         """Text of the shard on the command line, K/N."""
-        return f"{self.number}/{self.of}"
+        return f"{self.number}/{self.count}"
 
 
 @dataclass(frozen=True)
@@ -84,7 +92,7 @@ class Advance:
 
     @property
     def rate(self) -> float:
-        """Number of runs per second."""
+        """Number of runs per second since the start of the call; 0 before the first chunk."""
         return (self.done - self.before) / self.seconds if self.seconds > 0.0 else 0.0
 
 
@@ -133,6 +141,7 @@ def execute_plan(
     # Include the chunk in which the limit is reached, because incomplete chunks are never stored.
     if max_runs is not None:
         cumulative_runs = list(accumulate(map(plan.size, missing)))
+        # The chunk after the last chunk below the limit reaches the limit.
         chunks_below_limit = sum(total < max_runs for total in cumulative_runs)
         missing = missing[: chunks_below_limit + 1]
     runs_after = runs_before + sum(map(plan.size, missing))
@@ -160,9 +169,14 @@ def threads(jobs: int) -> Engine:
     ----------
     jobs : int
         Number of threads.
+
+    Raises
+    ------
+    UsageError
+        The number of threads is less than 1.
     """
     if jobs < 1:
-        raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
+        raise UsageError(f"the number of jobs (threads) must be at least 1, got {jobs}")
     return lambda plan, numbers: on_threads(
         lambda number: run_chunk(plan.chunk(number)), numbers, jobs
     )
@@ -174,16 +188,17 @@ def cluster(scheduler: Cluster) -> Engine:
 
 
 def compile_for(plan: Plan) -> None:
-    """Load the time loops of the buildings, and compile them if necessary, before threads request
-    them simultaneously."""
-    # Use the keys of a dictionary, which has no duplicates and keeps the order. `integrate_many`
-    # with all laws is required in any case.
+    """Load the time loops for the buildings of a plan, and compile them if necessary, before
+    several threads request them at the same time."""
+    # The keys of a dictionary are a list without duplicates. `integrate_many`, the loop over the
+    # runs of a batch, has a single variant for all buildings.
     variants = {(integrate_many, EVERYTHING): None}
     for building in plan.buildings[:_MAX_COMPILED_FOR]:
         subject = building.subject()
         variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
     load_or_compile(list(variants))
-    # A first call at any period loads the kernel of spectra, which is needed for Sa(T1).
+    # The kernel of response spectra, which computes Sa(T1), is loaded by its first call. The
+    # record and the period of this call are arbitrary; its result is not used.
     spectral_accelerations(plan.motions[0].record, [1.0])
 
 
@@ -249,7 +264,8 @@ class CampaignRuns(Tabular):
     def store(self) -> Store:
         """Store with the same contents in memory, for a `with` statement that closes it."""
         connection = sqlite3.connect(":memory:")
-        # A database in memory has no write-ahead log: bytes 18 and 19 of SQLite's format state 1.
+        # A database in memory cannot use a write-ahead log. In the file format of SQLite, bytes 18
+        # and 19 state the type of the journal: 2 is a write-ahead log, 1 is a rollback journal.
         connection.deserialize(self._content[:18] + b"\1\1" + self._content[20:])
         return Store(connection, self.name)
 
@@ -267,8 +283,9 @@ class CampaignRuns(Tabular):
         Returns
         -------
         dict of tuple of str to tuple of LimitCheck
-            Comparisons by the name of the building and the text of the intensity level; without
-            completed runs, or without stored peaks of stories, there are no comparisons.
+            Comparisons by the name of the building and the text of the intensity level. A tuple is
+            empty if no run at the level is completed. The dictionary is empty if the store contains
+            no peaks of stories.
 
         Raises
         ------
@@ -284,11 +301,13 @@ class CampaignRuns(Tabular):
             }
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
-        ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
+        """Return a description of the result in one line, which follows the name of the class:
+        name of the campaign, number of runs of each status, and the first warning."""
+        counts_by_status = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
+        completed = sum(self.statuses.values())
         return (
-            f"of {self.name!r}: {sum(self.statuses.values())} of {pluralize(self.asked, 'run')} "
-            f"({ended}){first_warning(self.warnings)}"
+            f"of {self.name!r}: {completed} of {pluralize(self.asked, 'run')} "
+            f"({counts_by_status}){first_warning(self.warnings)}"
         )
 
 
@@ -407,8 +426,8 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
         with open_existing(directory) as source:
             parts.append(_read_part(directory, source))
         _check_same_campaign(parts[0], parts[-1])
-    # Chunks in the target from an earlier call are not missing. The target may not exist, or may be
-    # empty.
+    # Chunks that an earlier call has copied to the target are not missing. If the target does not
+    # exist or contains no campaign, `open_existing` raises UsageError, which is ignored.
     parts_and_target = list(parts)
     with suppress(UsageError), open_existing(target) as existing:
         parts_and_target.append(_read_part(target, existing))
@@ -467,7 +486,7 @@ class _Part:
 
 
 def _read_part(folder: Path, store: Store) -> _Part:
-    """Read the contents of a part of a campaign.
+    """Read the identity, shards and chunks of a part of a campaign, such as a shard.
 
     Parameters
     ----------
@@ -475,6 +494,11 @@ def _read_part(folder: Path, store: Store) -> _Part:
         Directory of the part.
     store : Store
         Open store of the part.
+
+    Raises
+    ------
+    OutputError
+        The store cannot be read.
     """
     with schema.sqlite_errors_reported(store.name):
         corrupt = schema.corrupt_chunks(store.connection)
@@ -512,10 +536,10 @@ def _check_same_campaign(first: _Part, second: _Part) -> None:
             )
         if has_new_inventory:
             reasons.append(INVENTORY_CHANGED)
-        lines = "\n".join(reasons)
+        differences_text = "\n".join(reasons)
     else:
         with _open_part(first) as first_store, _open_part(second) as second_store:
-            lines = all_differences(
+            differences_text = all_differences(
                 first_store.compared_values(),
                 second_store.compared_values(),
                 stored_label=first.name,
@@ -523,7 +547,9 @@ def _check_same_campaign(first: _Part, second: _Part) -> None:
                 are_shards=bool(first.shards),
                 has_new_inventory=has_new_inventory,
             )
-    raise UsageError(f"{first.name} and {second.name} belong to different campaigns\n{lines}")
+    raise UsageError(
+        f"{first.name} and {second.name} belong to different campaigns\n{differences_text}"
+    )
 
 
 def _describe_missing(parts: Sequence[_Part]) -> str:
@@ -553,7 +579,7 @@ def _describe_missing(parts: Sequence[_Part]) -> str:
     if len(shard_counts) != 1:
         return message
     (shard_count,) = shard_counts
-    # Chunk i belongs to shard i % N + 1.
+    # Chunk i, counted from 0, belongs to shard i % N + 1 of N (`Shard.chunks`).
     missing_numbers = sorted({chunk % shard_count + 1 for chunk in missing_chunks})
     missing_shards = [Shard(number, shard_count).text for number in missing_numbers]
     # A shard with a directory can also lack chunks, if it was not completed.
@@ -564,7 +590,8 @@ def _describe_missing(parts: Sequence[_Part]) -> str:
 
 
 def _warn_of_corrupt_chunks(name: str, count: int) -> None:
-    """Log a warning if the store with the path `name` has corrupt chunks, `count` of them."""
+    """Log a warning if the number of corrupt chunks (`count`) of the store with the path `name` is
+    not zero."""
     if count:
         _log.warning("%s: %d corrupt chunks of runs are omitted", name, count)
 
@@ -582,7 +609,8 @@ def _copy(
     table : str
         Name of the table.
     accept : callable
-        Function that returns True for the rows to copy; by default all rows are copied.
+        Function that receives a row, a tuple of all columns, and returns True to copy it. By
+        default all rows are copied.
     """
     rows = source.connection.execute(f"SELECT * FROM {table}")
     placeholders = ", ".join("?" * len(rows.description))

@@ -152,7 +152,8 @@ class IdaStudy(Tabular):
     partners: Mapping[int, int] = field(default_factory=dict)
 
     def _headline(self) -> str:
-        """Return the first line of the text form of the study."""
+        """Return a description of the study in one line, which follows the name of the class:
+        building, number of records, intensity measure and method."""
         return (
             f"of {self.model.name!r}: {pluralize(len(self.curves), 'record')}, levels of "
             f"{self.im_name}, {self.method}"
@@ -180,14 +181,15 @@ class IdaStudy(Tabular):
         a common curve, unless they count separately."""
         if self.pair_demand == SEPARATE or not self.partners:
             return self.curves
-        second_components = {first: second for second, first in self.partners.items()}
+        # Index of the second component by the index of the first component
+        second_of_first = {first: second for second, first in self.partners.items()}
         curves: list[IdaCurve] = []
         for state in self.states:
             for index, curve in enumerate(state.curves):
                 if index in self.partners:
-                    continue  # the second component was added with the first component
-                if index in second_components:
-                    second_curve = state.curves[second_components[index]]
+                    continue  # the curve of a second component was combined with the first curve
+                if index in second_of_first:
+                    second_curve = state.curves[second_of_first[index]]
                     curve = PairCurve.combine_components(curve, second_curve, self.pair_demand)
                 curves.append(curve)
         return tuple(curves)
@@ -332,9 +334,13 @@ def ida(
 
 
 def _partners(motions_and_records: Sequence[tuple[GroundMotion, Record]]) -> dict[int, int]:
-    """Return the index of the first component of a pair for the index of each second component.
+    """Return the pairs of components: the key is the index of the second component in the list of
+    records, and the value is the index of the first component, which precedes it.
 
-    The second component of a pair follows the first component.
+    Parameters
+    ----------
+    motions_and_records : sequence of (GroundMotion, Record)
+        Each record with its ground motion, which is a single record or a pair.
     """
     return {
         index: index - 1
@@ -707,6 +713,7 @@ def _check_heights(model: Model) -> None:
         for number, story in enumerate(model.stories, start=1)
         if story.height is None and not story.isolator
     ]
+    # If all stories are isolators, no story has a drift ratio: request the height of story 1.
     if all(story.isolator for story in model.stories):
         stories_without_height = [1]
     if stories_without_height:
@@ -790,11 +797,12 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
         Maximum scale factor at which the first-mode drift of each story is at most 0.7 times its
         yield drift and at most a tenth of the collapse drift.
     """
+    # Circular frequency (rad/s) and mode shape at the floors
     omega, shape = building.vibration.first
     has_height = np.isfinite(building.heights)  # an isolator has no drift ratio
     heights = building.heights[has_height]
-    # Drift ratios of the first mode for a unit spectral displacement. The mode is normalized by
-    # mass, so `shape @ mass` is the participation factor.
+    # Drift ratios of the first mode for a spectral displacement of 1 m. The mode shape is
+    # normalized (shape^2 @ mass = 1), so that `shape @ mass` is the participation factor.
     participation = float(shape @ building.mass)
     story_shape = np.abs(np.diff(shape, prepend=0.0))[has_height]
     unit_drift_ratios = participation * story_shape / heights

@@ -190,7 +190,8 @@ class LevelSearch:
             return min(highest * _HUNT, self.max_level)
         if collapse and not stable and lowest > self.start / hunt_range:
             return lowest / _HUNT
-        # Bisect the bracket of the collapse capacity.
+        # Bisect the bracket of the collapse capacity. `_between` returns None if runs at all
+        # positions in the bracket had no result; then the search continues with the next task.
         if collapse and stable and collapse.im > stable[-1].im * (1.0 + self.precision):
             level = _between(stable[-1].im, collapse.im, runs)
             if level is not None:
@@ -353,6 +354,7 @@ class IdaCurve:
         with collapse."""
         lower = self.stable[-1].im if self.stable else math.nan
         first = first_collapse(self.runs)
+        # Without a collapse, the capacity is only known to be above the last level.
         if first is None:
             return Capacity(self.collapse_drift, lower, lower, math.nan, censored=True)
         capacity = math.sqrt(lower * first.im)
@@ -414,7 +416,7 @@ class IdaCurve:
         intensities = []
         for drift in drift_ratios.tolist():
             capacity = self.capacity(drift)
-            # Without any run below collapse, the lower bound is NaN: the capacity is unknown.
+            # If no run is below collapse, a censored capacity is NaN and remains NaN (unknown).
             is_infinite = capacity.censored and capacity.capacity > 0.0
             intensities.append(math.inf if is_infinite else capacity.capacity)
         return np.where(drift_ratios <= self.left, 0.0, np.array(intensities))
@@ -551,6 +553,8 @@ def fractiles(
     result = np.full((len(fractions), drift_ratios.size), math.nan)
     if not used:
         return result
+    # Intensities of the records in ascending order for each drift ratio, shape (records, k). NaN is
+    # last. The fractile is at a position between 0 and the index of the last record.
     ranked = np.sort([curve.intensity_at(drift_ratios) for curve in used], axis=0)
     for row, fraction in zip(result, fractions, strict=True):
         position = fraction * (len(used) - 1)
@@ -644,10 +648,11 @@ class DamagedState:
 def damaged(
     subject: Subject, mainshock: Record, drift: float, *, first_factor: float, dt: float | None
 ) -> DamagedState:
-    """Scale a mainshock so that the maximum drift ratio of a building reaches a specified value.
+    """Scale a mainshock so that the maximum drift ratio of a building reaches a specified value,
+    and return the damaged state of the building.
 
-    The search for the scale factor increases it from a first value, so that the smallest suitable
-    factor is usually found.
+    The search increases the scale factor from a first value, so that its result is usually the
+    smallest suitable factor.
 
     Parameters
     ----------
@@ -656,9 +661,9 @@ def damaged(
     mainshock : Record
         The mainshock.
     drift : float
-        Drift ratio.
+        Maximum drift ratio that the mainshock has to cause.
     first_factor : float
-        Scale factor at which the search starts; it continues upwards.
+        Scale factor at which the search starts; it continues with larger factors.
     dt : float or None
         Time step, s; None: the default of the building.
 
@@ -677,10 +682,12 @@ def damaged(
     # Run only the mainshock, until free vibration has decayed, to compute the residual drift.
     scaled = mainshock.scaled(factor)
     case = subject.case(scaled)
-    # The second event of this sequence starts when free vibration has decayed.
+    # In this sequence of two events, the second event starts when free vibration has decayed.
     sequence = sequence_of(case, [scaled, scaled], dt=dt)
-    # `starts` contains the index of the first sample of each event.
+    # `starts[1]` is the index of the first sample of the second event. The last sample of the first
+    # event has the index size - 1; the difference is the time at rest.
     rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
+    # The residual drift is the drift at the end of the first event, after this time.
     single_event = ShockSequence(sequence.records[:1], (0,))
     single_case = case.under(single_event.whole)
     steps = single_case.steps(dt, scaled.duration + rest)
@@ -701,11 +708,16 @@ def _factor_for_drift(
     mainshock : Record
         The unscaled mainshock.
     drift : float
-        Drift ratio.
+        Maximum drift ratio that the mainshock has to cause.
     first_factor : float
         First scale factor of the search.
     dt : float or None
         Time step, s; None: the default of the building.
+
+    Returns
+    -------
+    float
+        Scale factor; the drift ratio differs by at most 0.01 % (`_DRIFT_TOLERANCE`).
 
     Raises
     ------

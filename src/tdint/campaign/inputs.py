@@ -107,6 +107,11 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     campaign : CampaignFile
         Definition of the campaign.
 
+    Returns
+    -------
+    Inputs
+        Buildings, ground motions, factors and damage states; variations of a sweep are included.
+
     Raises
     ------
     ModelError
@@ -125,13 +130,13 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     if isinstance(campaign.buildings, ModelFiles):
         models = read_models(campaign.buildings, campaign.analysis)
         with sweep.reported_at_key():
-            models = sweep.of(models) if campaign.sweep else models
+            models = sweep.vary_models(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
     factors = (
         read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
     )
-    # Without a list of files, the records are those of the table of factors.
+    # If the campaign file lists no records, the table of factors lists them.
     if factors and isinstance(campaign.records, RecordFiles) and not campaign.records.files:
         factors, motions = read_listed_motions(factors, campaign.records)
     else:
@@ -149,7 +154,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     if rows and campaign.damage:
         _check_costs(rows)
     with sweep.reported_at_key():
-        rows = sweep.of_rows(rows) if rows and campaign.sweep else rows
+        rows = sweep.vary_inventory(rows) if rows and campaign.sweep else rows
     assignment = _assignment(campaign, motions.places, rows, len(models))
     damage = read_class_damage(campaign.damage)
     return Inputs(models, rows, motions, assignment, factors, damage, faults, too_far)
@@ -165,6 +170,11 @@ def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Mod
     analysis : AnalysisOverrides
         Analysis settings of the campaign.
 
+    Returns
+    -------
+    tuple of Model
+        Models in the order of the files.
+
     Raises
     ------
     ModelError
@@ -178,7 +188,8 @@ def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Mod
         except ModelError as error:
             errors.append(error)
     if errors:
-        # An error without faults has no position in its file, only a text: the file cannot be read.
+        # An error of an invalid entry has its position in the file (`faults`). An error without a
+        # position, for example of an unreadable file, has only a text.
         faults = [fault for error in errors for fault in error.faults]
         texts = [str(error) for error in errors if not error.faults]
         raise ModelError(faults if not texts else "\n".join([*texts, *map(str, faults)]))
@@ -186,7 +197,8 @@ def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Mod
 
 
 def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
-    """Return a model with the campaign's settings for all buildings.
+    """Return a model with the collapse drift and the P-delta setting that the campaign file
+    specifies for all buildings. Settings that it does not specify (None) are not changed.
 
     Parameters
     ----------
@@ -245,11 +257,12 @@ def _check_costs(rows: InventoryRows) -> None:
     number of buildings and a cell is not zero or a positive number. Empty cells are allowed."""
 
     def describe_error(_: int, text: str) -> str:
+        """Return the error of a cell with this text; empty if the cell is valid."""
         is_valid = not text or number(text) >= 0.0
         return "" if is_valid else number_error(text, "zero or a positive number")
 
     faults: list[ModelFault] = []
-    for name in filter(rows.table.table.has, (COST, NUMBER)):
+    for name in filter(rows.table.table.has, (COST, NUMBER)):  # both columns are optional
         faults += rows.faults(name, describe_error)
     if faults:
         raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
@@ -296,7 +309,8 @@ def _select_located(
         raise UsageError(
             f"{campaign.source}: motions at sites require an inventory with Latitude and Longitude"
         )
-    # A row without a location is an error of the file; a row that is too far away is not.
+    # A row without a location is an error of the file; a row that is too far away is not. The sum
+    # of longitude and latitude is NaN if one of them is missing.
     unlocated: list[ModelFault] = []
     is_unlocated = np.isnan(rows.places[:, 0] + rows.places[:, 1])
     if is_unlocated.any():
@@ -309,7 +323,8 @@ def _select_located(
     located = rows.only(~is_unlocated)
     if not located:
         raise ModelError(unlocated)
-    # The nearest site may be determined in degrees; its distance is always in m.
+    # The campaign file selects the distance (km or degrees) that determines the nearest site. The
+    # limit `max_distance` applies to the distance in m.
     nearest_sites = nearest(located.places, motions.places, records.distance)
     distances = meters(located.places, np.array(motions.places)[nearest_sites])
     is_too_far = distances > records.max_distance
@@ -402,6 +417,11 @@ def read_motions(records: RecordFiles) -> CampaignMotions:
     records : RecordFiles
         Files, and the selection of components.
 
+    Returns
+    -------
+    CampaignMotions
+        Motions, errors of files that could not be read, and notes.
+
     Raises
     ------
     RecordError
@@ -424,6 +444,11 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
     ----------
     sequences : SequenceFile
         Path of the file, and settings for all records.
+
+    Returns
+    -------
+    CampaignMotions
+        Joined records of the sequences, errors of sequences that cannot be used, and notes.
 
     Raises
     ------
@@ -501,7 +526,8 @@ def _sequence(
     sequences : SequenceFile
         Settings for all records.
     notes : dict
-        Receives notes of the reader as keys.
+        Notes of the reader for the user are added to this dictionary as keys; its values are not
+        used.
 
     Raises
     ------
@@ -516,11 +542,11 @@ def _sequence(
         choice = replace(defaults, component=shock.component or defaults.component, units=units)
         suite = read_components([shock.file], choice)
         for error in suite.failures:
-            raise error
+            raise error  # a sequence requires all of its records
         notes |= dict.fromkeys(suite.notes)
         components_of_shocks.append([record.scaled(shock.factor) for record in suite.records])
-    # Components with the same name are joined. Records with a single component are joined
-    # regardless of its name.
+    # The i-th components of all records are joined below. They must have the same name, unless
+    # each record has a single component.
     names = [[record.component for record in records] for records in components_of_shocks]
     have_equal_names = all(names_of_shock == names[0] for names_of_shock in names)
     have_single_component = all(len(names_of_shock) <= 1 for names_of_shock in names)
@@ -543,6 +569,11 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
     factors_file : FactorsFile
         Path of the file.
 
+    Returns
+    -------
+    FactorTable
+        Factors, and the settings of `tdint scale` if it has written the file.
+
     Raises
     ------
     ModelError
@@ -561,8 +592,8 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
     for motion, (line, text) in zip(motions, table.lines("factor"), strict=True):
         factors_of_motion.setdefault(motion, {})[_factor(file, line, text)] = None
 
-    # Read the settings that `tdint scale` wrote next to the table, if they belong to this table.
-    # The file is optional.
+    # Read the settings that `tdint scale` wrote next to the table. The file of settings is
+    # optional, so errors are ignored. Its checksum states whether it belongs to this table.
     settings_file = Path(file.removesuffix(".gz")).with_suffix(".json")
     scale_settings = {}
     with suppress(OSError, ValueError, KeyError, TypeError, ModelError):
@@ -582,10 +613,17 @@ def read_listed_motions(
 ) -> tuple[FactorTable, CampaignMotions]:
     """Read the records that a table of factors lists.
 
+    Parameters
+    ----------
+    table : FactorTable
+        Factors by record and component.
+    records : RecordFiles
+        Selection of components and processing of the records; its list of files is empty.
+
     Returns
     -------
     table : FactorTable
-        Table with the paths of the files.
+        Table with the paths of the existing files.
     motions : CampaignMotions
         Motions that have a factor.
 
@@ -636,9 +674,8 @@ def read_listed(
     files = tuple(dict.fromkeys(file for file, _ in table.by_name))
     suite = read_suite(files, choice, pairs)
 
-    # Keys: file and component of a row of the table. The row of a motion has the component by which
-    # the motion was selected or its full name; a row with an empty component belongs to all
-    # components of the file.
+    # Assign each motion to a row of the table. The component in the row is the component as
+    # selected by the user, its full name, or empty for all components of the file.
     motions_of_row: dict[tuple[str, str], list[SuiteMotion]] = {row: [] for row in table.by_name}
     for motion in suite_motions(suite.motions):
         for component in dict.fromkeys((motion.component, motion.record.component, "")):
@@ -664,7 +701,8 @@ def read_listed(
 
 
 def _located(table: FactorTable) -> FactorTable:
-    """Return a table of factors with the paths at which its files exist.
+    """Return a table of factors with the path of each existing file. A path in the table is
+    relative to the working directory, otherwise to the directory of the table.
 
     Raises
     ------
@@ -694,7 +732,8 @@ def _located(table: FactorTable) -> FactorTable:
 
 
 def _factor(file: str, line: int, text: str) -> float:
-    """Return the number of a cell of the column factor, or raise ModelError."""
+    """Return the number in a cell of the column `factor`; raise ModelError if it is not a number or
+    is zero. `file` and `line` are the position of the cell in messages."""
     factor = number(text)
     if math.isnan(factor) or factor == 0.0:
         raise ModelError(

@@ -86,6 +86,7 @@ class MotionIntensity:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        # The class is frozen, so that an assignment to the attribute would raise an error.
         object.__setattr__(self, "unit", self.unit or MEASURES[self.name].unit)
 
     @property
@@ -116,8 +117,8 @@ class MotionIntensity:
         first, second = motion.first, motion.second
         if percentile is None:
             return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
-        # Compute the intensity in each direction of half a circle. In the opposite directions only
-        # the sign of the motion differs.
+        # Rotate the pair to each direction of half a circle, and compute the intensity of the
+        # resulting component. In the opposite direction only the sign of the motion differs.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
         values = [
@@ -128,8 +129,9 @@ class MotionIntensity:
 
 
 def scaling_obstacle(name: str) -> str:
-    """Return the reason why motions cannot be scaled to levels of the measure with a name; an empty
-    text if they can, or if the measure is unknown."""
+    """Return the reason why motions cannot be scaled to levels of an intensity measure; an empty
+    text if they can be scaled, or if the measure is unknown. `name` is the name of the measure
+    without a period, such as `sa`."""
     if name == "sdi":
         return "it is not proportional to a power of the scale factor"
     return MEASURES[name].without_levels if name in MEASURES else ""
@@ -145,7 +147,8 @@ IntensityMeasure = SpectralIntensity | MotionIntensity
 
 
 def factor_to(value: float, measure: IntensityMeasure, unscaled: float) -> float:
-    """Return the factor that scales a motion to a value of an intensity measure.
+    """Return the factor that scales a motion to a value of an intensity measure. The intensity is
+    proportional to a power of the factor (`scale_exponent`).
 
     Parameters
     ----------
@@ -175,7 +178,23 @@ def sa_average(
     period: float, damping: float = SA_DAMPING, multiples: Grid = AVERAGE
 ) -> SpectralIntensity:
     """Return the intensity measure average Sa: the geometric mean of pseudo-accelerations over
-    logarithmically spaced multiples of a period (s)."""
+    several periods.
+
+    Parameters
+    ----------
+    period : float
+        Reference period, s.
+    damping : float
+        Damping ratio; default 5 %.
+    multiples : Grid
+        Periods of the average, divided by the reference period; by default 50 logarithmically
+        spaced values from 0.2 to 3.
+
+    Raises
+    ------
+    UsageError
+        The period is not positive.
+    """
     check_period(period)
     periods = tuple((period * multiples.values()).tolist())
     return SpectralIntensity(f"sa-avg({period:.6g})", periods, damping)
@@ -187,22 +206,37 @@ Only these measures depend on a period."""
 
 
 def measure_at(name: str, damping: float, period: float) -> IntensityMeasure:
-    """Return the intensity measure with a name of `scalable_measures`. The period (s) and the
-    damping ratio are used only if the measure depends on them."""
+    """Return an intensity measure at a period.
+
+    Parameters
+    ----------
+    name : str
+        Name of the measure, one of `scalable_measures`.
+    damping, period : float
+        Damping ratio, and period in s; used only if the measure depends on them.
+    """
     if name in SPECTRAL:
         return SPECTRAL[name](period, damping)
     return pga() if name == "pga" else MotionIntensity(name)
 
 
 def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
-    """Return the intensity measure for a name as in tables: `sa(1.0)`, `sa-avg(1.0)` with periods
-    in s, `pga`, or another measure of the ground motion.
+    """Return the intensity measure with a name.
+
+    Parameters
+    ----------
+    name : str
+        Name as in tables: `sa(1.0)` or `sa-avg(1.0)` with a period in s, `pga`, or the name of
+        another measure of the ground motion.
+    damping : float
+        Damping ratio of spectral measures; default 5 %.
 
     Raises
     ------
     UsageError
         The measure is unknown, or motions cannot be scaled to its levels.
     """
+    # Split `sa(1.0)` into `sa` and `1.0`.
     base_name, _, period = name.strip().removesuffix(")").partition("(")
     if reason := scaling_obstacle(base_name):
         raise UsageError(f"{name} cannot be used for scaling: {reason}")
@@ -219,7 +253,14 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
 def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageError:
     """Return the error for an unknown intensity measure.
 
-    `hint` is the text of `did_you_mean`; `known` are the forms of the known measures.
+    Parameters
+    ----------
+    name : str
+        Text of the user.
+    known : iterable of str
+        Forms of the known measures, such as `pga` and `sa(T)`.
+    hint : str
+        Suggestion of a similar name, as returned by `did_you_mean`; by default none.
     """
     return UsageError(f"unknown intensity measure {name!r:.60}{hint} (known: {', '.join(known)})")
 
@@ -259,12 +300,13 @@ def pseudo_accelerations(
     damping : float
         Damping ratio.
     pair : str
-        Combination of the components of a pair: a name of `PAIRS`.
+        Combination of the components of a pair: a name of `PAIRS`. It is not used for a single
+        record.
 
     Raises
     ------
     UsageError
-        Periods or damping are out of range.
+        Periods or damping are out of range, or `pair` is unknown.
     AnalysisError
         A period is too short for the record.
     """

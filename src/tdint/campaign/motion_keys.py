@@ -188,8 +188,8 @@ def _pair_names(value: Value) -> PairNames | None:
 
 
 def _choice(section: Section) -> RecordChoice:
-    """Return the selection of components and the processing of the records. Units and an
-    `inventory` (station metadata) cannot be combined."""
+    """Return the selection of components and the processing of the records. An error is recorded if
+    the keys `units` and `inventory` (station metadata, which contain the units) are combined."""
     choice, units = read_choice(section, stdin=False, many=True), section.get("units")
     if units and choice.inventory and isinstance(choice.units, str):
         units.fault("cannot be used with `inventory`, which states the units; remove one key")

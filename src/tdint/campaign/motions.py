@@ -41,9 +41,19 @@ Places = Sequence[tuple[float, float]] | Array
 
 
 class Draw(NamedTuple):
-    """Ground motion assigned to a building: number of the motion, number of the sample (0 without
-    sampling; the number of the event in ground motion fields), and the factor that the grid or the
-    field specifies for the motion."""
+    """Ground motion assigned to a building.
+
+    Attributes
+    ----------
+    motion : int
+        Number of the motion in the campaign.
+    sample : int
+        Number of the sample, from 1; 0 without sampling. In ground motion fields, it is the number
+        of the event.
+    factor : float
+        Factor on the motion that the grid or the field specifies; 1 if all motions are assigned to
+        all buildings.
+    """
 
     motion: int
     sample: int
@@ -63,11 +73,12 @@ class FieldMotions:
     start : ndarray of int, shape (sites + 1,)
         First row of each site, followed by the number of rows.
     event, record : ndarray of int, shape (rows,)
-        Numbers of the event and of its record at the site.
+        Number of the event, from 1, and index of its record in `motions`.
     value : ndarray, shape (rows,)
         Factor on the record, or intensity to which the record is scaled.
     motions : tuple of tuples of (int, float)
-        Motions of each record by their numbers, and the divisor that converts a value to a factor.
+        For each record, one pair per component: the number of the motion in the campaign, and the
+        divisor that converts a value to a factor.
     places : sequence of tuples of two floats
         Longitude and latitude of the sites, degrees; empty if the inventory names the sites.
     """
@@ -82,7 +93,7 @@ class FieldMotions:
     places: Sequence[tuple[float, float]] = field(default=(), repr=False)
 
     @classmethod
-    def of_rows(
+    def from_rows(
         cls,
         events: Sequence[str],
         sites: Sequence[str],
@@ -95,12 +106,13 @@ class FieldMotions:
         Parameters
         ----------
         events, sites : sequence of str
-            Events and sites.
-        rows : tuple of ndarray
-            Site, event, record and value of each row.
+            Names of the events and of the sites.
+        rows : tuple of four ndarray, shape (rows,)
+            Index of the site, number of the event, index of the record, and value of each row.
         motions, places : sequence
             As for the attributes.
         """
+        # The rows of site i are start[i] to start[i + 1] - 1 of the sorted rows.
         site, event, record, value = rows
         order = np.argsort(site, kind="stable")
         start = np.searchsorted(site[order], np.arange(len(sites) + 1))
@@ -156,8 +168,8 @@ class SiteEvents:
             Function that returns the number of runs of a motion.
         """
         field = self.field
-        # The rows are sorted by site: differences of the cumulative number of runs are the number
-        # of runs at each site.
+        # The rows are sorted by site. The number of runs at a site is therefore the difference of
+        # the cumulative number of runs between its first row and the first row of the next site.
         runs_of_record = np.array(
             [sum(runs(motion) for motion, _ in motions) for motions in field.motions],
             dtype=np.int64,
@@ -302,9 +314,11 @@ class GridSamples:
     settings: GridFile
 
     def draws(self, building: int) -> Sequence[Draw]:
-        """Return the sampled motions of a building. Points are sampled by weight with replacement;
-        then one of the motions of each sampled point is selected with equal probability. All
-        components of this motion have the same sample number."""
+        """Return the sampled motions of a building, sorted by their numbers. Points are sampled by
+        weight with replacement; then one of the motions of each sampled point is selected with
+        equal probability. All components of this motion have the same sample number."""
+        # The seed includes the identifier of the building, so that the samples of a building do not
+        # depend on the other buildings of the campaign.
         random = np.random.default_rng([self.settings.seed, *self.rows[building].id.encode()])
         near_points, weights = self.weights(building)
         points = random.choice(near_points, size=self.settings.samples, p=weights)
@@ -340,8 +354,16 @@ class GridSamples:
         return np.array(counts, dtype=np.int64)
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
-        """Return the nearest points of a building, as indices, and their probabilities, which are
-        proportional to 1 / distance^2."""
+        """Return the nearest points of the grid, whose motions are sampled for a building.
+
+        Returns
+        -------
+        near_points : ndarray of int, shape (k,)
+            Indices of the nearest points, the nearest first.
+        probabilities : ndarray, shape (k,)
+            Probability of each point, proportional to 1 / distance^2.
+        """
+        # With a sequence for `k`, the results are arrays even for a single neighbor.
         count = min(self.settings.neighbors, self._tree.n)
         distances, near_points = self._tree.query(self._places[building], k=np.arange(1, count + 1))
         # If the building is at a point of the grid, the weight of this point is infinite: sample
@@ -401,17 +423,23 @@ def nearest(places: Places, candidates: Places, distance: str) -> NDArray[np.int
 
 
 def meters(places: Places, others: Places) -> Array:
-    """Return the distance on the earth between corresponding locations, m.
+    """Return the distance on the earth between corresponding locations, m, shape (k,).
 
-    The distance is 2 R arcsin(c / 2), where c is the length of the chord on the unit sphere.
+    The distance is 2 R arcsin(c / 2), where R is the radius of the earth and c is the length of the
+    chord on the unit sphere.
+
+    Parameters
+    ----------
+    places, others : Places
+        Longitudes and latitudes of k locations, degrees.
     """
     chord = np.linalg.norm(coordinates(places, "km") - coordinates(others, "km"), axis=1)
     return np.asarray(2.0 * _EARTH_RADIUS * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
 def coordinates(places: Places, distance: str) -> Array:
-    """Convert longitudes and latitudes, in degrees, to points whose Euclidean distances can be
-    compared. `distance` is a key of `COORDINATES`."""
+    """Convert k longitudes and latitudes, in degrees, to points with Euclidean distances that can
+    be compared: shape (k, 3) for the distance `km`, shape (k, 2) for `degrees`."""
     return COORDINATES[distance](np.array(places, dtype=np.float64).reshape(-1, 2))
 
 
@@ -498,8 +526,14 @@ class FactorTable:
     scaled: Mapping[str, Any] = field(default_factory=dict)
 
     def of(self, motion: SuiteMotion) -> tuple[float, ...]:
-        """Return the factors of a motion. The table may list the motion by its name, by the name of
-        its file without the directory, or by the name of the pair to which it belongs.
+        """Return the scale factors of a motion in the table. The table may list the motion by its
+        name, by the name of its file without the directory, or by the name of the pair to which it
+        belongs.
+
+        Parameters
+        ----------
+        motion : SuiteMotion
+            Ground motion of the campaign, a single record or a component of a pair.
 
         Raises
         ------
@@ -520,15 +554,22 @@ class FactorTable:
             "remove the key `files` to use only the records of the table"
         )
 
-    def of_motions(self, motions: Sequence[GroundMotion]) -> list[float]:
-        """Return the factor of each motion. Both components of a pair have the same factor.
+    def common_factors(self, motions: Sequence[GroundMotion]) -> list[float]:
+        """Return the factor of each ground motion, which must be the same for both components of a
+        pair.
+
+        Parameters
+        ----------
+        motions : sequence of Record or Horizontals
+            Single records and pairs.
 
         Raises
         ------
         ModelError
             A motion has no factor, or several factors.
         """
-        # Distinct factors of the components of each motion, by the identity of the motion.
+        # Distinct factors of the components of each motion, as keys of a dictionary. The motions
+        # are identified by `id`, because they are not hashable.
         distinct_factors: dict[int, dict[float, None]] = {}
         for component in suite_motions(motions):
             values = distinct_factors.setdefault(id(component.whole), {})
@@ -548,7 +589,8 @@ class FactorTable:
 
 @dataclass(frozen=True)
 class MotionFactors:
-    """Scale factors of each motion by its number, computed by `tdint scale`."""
+    """Scale factors of each motion by its number, from a table of factors, which `tdint scale`
+    writes. The factors are equal for all buildings; attributes and methods as for `Scales`."""
 
     by_motion: Mapping[int, tuple[float, ...]]
     depends_on_period: bool = field(default=False, init=False)
@@ -613,7 +655,8 @@ class MeasureLevels:
         periods : sequence of float
             First period of each building, s.
         """
-        # The intensity of a pair is computed from the pair, not from one of its components.
+        # `whole` is the pair of a component: the intensity of a pair is computed from both
+        # components. Equal periods of several buildings are evaluated only one time.
         recording = self.motions[motion].whole
         factors_at_period: dict[float, tuple[float, ...]] = {}
         for period in dict.fromkeys(self._measure_periods(periods)):
@@ -648,13 +691,22 @@ factors for each building, and `description` the settings."""
 
 
 def read_max_distance(section: Section) -> float:
-    """Return the maximum distance of a building from its site, m."""
+    """Return the maximum distance of a building from its site, m: the value of the key
+    `max_distance` of the section, or the default. An invalid value is recorded as an error of the
+    file, and the default is returned."""
     value = section.get("max_distance")
     return (value.parsed(parse_distance) if value else None) or MAX_DISTANCE
 
 
 def parse_distance(text: str) -> float:
-    """Convert a distance, a number of km or with a unit, to m."""
+    """Convert the text of a distance to m. The text is a number of km, or a number with the unit
+    `km` or `m`.
+
+    Raises
+    ------
+    UsageError
+        The text is not a positive distance.
+    """
     match = re.fullmatch(r"\s*([0-9.eE+]+)\s*(km|m)?\s*", text)
     meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
     if not meters > 0.0:

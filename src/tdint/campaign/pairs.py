@@ -121,14 +121,12 @@ class PairRule:
     recordings: Mapping[int, int] = field(default_factory=dict)
 
     @classmethod
-    def of_motions(cls, motions: Sequence[SuiteMotion], demand: str | None) -> Self:
+    def from_motions(cls, motions: Sequence[SuiteMotion], demand: str | None) -> Self:
         """Return the rule for motions that have been read.
 
         Parameters
         ----------
-        motions : sequence of SuiteMotion
-            The motions.
-        demand : str or None
+            demand : str or None
             An item of `PAIR_DEMANDS`; None: the default.
         """
         records = {
@@ -159,8 +157,8 @@ class PairRule:
         return record if self.demand == SEPARATE else self.recordings[record]
 
     def combine(self, values: Array) -> Array:
-        """Return the demand of a motion from the demands of its components, along the first
-        axis."""
+        """Return the demand of a ground motion: the maximum or the mean of the demands of its
+        components, depending on the rule. The first axis of `values` is the component."""
         return combine(values, self.demand)
 
     def groups(self, records: Iterable[int]) -> dict[int, list[int]]:
@@ -200,7 +198,12 @@ def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
 
 def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
     """Return the ground motions, with two single records replaced by a pair if their names state
-    that they belong to the same recording.
+    that they belong to the same recording. A pair is at the position of its first record.
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        Single records, and pairs, which are not changed.
 
     Raises
     ------
@@ -214,12 +217,13 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
         if isinstance(motion, Record)
     }
     recordings = recording_numbers(singles)
-    second_components = {first: number for number, first in recordings.items() if number != first}
+    # Number of the second component by the number of the first component
+    second_of_first = {first: number for number, first in recordings.items() if number != first}
     joined: list[GroundMotion] = []
     for number, motion in enumerate(motions):
         if recordings.get(number, number) != number:
-            continue  # the second component was added with the first component
-        second = motions[second_components[number]] if number in second_components else None
+            continue  # a second component was added with the first component
+        second = motions[second_of_first[number]] if number in second_of_first else None
         if isinstance(motion, Record) and isinstance(second, Record):
             joined.append(find_horizontals([motion, second]))
         else:
@@ -228,8 +232,20 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
 
 
 def combine(values: Array, demand: str) -> Array:
-    """Return the demand of a motion from the demands of its components, along the first axis.
-    `demand` is an item of `PAIR_DEMANDS`; for `separate` there is a single component."""
+    """Return the demand of a ground motion from the demands of its components.
+
+    Parameters
+    ----------
+    values : ndarray, shape (components, ...)
+        Demands of the components; a single component for the rule `separate`.
+    demand : str
+        An item of `PAIR_DEMANDS`: `mean` for the mean, otherwise the maximum.
+
+    Returns
+    -------
+    ndarray
+        Demands; the first axis of `values` is removed.
+    """
     return np.asarray(np.mean(values, axis=0) if demand == MEAN else np.max(values, axis=0))
 
 
@@ -256,8 +272,9 @@ def motions_text(records: int, pairs: int) -> str:
 
 
 def pairs_note(pairs: int, demand: str) -> str:
-    """Return one line that reports the number of recognized pairs, the rule for their demand, which
-    the user did not specify, and the option that changes it."""
+    """Return one line that reports the number of recognized pairs (`pairs`), the rule for their
+    demand (`demand`), which is the default because the user specified none, and the option that
+    changes it."""
     others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
     return (
         f"{pluralize(pairs, 'pair')} of horizontal components: {describe_demand(demand)} "

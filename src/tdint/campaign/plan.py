@@ -120,6 +120,7 @@ class Plan:
     scaled: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     # Maximum time step of each building by its number, which one thread computes for all threads.
+    # `_choosing` protects this dictionary.
     _chosen: dict[int, Future[float | None]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -128,8 +129,9 @@ class Plan:
     @property
     def unused(self) -> list[tuple[str, str]]:
         """Inputs that could not be used. Each item is a tuple of the category, `record` or
-        `building`, and the reasons. Errors in the same line of a file are one item."""
-        # Keys: category, and a text that is equal for reasons that are reported together.
+        `building`, and a text with the reasons. Errors in the same line of a file are one item."""
+        # Reasons with the same key are one item. The key is the category and a text: the line of an
+        # inventory, because a line is a building, otherwise the reason.
         reasons_of: dict[tuple[str, str], list[str]] = {
             ("building", str(fault)): [str(fault)] for fault in self.too_far_from_sites
         }
@@ -155,7 +157,7 @@ class Plan:
     @property
     def chunks(self) -> int:
         """Number of chunks."""
-        return len(self._cuts) - 1
+        return len(self._cuts) - 1  # the last element of `_cuts` is the end of the last chunk
 
     def size(self, chunk: int) -> int:
         """Return the number of runs of a chunk."""
@@ -179,7 +181,7 @@ class Plan:
         return sorted(selected)
 
     def chunk(self, number: int) -> Chunk:
-        """Return a chunk with its complete input.
+        """Return the chunk with the given number (from 0), with its complete input.
 
         Raises
         ------
@@ -187,8 +189,9 @@ class Plan:
             An intensity measure cannot be computed for a motion.
         """
         run, end_run = int(self._cuts[number]), int(self._cuts[number + 1])
-        # A chunk may start or end within the runs of a building: for each building, determine the
-        # slice of its runs, counted from its first run.
+        # A chunk may start or end within the runs of a building. For each building, determine the
+        # slice of its runs that belongs to the chunk, counted from the first run of the building.
+        # `searchsorted` returns the building of the first run: the first with `_ends` above `run`.
         building = int(np.searchsorted(self._ends, run, side="right"))
         slices: list[tuple[int, slice]] = []
         while run < end_run:
@@ -202,14 +205,16 @@ class Plan:
         return Chunk(number, buildings, records, self.settings)
 
     def check_steps(self) -> None:
-        """Raise UsageError if a time step does not fit a record. All buildings of an inventory have
-        the same time step."""
+        """Raise UsageError if the time step or duration of the campaign, or of a model, does not
+        fit the sampling interval or the duration of a record."""
         from tdint.analysis.time_steps import choose_steps
 
         settings = self.settings
         analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models}
-        analyses = analyses or {(None, None)}  # an inventory does not specify these settings
-        # Records with the same sampling interval have the same result: check the first of them.
+        # An inventory does not specify these settings, so all its buildings have the same.
+        analyses = analyses or {(None, None)}
+        # Records with the same sampling interval have the same result: check the first of them. In
+        # reverse order, the first motion is the last to be assigned to its key.
         first_motions = {motion.record.dt: motion for motion in reversed(self.motions)}
         for dt, duration in sorted(analyses, key=str):
             for first_motion in first_motions.values():
@@ -219,8 +224,8 @@ class Plan:
                         settings.dt or dt, settings.duration or duration, record.dt, record.duration
                     )
                 except UsageError as error:
-                    label = f"{first_motion.name} {first_motion.component}"
-                    raise UsageError(f"{label}: {error}") from None
+                    motion_name = f"{first_motion.name} {first_motion.component}"
+                    raise UsageError(f"{motion_name}: {error}") from None
 
     @cached_property
     def _counts(self) -> NDArray[np.int64]:
@@ -239,7 +244,8 @@ class Plan:
 
     @cached_property
     def _cuts(self) -> NDArray[np.int64]:
-        """Number of the first run of each chunk, followed by the number of all runs."""
+        """Number of the first run of each chunk, followed by the number of all runs. All chunks
+        need about the same estimated time."""
         mean_samples = np.mean([motion.record.acceleration.size for motion in self.motions])
         buildings = self.buildings
         stories = (
@@ -254,8 +260,8 @@ class Plan:
         cumulative_time = np.cumsum(run_times * run_counts)
         chunk_time = min(max(cumulative_time[-1] / _MIN_CHUNKS, _MIN_CHUNK_TIME), _MAX_CHUNK_TIME)
         end_times = np.arange(chunk_time, cumulative_time[-1], chunk_time)
-        # Divide the runs so that all chunks take about the same estimated time: find the building
-        # in which each chunk ends, and the run of this building.
+        # Determine the building at the end of each chunk, and the last run of this building in the
+        # chunk. The time in this building is counted from its first run.
         last_building = np.searchsorted(cumulative_time, end_times)
         run_time = run_times[last_building]
         time_in_building = end_times - (
@@ -280,8 +286,8 @@ class Plan:
         for index, (number, run_slice) in enumerate(slices):
             runs = []
             for draw in draws[index]:
-                # If the motions are scaled to levels of an intensity measure, only the sign of the
-                # sampled factor is used.
+                # If the motions are scaled to levels of an intensity measure, the factor of the
+                # grid or field only determines the direction of the motion (its sign).
                 factor = (
                     math.copysign(1.0, draw.factor)
                     if self.levels.ignores_motion_factor
@@ -298,8 +304,8 @@ class Plan:
         return tuple(result)
 
     def _max_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
-        """Return the maximum time step of a building that meets the tolerance, s; None if no time
-        step does; infinity without a tolerance. It is computed once for all chunks.
+        """Return the maximum time step of a building at which the estimated errors are within the
+        tolerance of the campaign, s. It is computed once for all chunks.
 
         Parameters
         ----------
@@ -309,6 +315,12 @@ class Plan:
             Object that creates the building.
         runs : sequence of Run
             All runs of the building.
+
+        Returns
+        -------
+        float or None
+            Time step, s; None if no time step meets the tolerance; infinity if the campaign has no
+            tolerance.
         """
         tolerance = self.settings.tolerance
         if tolerance is None:
@@ -329,6 +341,8 @@ class Plan:
                 future_step.set_result(
                     building_step(source.subject(), records, runs, self.settings, tolerance)
                 )
+            # Waiting threads must not wait forever, so they receive any exception, even an
+            # interrupt. `result` raises it in all threads.
             except BaseException as error:
                 future_step.set_exception(error)
         return future_step.result()
@@ -388,7 +402,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     """
     motions, notes = inputs.motions, list[str]()
     buildings, levels = _buildings(campaign, inputs, notes), _levels(campaign, inputs)
-    # Report records that the shortest duration of the analyses cuts off.
+    # Report records that the shortest duration of the analyses cuts off. The duration of the
+    # campaign has precedence over the durations of the models; None is no limit.
     duration = campaign.settings.duration
     durations = [duration or model.analysis.duration for model in inputs.models] or [duration]
     shortest_duration = min(filter(None, durations), default=math.inf)
@@ -431,8 +446,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 
 
 def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
-    """Return the scale factors of the motions: those of the campaign file, factors for levels of an
-    intensity measure, or those of a file of factors.
+    """Return the scale factors of the motions. The campaign file specifies the factors, levels of
+    an intensity measure from which factors are computed, or a file of factors.
 
     Raises
     ------
@@ -451,7 +466,8 @@ def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
 
 
 def _plausibility_warnings(buildings: Buildings) -> tuple[str, ...]:
-    """Return the warnings about unusual values of buildings."""
+    """Return the warnings about unusual values of the buildings, such as an implausible first
+    period. All buildings are created for this purpose."""
     subjects = (building.subject() for building in buildings)
     return study_plausibility_warnings(
         (subject.model, subject.prepared.building) for subject in subjects
@@ -459,10 +475,10 @@ def _plausibility_warnings(buildings: Buildings) -> tuple[str, ...]:
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
-    """Return the buildings, each with its method.
+    """Return the buildings of a campaign, each with its time integration method.
 
-    The campaign specifies the method for all buildings, otherwise the model; a building without a
-    specified method has the default, and a note reports this.
+    The method is specified by the campaign for all buildings, or by each model. A building without
+    a specified method has the default method, which a note reports.
 
     Parameters
     ----------
@@ -471,7 +487,12 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
     inputs : Inputs
         Contents of its files.
     notes : list of str
-        Notes for the user; notes are appended.
+        Notes for the user; the notes of this function are appended.
+
+    Raises
+    ------
+    ModelError
+        A variation of a sweep is invalid.
     """
     inventory, analysis = campaign.buildings, campaign.analysis
     # All buildings of an inventory are derived by the same rules. Errors of the rules are reported

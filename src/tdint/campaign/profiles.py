@@ -38,7 +38,7 @@ from tdint.units import Quantity
 
 DRIFT_RATIO = "peak_drift_ratio"
 _NUMBERED_LEVEL = ("level", "")
-"""Name and unit of levels that are individual factors of the motions."""
+"""Name and unit of levels that are numbered, because each motion has individual scale factors."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Statistics:
 
     @classmethod
     def errors(cls, values: Array, errors: Array) -> Statistics:
-        """Return the maximum errors of the statistics.
+        """Return the maximum errors of the statistics that result from errors of the values.
 
         All statistics increase with the values, so that their error is maximum if all errors have
         the same sign.
@@ -71,7 +71,12 @@ class Statistics:
         Parameters
         ----------
         values, errors : ndarray, shape (motions, n)
-            Values and their errors.
+            Values in n stories and their estimated absolute errors.
+
+        Returns
+        -------
+        Statistics
+            Error of each statistic, in the attribute of the statistic.
         """
 
         def statistics_of(samples: Array) -> Array:
@@ -90,9 +95,14 @@ def _maximum_error(
     Parameters
     ----------
     increasing_function : callable
-        Function of the values.
+        Function of an array with the shape of `values`; it returns an array.
     values, errors : ndarray
-        Values and their errors.
+        Values and their absolute errors, of the same shape.
+
+    Returns
+    -------
+    ndarray
+        Maximum error of each element of the result of the function.
     """
     result = increasing_function(values)
     increase = increasing_function(values + errors) - result
@@ -216,13 +226,13 @@ class Profile(SuiteLevel):
         return next(iter(check_limits(limits, self.peaks, self.height, self.motions)), None)
 
     def statistics(self, quantity: Quantity) -> Statistics:
-        """Return the statistics of a quantity in each story."""
+        """Return the statistics of a quantity of `STORY_QUANTITIES` in each story, SI units."""
         return Statistics.of(self.peaks[quantity.name])
 
     def errors(self, quantity: Quantity) -> Statistics | None:
-        """Return the errors of the statistics in each story, which result from the errors of the
-        runs; None if these were not estimated. The uncertainty due to the selection of motions is
-        not included."""
+        """Return the errors of the statistics of a quantity in each story, which result from the
+        estimated errors of the runs; None if these errors were not estimated. The uncertainty due
+        to the selection of motions is not included."""
         if not self.peak_errors:
             return None
         return Statistics.errors(self.peaks[quantity.name], self.peak_errors[quantity.name])
@@ -280,7 +290,13 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     profiles : sequence of Profile
         Profiles of all buildings.
     baseline : str
-        Name of the baseline.
+        Name of the baseline building.
+
+    Returns
+    -------
+    list of Ratios
+        One item for each other building, level and quantity of `STORY_QUANTITIES`. Levels at which
+        the baseline has no profile are omitted.
 
     Raises
     ------
@@ -335,7 +351,8 @@ def _story_ratios(compared_values: Array, base_values: Array) -> Array:
         NaN if the value of the baseline is zero or missing.
     """
     common_count = min(compared_values.size, base_values.size)
-    # The maxima may occur in different stories of the two buildings.
+    # The maxima may occur in different stories of the two buildings. Without any finite value, the
+    # maximum is -inf (`initial`), so that the ratio is unknown.
     compared_max, base_max = (
         np.max(values[np.isfinite(values)], initial=-math.inf)
         for values in (compared_values, base_values)
@@ -359,6 +376,7 @@ def profiles(store: Store) -> Iterator[Profile]:
     store : Store
         Store of the campaign.
     """
+    # Without the peaks of stories, there are no profiles.
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
     # Query the tables before the loop, because there may be a million buildings.
@@ -370,7 +388,7 @@ def profiles(store: Store) -> Iterator[Profile]:
     for number, (name, _) in store.buildings().items():
         values_by_run = _story_values(store, number, has_errors)
         for level in rules.levels_of(store, number):
-            # The name of a pair is the name of the record of its first component.
+            # `runs` are the runs of a motion; a pair has the name of its first component.
             motions = tuple(name_of_record[runs[0].motion] for runs in level.completed)
             height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
             yield Profile(
@@ -464,7 +482,8 @@ class SuiteRules:
     def of(cls, store: Store) -> SuiteRules:
         """Return the rules of a campaign from its store."""
         settings = store.parameters()
-        # The order is that of the absolute scale factors, by which `levels` ranks the runs.
+        # `levels` ranks the runs of a motion by absolute scale factor. Sort the values in the same
+        # way, so that the rank of a run is the index of its level.
         values = sorted(settings.get("levels", ()), key=abs)
         measure = _NUMBERED_LEVEL
         if values:
@@ -534,7 +553,8 @@ class SuiteRules:
             )
 
     def _scale_and_level(self, rank: int, scales: set[float]) -> tuple[float, float]:
-        """Return the attributes `scale` and `level` of a `SuiteLevel`.
+        """Return the attributes `scale` and `level` of the `SuiteLevel` for a rank. An attribute
+        that does not describe the level is NaN.
 
         Parameters
         ----------
@@ -590,12 +610,13 @@ def _peaks(
     if not level.completed:
         no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY_QUANTITIES}
         return np.full(stories, math.nan), no_values, no_values if checked else {}
-    # Residual drifts are signed: use absolute values. Each item belongs to a motion and has the
-    # axes component, story, and column.
+    # Residual drifts are signed: use absolute values. `motion_values` has one array per motion,
+    # shape (components, stories, columns): one component, or two for a pair.
     motion_values = [np.abs([values_of_run[run] for run in runs]) for runs in level.completed]
     heights = motion_values[0][0, :, 0]
     quantities = [values[:, :, 1:_FIRST_ERROR] for values in motion_values]
     errors = [values[:, :, _FIRST_ERROR:] for values in motion_values]
+    # `combine` removes the axis of the components; the motions become the last axis.
     combine_components = partial(combine, demand=level.pair_demand)
     peaks = np.stack([combine_components(values) for values in quantities], axis=-1)
     if not checked:
@@ -622,8 +643,9 @@ _FIRST_ERROR = 1 + len(STORY_QUANTITIES)
 def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     """Return the number of the intensity level of each run, from 0.
 
-    It is the rank of the absolute scale factor of the run among the runs with the same motion and
-    sample, because motions may have different factors at the same level.
+    The number is the rank of the absolute scale factor of the run among the runs with the same
+    motion and sample. A level is not identified by the factor, because motions may have different
+    factors at the same level.
     """
     runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
     for run in runs:
@@ -703,8 +725,8 @@ class FloorSuite(SuiteLevel):
 
 
 def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list[RunFloors]:
-    """Return the floor spectra of all completed runs of a campaign. Each run is repeated with its
-    response history and with the stored time step.
+    """Return the floor spectra of all completed runs of a campaign. The store contains no response
+    histories, so each run is repeated with the stored time step.
 
     Parameters
     ----------
@@ -717,10 +739,15 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
     jobs : int
         Number of threads.
 
+    Returns
+    -------
+    list of RunFloors
+        Floor spectra in the order of the buildings and their runs.
+
     Raises
     ------
     UsageError
-        A building does not have the floor.
+        A building does not have one of the floors.
     """
     run_rows = store.connection.execute(
         "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY "
@@ -778,7 +805,15 @@ def _spectra(
 
 def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
     """Yield the floor spectra under a suite: one object for each building, level, floor and damping
-    ratio. Levels without completed runs are omitted."""
+    ratio. Levels without completed runs are omitted.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    run_floors : sequence of RunFloors
+        Floor spectra of all completed runs of the campaign.
+    """
     spectra_by_building: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
     for floor_run in run_floors:
         spectra_by_building[floor_run.building][floor_run.run] = floor_run.spectra
@@ -788,6 +823,8 @@ def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[Floo
         for level in rules.levels_of(store, number):
             if not level.completed:
                 continue
+            # All runs have the spectra of the same floors and damping ratios in the same order:
+            # take these from the first run, and the pseudo-accelerations from all runs.
             for index, floor_spectrum in enumerate(spectra_of_run[level.completed[0][0]]):
                 spectrum, name = floor_spectrum.spectrum, names[number][0]
                 psa = np.array(

@@ -226,6 +226,11 @@ def load_campaign(source: str | Path) -> CampaignFile:
     source : str or Path
         YAML file; `-` is standard input. Relative paths in the file refer to its directory.
 
+    Returns
+    -------
+    CampaignFile
+        Definition of the campaign in SI units.
+
     Raises
     ------
     ModelError
@@ -241,7 +246,9 @@ def load_campaign(source: str | Path) -> CampaignFile:
 
 
 def _read(section: Section, label: str, name: str) -> CampaignFile:
-    """Return the campaign of the root section. Errors are recorded in the document.
+    """Return the definition of the campaign that the root section of a file contains. Errors are
+    recorded in the document; invalid values are replaced by defaults, so that the remaining keys
+    are also checked.
 
     Parameters
     ----------
@@ -253,7 +260,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         Default name of the campaign.
     """
     buildings_value = section.need("buildings", "give `models` or an `inventory`")
-    # Without `records`, the records are those that the table of factors lists.
+    # The key `records` is optional if the file specifies a table of factors, which lists records.
     intensity = section.get("intensity")
     are_listed = intensity is not None and intensity.peek("factors") is not None
     records_value = (
@@ -311,8 +318,8 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
 
 
 def _read_pair_demand(records: Value | None) -> str | None:
-    """Return the rule that combines the components of pairs, or None if the file does not specify
-    it."""
+    """Return the rule that combines the components of pairs (key `pair_demand` of `records`); None
+    if the file does not specify it or specifies an invalid rule, which another function reports."""
     value = records.peek("pair_demand") if records else None
     return value.word if value and value.word in PAIR_DEMANDS else None
 
@@ -340,6 +347,7 @@ def _check_combinations(section: Section) -> None:
             "cannot be used with `sequences`, because all events are analyzed to their end; remove "
             "it (the key `rest` sets the time between events)"
         )
+    # The events of fields, or of a grid with the key `events`, have a scale factor for each site.
     are_events = value_of("records", "fields") or value_of("records", "events")
     for name in ("measure", "factors"):
         entry = value_of("intensity", name)
@@ -351,7 +359,8 @@ def _check_combinations(section: Section) -> None:
 
 
 def _read_analysis(section: Section) -> AnalysisOverrides:
-    """Read the analysis settings that replace settings of models."""
+    """Read the settings of the key `analysis` that replace settings of the models: method, collapse
+    drift and P-delta. Errors are recorded in the document."""
     method = section.get("method")
     parsed_method = method.parsed(parse_method) if method else None
     if method and section.has("methods"):
@@ -475,9 +484,9 @@ def _levels(section: Section) -> MeasureLevels | None:
     level_items = levels.items("a list of values with their unit", empty_advice) if levels else None
     if name is None:
         return None
-    # The levels in the file have a unit. The accepted units depend on the intensity measure, for
-    # example units of acceleration for sa.
-    # Find the quantity with this SI unit (factor 1).
+    # The levels in the file have a unit, which must be a unit of the measured quantity, for example
+    # a unit of acceleration for sa. `GROUND_MOTION` contains the units of each quantity with their
+    # factors to SI units: select the quantity with this SI unit (factor 1).
     unit = measure_at(name, damping, 1.0).unit
     quantity = next(
         (name for name, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration"
@@ -507,14 +516,14 @@ def _level(value: Value, quantity: str) -> float:
     example = {"acceleration": "0.1 g", "velocity": "0.2 m/s"}.get(quantity, "0.1 m")
 
     def convert(text: str) -> float:
-        """Convert the text of a level to SI."""
+        """Convert the text of a level to SI units; raise UsageError if it is invalid."""
         try:
             units = parse_units(text)
         except UsageError:
             raise UsageError(
                 f"must be a positive number with its unit, such as {example}, got {text!r}"
             ) from None
-        # A unit without a number is not a level.
+        # `parse_units` also accepts a unit without a number (no factor), which is not a level.
         if units.quantity != quantity or not units.has_factor:
             raise UsageError(
                 f"must be a number with a unit of {quantity}, such as {example}, got {text!r}"

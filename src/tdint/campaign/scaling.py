@@ -60,6 +60,7 @@ POSSIBLE = (0.05, 20.0)
 """Range of factors outside which wrong units of a motion are likely."""
 
 MAXIMUM_DIRECTION = "rotd100"
+"""Spectrum of a pair that ASCE 7 prescribes: maximum over all horizontal directions."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,7 +123,8 @@ class Scaling(Tabular):
     others_at_limit: int = 0
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
+        """Return a description of the result in one line, which follows the name of the class:
+        number of motions, rule, and range of the factors."""
         low, high = np.min(self.factors), np.max(self.factors)
         return (
             f"of {pluralize(len(self.motions), 'motion')} by the rule {self.rule}, factors "
@@ -130,13 +132,17 @@ class Scaling(Tabular):
         )
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
-        """Return the motions with a factor outside a range: file and component of the motion, and
-        its factor.
+        """Return the motions whose absolute scale factor is outside a range.
 
         Parameters
         ----------
         low, high : float
-            Ends of the range of the absolute value of a factor.
+            Minimum and maximum of the range.
+
+        Returns
+        -------
+        list of (str, float)
+            File and component of each motion outside the range, and its factor.
         """
         return [
             (f"{components(motion)[0].source} {motion.component}".rstrip(), float(factor))
@@ -146,14 +152,16 @@ class Scaling(Tabular):
 
     @property
     def at_limit(self) -> list[tuple[str, float]]:
-        """Motions of a selection with factors at a limit, and their factors."""
+        """Motions of a selection with a factor at one of the limits, as file and component, and
+        their factors; empty if the selection has no limits."""
         if self.limits is None:
             return []
+        # A factor that equals a limit except for rounding is outside the slightly reduced range.
         low, high = self.limits
         return self.beyond(low * (1.0 + _LIMIT_TOLERANCE), high * (1.0 - _LIMIT_TOLERANCE))
 
     def spectra(self, periods: Array) -> Array:
-        """Return the pseudo-accelerations of the scaled motions, m/s^2, shape (n, k).
+        """Return the pseudo-accelerations of the n scaled motions, m/s^2, shape (n, k).
 
         Parameters
         ----------
@@ -166,7 +174,7 @@ class Scaling(Tabular):
 def suite_spectra(
     motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
 ) -> Array:
-    """Return the pseudo-accelerations of motions at periods (s), m/s^2, shape (n, k).
+    """Return the pseudo-accelerations of n motions at k periods, m/s^2, shape (n, k).
 
     Parameters
     ----------
@@ -183,7 +191,8 @@ def suite_spectra(
 
 
 def suite_peaks(motions: Sequence[GroundMotion], pair: str) -> Array:
-    """Return the peak ground accelerations of motions, m/s^2, shape (n,)."""
+    """Return the peak ground accelerations of n motions, m/s^2, shape (n,). `pair` is the
+    combination of the two components of a pair, a name of `PAIRS`."""
     return np.array([pga().of(motion, pair) for motion in motions])
 
 
@@ -270,7 +279,21 @@ def scale_asce7(
 
     Each pair is fitted to the target by `scale_to_target`. If the average is below 90 % of the
     target at any period, all factors are multiplied by the smallest common factor that satisfies
-    the rule. The rule prescribes maximum-direction spectra, regardless of `pair`.
+    the rule.
+
+    Parameters
+    ----------
+    pairs : sequence of Horizontals
+        At least 11 pairs of horizontal components.
+    target : TargetSpectrum
+        Target spectrum.
+    periods : ndarray, shape (k,)
+        Periods, s. The rule is satisfied at all periods between the first and the last.
+    damping : float
+        Damping ratio of the spectra; default 0.05.
+    pair : str
+        Not used: the rule prescribes maximum-direction spectra. All functions of
+        `scaling_function` have this argument.
 
     Raises
     ------
@@ -299,6 +322,19 @@ def scale_ec8(
     Each motion is fitted to the target by `scale_to_target`. If the mean does not satisfy the rule,
     all factors are multiplied by the smallest common factor that does.
 
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        The motions.
+    target : TargetSpectrum
+        Target spectrum with a value at the period 0.
+    periods : ndarray, shape (k,)
+        Periods, s. The rule is satisfied at all periods between the first and the last.
+    damping : float
+        Damping ratio of the spectra; default 0.05.
+    pair : str
+        Spectrum that represents a pair of components; by default the geometric mean.
+
     Raises
     ------
     UsageError
@@ -312,7 +348,7 @@ def scale_ec8(
 def check_rule(
     rule: str, motions: Sequence[GroundMotion], count: int, target: TargetSpectrum
 ) -> None:
-    """Refuse ground motions or a target to which a rule cannot be applied.
+    """Raise UsageError if a scaling rule cannot be applied to ground motions and a target.
 
     Parameters
     ----------
@@ -356,6 +392,11 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
         The suite with the factor of each motion.
     rule : str
         `mean` (without a common factor), `asce7` or `ec8`; `check_rule` has accepted the suite.
+
+    Returns
+    -------
+    Scaling
+        The suite with the increased factors, and the resulting minimum average (`least`).
     """
     if rule == "mean":
         return fitted
@@ -392,11 +433,14 @@ def _minimum_average(fitted: Scaling) -> tuple[float, float]:
     assert periods is not None
     max_slope = 0.5 / fitted.damping + 2.0
     first_period, last_period = float(np.min(periods)), float(np.max(periods))
-    # Start with the specified periods and the periods of the target, which include its corners.
+    # The first periods are the specified periods and the periods of the target, which may be
+    # corners of its spectrum.
     corner_periods = target.periods[
         (target.periods > first_period) & (target.periods < last_period)
     ]
-    # Halve intervals until no interval can contain a value below the current minimum.
+    # `ln_period` and `ln_ratio` are the sorted logarithms of the evaluated periods and of the
+    # average divided by the target. Each pass evaluates the new periods, and halves the intervals
+    # that may contain a ratio below the current minimum. The loop ends without such an interval.
     ln_period, ln_ratio = np.empty(0), np.empty(0)
     new_ln_periods = np.log(np.unique([*periods, *corner_periods]))
     while new_ln_periods.size and ln_period.size < _MAX_PERIODS:
@@ -454,8 +498,8 @@ def scale_p695(
             "scaling of a set by the rule p695 requires both a period and a pseudo-acceleration, "
             f"or neither; got period {period} and value {value}"
         )
-    # Normalize by the peak velocities first. This removes the variation due to magnitude and
-    # distance.
+    # Normalize by the peak velocities first. According to FEMA P-695, this removes the variation of
+    # the pairs due to magnitude and distance.
     velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
     factors = np.median(velocities) / velocities
     if period is None or value is None:
@@ -534,6 +578,7 @@ def scale(
         measure_periods = (
             intensity_measure.periods if isinstance(intensity_measure, SpectralIntensity) else ()
         )
+        # The rule requires Sa at one period; the period (0.0,) is PGA.
         if intensity_measure is not None and (
             len(measure_periods) != 1 or measure_periods == (0.0,)
         ):
@@ -559,8 +604,20 @@ _SCALING_RULES: dict[str, Callable[..., Scaling]] = {
 def target_at(
     target: TargetSpectrum | str, periods: Numbers | None
 ) -> tuple[TargetSpectrum, Array]:
-    """Return the target spectrum, which is read if `target` is a text, and the periods of the
-    comparison, s: the specified periods, or 100 periods over the range of the target."""
+    """Return a target spectrum and the periods of the comparison of motions with this target.
+
+    Parameters
+    ----------
+    target : TargetSpectrum or str
+        Target spectrum, or the text that specifies it (`read_target`), for example a file.
+    periods : sequence of float or None
+        Periods, s; None: 100 logarithmically spaced periods over the range of the target.
+
+    Returns
+    -------
+    TargetSpectrum, ndarray of shape (k,)
+        Target spectrum, and periods, s.
+    """
     target_spectrum = read_target(target) if isinstance(target, str) else target
     if periods is not None:
         return target_spectrum, numbers_of(periods, "periods")
@@ -585,7 +642,8 @@ def scaling_function(rule: str) -> Callable[..., Scaling]:
 
 
 def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:
-    """Raise UsageError if a motion is a single component."""
+    """Raise UsageError if a motion is a single component. `rule` is the name of the rule that
+    requires pairs, for the message."""
     if not all(isinstance(pair, Horizontals) for pair in pairs):
         raise UsageError(
             f"the rule {rule} requires pairs of horizontal components, but a motion is a single "

@@ -137,10 +137,13 @@ def select(
     )
 
     def choose(factors: Array) -> list[int]:
-        """Return the indices, in the pool, of the selected motions for the factors of the pool."""
+        """Return the indices, in the pool, of the best selection if the motions of the pool have
+        the given factors."""
+        # ln of the scaled spectrum divided by the target, shape (motions, periods)
         deviations = ln_spectra + np.log(factors)[:, None] - ln_target
         return _search(deviations, count, target_scatter, pool_events, max_per_event)
 
+    # A rule such as asce7 multiplies all factors of the selection by a common factor.
     if rule == "mean":
         chosen = choose(fitted.factors)
         scaling, pool_factors = _subset(fitted, chosen), fitted.factors
@@ -177,15 +180,16 @@ def _check_arguments(
     factors : tuple of two floats
         Minimum and maximum factor.
     events : sequence or None
-        Event of each motion.
+        Event of each motion; None: read from the files.
     per_event : int or None
-        Maximum number of selected motions of one event.
+        Maximum number of selected motions of one event; None: no maximum.
     """
     low, high = factors
     if not 0.0 < low <= high < np.inf:
         raise UsageError(
             f"factors: the limits must be positive, the minimum first, got {low:g} and {high:g}"
         )
+    # `True` is an instance of `int`, but not a number of motions.
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise UsageError(
             "the number of motions to select must be a whole number of at least 1, got "
@@ -256,7 +260,8 @@ def _check_pool_size(
         Number of motions outside of the pool, by reason.
     """
     motion_count = len(event_numbers)
-    # `bincount` returns the number of motions of each event in the pool.
+    # `bincount` returns the number of motions of each event in the pool. Of each event, at most
+    # `per_event` motions can be selected.
     possible_by_event = np.minimum(np.bincount(pool_events), per_event or motion_count)
     possible = int(possible_by_event.sum()) if len(pool_events) else 0
     if possible >= count:
@@ -301,8 +306,8 @@ def _target_scatter(scatter: float | Numbers | None, periods: Array, count: int)
 
 
 def _subset(fitted: Scaling, indices: Sequence[int]) -> Scaling:
-    """Return the scaling of some motions of a suite, selected by their indices, with unchanged
-    factors."""
+    """Return the scaling of a part of a suite, with unchanged factors. `indices` are the indices of
+    its motions in `fitted.motions`."""
     motions = tuple(fitted.motions[index] for index in indices)
     return replace(fitted, motions=motions, factors=fitted.factors[list(indices)])
 
@@ -373,6 +378,7 @@ def _within_limits(
     outside_text = abbreviate(
         [f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5
     )
+    # Round the proposed limit up to four decimals, so that the factor is within it.
     required_factor = math.ceil(1e4 * float(np.max(nearest.factors))) / 1e4
     raise AnalysisError(
         f"no selection of {len(nearest.motions)} motions with factors from {low:g} to {high:g} "
@@ -383,15 +389,21 @@ def _within_limits(
 
 
 def events_of(motions: Sequence[GroundMotion]) -> list[str]:
-    """Return a label of the event of each motion; motions of the same event have equal labels.
+    """Return the label of the earthquake (event) of each motion, from the headers of its files.
+    Motions of the same event have equal labels.
 
     Both components of a recording belong to the same event, whether they are a pair or two files
     with similar names.
 
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        The motions.
+
     Returns
     -------
     list of str
-        Name and date of the event; empty if the event of a motion is unknown.
+        Name and date of the event of each motion; empty if the event is unknown.
     """
     groups = _EventGroups([_event_of_motion(motion) for motion in motions])
     groups.unite_equal_events()
@@ -420,7 +432,8 @@ class _EventGroups:
         """Return the motion that represents the group of a motion."""
         parents = self._parents
         while parents[motion] != motion:
-            parents[motion] = parents[parents[motion]]  # shortens the path for later calls
+            # Skip one motion of the path to the root, which makes later calls faster.
+            parents[motion] = parents[parents[motion]]
             motion = parents[motion]
         return motion
 
@@ -450,8 +463,14 @@ class _EventGroups:
                 self._unite(motion, first_motions[event])
 
     def unite_recordings(self, recordings: Sequence[Sequence[str]]) -> None:
-        """Merge the groups of motions of the same recording. `recordings` has the names of the
-        recordings of each motion."""
+        """Merge the groups of motions of the same recording.
+
+        Parameters
+        ----------
+        recordings : sequence of sequence of str
+            For each motion, the names of the recordings to which its files belong (`_recordings`).
+        """
+        # First motion of each recording, by the name of the recording
         motion_of_recording: dict[str, int] = {}
         # Files with similar names may contain several recordings. A motion with a known event is
         # therefore united only with a motion of the same event.
@@ -467,10 +486,12 @@ class _EventGroups:
                     self._unite(motion, motion_of_recording.setdefault(name, motion))
 
     def unite_similar_events(self) -> None:
-        """Merge the groups of motions whose headers describe the same event differently."""
+        """Merge the groups of motions whose headers describe the same event differently, for
+        example with and without the time of day."""
         events = self.events
-        # Compare the distinct descriptions: descriptions with a time only with descriptions of
-        # about the same time, in chronological order.
+        # Compare each pair of distinct descriptions. A description with a time is compared only
+        # with descriptions of about the same time; in chronological order, these are its
+        # neighbors. The default in the sort key is never used: all these motions have a time.
         described = list(self._first_motions().values())
         dated = sorted(
             (motion for motion in described if events[motion].time),
@@ -499,9 +520,10 @@ class _EventGroups:
 
 
 def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, str]) -> list[str]:
-    """Return the event of each motion by a table of files.
+    """Return the event of each motion, which a table of the user specifies for its files.
 
-    A row of the table is sufficient for both components of a recording.
+    If the two components of a recording are in two files, it is sufficient that the table contains
+    one of the files.
 
     Parameters
     ----------
@@ -527,7 +549,8 @@ def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, st
         for file, name in zip(files, names, strict=True):
             keys = (file, Path(file).name, Path(file).stem)
             event = next((event_of_file[key] for key in keys if event_of_file.get(key)), "")
-            # Compare the event with the event of the other component, if that was read before.
+            # `name` is the recording of the file. If its other component already has an event, both
+            # events must be equal.
             first_file, first_event = file_and_event.get(name, (file, event))
             if event and event != first_event:
                 raise UsageError(
@@ -556,6 +579,7 @@ def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
     list of list of str
         For each motion, one name per file. Files of the same recording have equal names.
     """
+    # Distinct files of each motion: one, or two for a pair in two files
     files_by_motion = [
         list(dict.fromkeys(record.source for record in components(motion))) for motion in motions
     ]
@@ -583,6 +607,7 @@ def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) 
 def _event_of_motion(motion: GroundMotion) -> Earthquake:
     """Return the event of a motion; for a pair, the event of the component with the most complete
     header."""
+    # Prefer a header with date and time of day, then with a date, then with the name of the event.
     events = [event_of(record) for record in components(motion)]
     return max(events, key=lambda event: (event.has_clock, bool(event.time), bool(event.name)))
 
@@ -671,15 +696,19 @@ def _search(
     """
     # A fixed seed makes the selection reproducible.
     generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
+    # scores(selection, size) returns the score after each row is added to the selection.
     scores = _Scores(deviations, target_scatter, events, max_per_event).with_row
     start_count = int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))
     for start_number in range(start_count):
+        # Start 0 is the empty selection, odd starts are a random half of the best selection so far,
+        # and even starts are random rows.
         selection: list[int] = []
-        if start_number % 2:  # start from a random half of the best selection so far
+        if start_number % 2:
             selection = generator.permutation(best_selection)[: count // 2].tolist()
-        elif start_number:  # start from random rows
+        elif start_number:
             while len(selection) < count:
-                # Rows that cannot be added have an infinite score.
+                # Rows that cannot be added have an infinite score. With the size 2, the scores do
+                # not include the standard deviation, which is not needed for this check.
                 possible_rows = np.flatnonzero(np.isfinite(scores(selection, 2)))
                 selection.append(int(generator.choice(possible_rows)))
         # Complete the selection: add the row that results in the lowest score, repeatedly.
@@ -692,16 +721,18 @@ def _search(
 
 
 def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Array]) -> float:
-    """Replace rows of a selection by better rows, in place, as long as the score decreases. Return
-    the final score.
+    """Replace rows of a selection by better rows as long as the score decreases, and return the
+    final score.
 
     Parameters
     ----------
     selection : list of int
-        Selected rows.
+        Selected rows; changed in place.
     scores : callable
-        The function `_Scores.with_row`.
+        Function that receives selected rows and the size of the selection after one more row. It
+        returns the score for each additional row, shape (n,): the method `_Scores.with_row`.
     """
+    # Each pass tries to replace every row. The first pass sets the score, which is infinite before.
     score, is_improved = np.inf, True
     while is_improved:
         is_improved = False
@@ -739,6 +770,7 @@ class _Scores:
     ) -> None:
         self._deviations, self._target_scatter = deviations, target_scatter
         self._events, self._max_per_event = events, max_per_event
+        # Squared deviations and their sums over the periods, and an array for intermediate results
         self._squares = deviations * deviations
         self._row_sums, self._scratch = self._squares.sum(axis=1), np.empty_like(deviations)
 
@@ -751,7 +783,13 @@ class _Scores:
         selected : list of int
             Selected rows.
         size : int
-            Number of rows including the additional row.
+            Number of rows including the additional row. The standard deviation is part of the score
+            only for more than two rows.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Scores.
         """
         deviations, events = self._deviations, self._events
         period_count = deviations.shape[1]
@@ -761,8 +799,9 @@ class _Scores:
             size**2 * period_count
         )
         if self._target_scatter is not None and size > 2:
-            # (size - 1) variance = sum of squares - (total + row)^2 / size. All operations are in
-            # place, because this function takes most of the time.
+            # For each row and period, compute sqrt(size - 1) times the standard deviation, from
+            # (size - 1) variance = sum of squares - (total + row)^2 / size. Then subtract its
+            # target. All operations are in place, because this function takes most of the time.
             scratch = self._scratch
             np.add(deviations, total, out=scratch)
             np.multiply(scratch, scratch, out=scratch)
@@ -773,6 +812,7 @@ class _Scores:
             np.subtract(scratch, self._target_scatter * np.sqrt(size - 1.0), out=scratch)
             scatter_errors = np.einsum("ij,ij->i", scratch, scratch)
             result = result + _SCATTER_WEIGHT / ((size - 1) * period_count) * scatter_errors
+        # A row cannot be added if it is selected already or if its event has the maximum number.
         result[selected] = np.inf
         count_of_event = np.bincount(events[selected], minlength=events.max() + 1)
         result[count_of_event[events] >= self._max_per_event] = np.inf

@@ -74,13 +74,14 @@ class ParameterEffect:
 
     @property
     def effect(self) -> float:
-        """Difference of the peaks for the low and high values, divided by the peak of the unchanged
-        building."""
+        """Absolute difference of the peaks for the low and high values, divided by the peak of the
+        unchanged building; NaN if this peak is zero."""
         return abs(self.at_high - self.at_low) / abs(self.as_it_is) if self.as_it_is else math.nan
 
 
 def _parameter_effect(values: dict[str, Any]) -> ParameterEffect:
-    """Return an unpickled effect; the quantity is found by name."""
+    """Return an unpickled effect. `values` are the attributes by name, with the name of the
+    quantity instead of the quantity."""
     (quantity,) = (peak for peak in PEAKS if peak.name == values["quantity"])
     return ParameterEffect(**{**values, "quantity": quantity})
 
@@ -124,6 +125,12 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
         The building.
     ranges : mapping of str to (float, float)
         Low and high values of parameters, by the names of `Model.replace`.
+
+    Returns
+    -------
+    tuple of Model
+        The unchanged building (index 0); parameter i has the indices 2 i + 1 (low) and 2 i + 2
+        (high).
 
     Raises
     ------
@@ -221,6 +228,12 @@ def plan_of(
         Method; None: the method of the model.
     dt : float or None
         Time step, s; None: the value of the model.
+
+    Raises
+    ------
+    UsageError
+        A parameter or the method is unknown, a value is out of range, or a time step does not fit a
+        record.
     """
     campaign = CampaignFile(
         name=model.name,
@@ -237,7 +250,8 @@ def plan_of(
 def parameter_effects(
     store: Store, name: str, ranges: Mapping[str, tuple[float, float]]
 ) -> list[ParameterEffect]:
-    """Return the effects of the parameters on the peaks, for each peak in descending order.
+    """Return the effects of the parameters on the peaks. The peaks are in the order of `PEAKS`; the
+    effects on each peak are in descending order.
 
     Parameters
     ----------
@@ -249,6 +263,7 @@ def parameter_effects(
         Low and high values of parameters.
     """
     result: list[ParameterEffect] = []
+    # Medians of all peaks by the number of the building
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
 
     def sort_key(item: ParameterEffect) -> float:
@@ -274,6 +289,16 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     """Return the rank correlations of the varied parameters of a sweep with the peaks, at each
     scale factor.
 
+    Parameters
+    ----------
+    store : Store
+        Store of a campaign with a sweep.
+
+    Returns
+    -------
+    list of RankCorrelation
+        One item for each building, scale factor, parameter and peak.
+
     Raises
     ------
     UsageError
@@ -294,6 +319,8 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
         variations_of_group.setdefault((base_names[variation], scale), []).append(
             (variation, values)
         )
+    # In each group, `variations` has the number of each variation and its medians in the order of
+    # `PEAKS`.
     correlations = []
     for (building, scale), variations in variations_of_group.items():
         for parameter in dict.fromkeys(
@@ -322,11 +349,20 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
 
 
 def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
-    """Return the medians of `PEAKS` over the motions.
+    """Return the medians of the peaks over the runs of each building.
 
-    The key of the result is the number of the building and the scale factor, which is 0 and
-    comprises all scale factors if `by_scale` is false. The value is an array with one median per
-    peak.
+    Parameters
+    ----------
+    store : Store
+        Store of a campaign.
+    by_scale : bool
+        True for a median at each scale factor; False for the median over all runs.
+
+    Returns
+    -------
+    dict of (int, float) to ndarray, shape (len(PEAKS),)
+        Medians by the number of the building and the scale factor, which is 0.0 if `by_scale` is
+        False. A median is NaN if at least half of the runs have no value.
     """
     runs: dict[tuple[int, float], list[list[float | None]]] = {}
     columns = ", ".join(peak.column for peak in PEAKS)
@@ -336,8 +372,9 @@ def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
         runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
     medians = {}
     for key, rows in runs.items():
-        # A run without a value, such as a collapse, counts as larger than any peak. The median is
-        # NaN if at least half of the runs have no value.
+        # A run without a value (None, which becomes NaN), such as a collapse, counts as larger than
+        # any peak: NaN is last after `sort`. With an even number of runs, the median is the mean of
+        # the two middle values.
         ordered = np.sort(np.array(rows, dtype=np.float64), axis=0)
         middle = (len(rows) - 1) / 2.0
         medians[key] = np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))

@@ -83,6 +83,12 @@ def read_grid(grid: GridFile) -> CampaignMotions:
     grid : GridFile
         Path and settings of the grid.
 
+    Returns
+    -------
+    CampaignMotions
+        Components of all records, errors of records that could not be read, and the motions of each
+        point (attribute `places`).
+
     Raises
     ------
     ModelError
@@ -168,6 +174,7 @@ def _read_points(
                     motions += _read_components(folder, name, unit)
                 except RecordError as error:
                     failures.append(error)
+                # The range of numbers is empty if the record could not be read.
                 components_by_record[name] = tuple(range(first_number, len(motions)))
             motions_at_point.append((components_by_record[name], factor))
         point_motions.append(motions_at_point)
@@ -193,6 +200,11 @@ def _rows_as_events(
     point_motions : sequence of sequence of PointMotion
         Motions of each point.
 
+    Returns
+    -------
+    FieldMotions
+        Motion of each event at each site. The names of the events are their numbers, from 1.
+
     Raises
     ------
     ModelError
@@ -214,13 +226,15 @@ def _rows_as_events(
     record_numbers = {components: number for number, components in enumerate(distinct_records)}
     records = np.array([record_numbers[components] for components, _ in all_motions], np.int32)
     factors = np.array([factor for _, factor in all_motions], float)
+    # Site and event (from 0) of each of these motions
     site, event = (indices.ravel() for indices in np.indices((len(points), event_count), np.int32))
     files, locations = zip(*points, strict=True)
+    # The values of the fields are factors, so their divisor is 1.
     components_and_factors = [
         tuple((motion, 1.0) for motion in components) for components in record_numbers
     ]
     events = [str(number) for number in range(1, event_count + 1)]
-    return FieldMotions.of_rows(
+    return FieldMotions.from_rows(
         events, files, (site, event + 1, records, factors), components_and_factors, locations
     )
 
@@ -232,6 +246,12 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
     ----------
     field_file : FieldFile
         Path and settings of the fields.
+
+    Returns
+    -------
+    CampaignMotions
+        Records, errors of records that could not be read, notes, the motion of each event at each
+        site (attribute `places`), and annual rates of the events.
 
     Raises
     ------
@@ -249,7 +269,7 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
     events, notes = list(rows.events), tuple(dict.fromkeys(records.notes))
-    field = FieldMotions.of_rows(
+    field = FieldMotions.from_rows(
         events, list(rows.sites), rows.arrays(), motions, list(places.values())
     )
     rates = _rates(field_file.rates, events) if field_file.rates else {}
@@ -257,8 +277,20 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
 
 
 def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
-    """Return the annual rate (1/year) of each event of the fields, by its name. The file may
-    contain other events, which are ignored."""
+    """Return the annual rate (1/year) of each event of the fields, by its name.
+
+    Parameters
+    ----------
+    file : str
+        CSV file with the columns event and rate. Events that are not in the fields are ignored.
+    events : sequence of str
+        Names of the events of the fields.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, a rate is negative, or an event has no rate.
+    """
     table = read_table(file, "rates are a CSV file with the columns event and rate", comment="#")
     event = _find_column(table, _EVENT_NAMES)
     table.need(event, "rate")
@@ -290,6 +322,11 @@ def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -
         Type of the named objects, for messages.
     values : iterable
         Value of each row.
+
+    Raises
+    ------
+    ModelError
+        A name is listed twice, or is missing.
     """
     by_name: dict[str, Value] = {}
     for (line, name), value in zip(table.lines(column, empty=False), values, strict=True):
@@ -331,7 +368,7 @@ class _FieldRows:
     line: array[int] = field(default_factory=lambda: array("i"))
 
     def add(self, site: int, event: int, record: int, value: float, line: int) -> None:
-        """Append a row."""
+        """Append a row. Its values are described in the class."""
         self.site.append(site)
         self.event.append(event)
         self.record.append(record)
@@ -369,9 +406,12 @@ class _FieldRows:
         line_numbers, cells = zip(*block, strict=True)
         if set(map(len, cells)) != {width}:
             return False
-        # An empty column at the index `width` represents columns that do not exist.
+        # Transpose the cells to columns. An empty column at the index `width` represents the
+        # columns that do not exist.
         columns = [*zip(*cells, strict=True), ("",) * len(cells)]
         event, record, site, component, second_file, value = (columns[index] for index in indices)
+        # Without a column of values, all factors are 1. A value that is not a number is NaN, for
+        # which the comparison is False.
         values = np.ones(len(cells)) if indices[5] == width else numbers_in(value)
         if not (values > 0.0 if measure else np.abs(values) > 0.0).all():
             return False
@@ -381,6 +421,7 @@ class _FieldRows:
         events = _numbers_of(event, self.events, str.strip, first=1)
         records = _numbers_of(keys, self.records, _strip_each)
         sites = _numbers_of(site, self.sites, str.strip, may_add=not are_sites_known)
+        # A name is missing, or a site has no number (-1) because it is not in the table of sites.
         is_unnamed = (
             "" in self.events
             or any(not name for name, *_ in self.records)
@@ -396,24 +437,27 @@ class _FieldRows:
         return True
 
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
-        """Return site, event, record and value of all rows."""
+        """Return the numbers of site, event and record, and the value, of all rows: four arrays of
+        shape (rows,)."""
         site, event, record = (
             np.frombuffer(numbers, np.int32) for numbers in (self.site, self.event, self.record)
         )
         return site, event, record, np.frombuffer(self.value, np.float64)
 
     def first_uses(self) -> list[tuple[int, str, str, str]]:
-        """Return, for each record, the line of its first use, its file, its component and the file
-        of its second component."""
+        """Return, for each record in the order of the numbers, the line of the first row that uses
+        it, its file, its component, and the file of its second component."""
+        # `unique` returns the index of the first row of each record, sorted by record.
         records = np.frombuffer(self.record, np.int32)
         first_rows = np.unique(records, return_index=True)[1].tolist()
         return [(self.line[row], *key) for row, key in zip(first_rows, self.records, strict=True)]
 
     def find_duplicates(self, file: str) -> list[str]:
-        """Return an error message for each row with an event and a site that an earlier row also
-        has."""
+        """Return an error message for each row that has the same event and site as an earlier row.
+        `file` is the path of the table, for the messages."""
         site, event, *_ = self.arrays()
-        # Combine event and site into one number. After sorting, duplicates are adjacent.
+        # Combine event and site into one number. After sorting, duplicates are adjacent; the stable
+        # sort keeps the order of their rows.
         combined = event.astype(np.int64) * len(self.sites) + site
         order = np.argsort(combined, kind="stable")
         positions = np.flatnonzero(np.diff(combined[order]) == 0)
@@ -448,7 +492,7 @@ def _numbers_of(
     names : iterable
         Names as in the file, possibly with surrounding spaces.
     numbers : dict
-        Numbers by name without surrounding spaces; new names are added.
+        Numbers by name without surrounding spaces. New names are added in place, if allowed.
     strip : callable
         Function that removes the surrounding spaces of a name.
     first : int
@@ -456,7 +500,8 @@ def _numbers_of(
     may_add : bool
         True if names may be added.
     """
-    # Usually all names are known and have no surrounding spaces: remove spaces only if necessary.
+    # Usually all names are known and have no surrounding spaces. The spaces are removed, and new
+    # names are added, only if a name without this change has no number.
     names = list(names)
     result = [numbers.get(name, -1) for name in names]
     if -1 in result:
@@ -593,14 +638,24 @@ class _RowReader:
         ]
 
     def _add_row(self, line: int, cells: list[str]) -> str:
-        """Append a row and return an empty text; if the row is invalid, return its error."""
+        """Append a row to `rows` and return an empty text. If the row is invalid, return its error
+        and do not append it.
+
+        Parameters
+        ----------
+        line : int
+            Line number of the row.
+        cells : list of str
+            Cells of the row. Cells may be missing at the end of the row.
+        """
         width = len(self.table.header)
         if self.table.overfull(cells):
             return (
                 f"the row has {pluralize(len(cells), 'cell')}, but the header has "
                 f"{pluralize(width, 'column')}"
             )
-        # Missing cells at the end of a row are empty.
+        # Missing cells at the end of a row are empty. One more empty cell represents the columns
+        # that the table does not have.
         cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
         texts = [cells[index].strip() for index in self.indices]
         event, record, site, component, second_file, value_text = texts
@@ -647,8 +702,13 @@ class _RowReader:
 
 
 def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
-    """Return the column with the values of a table of fields, which are factors on the records or
-    intensities computed by OpenQuake, to which the records are scaled.
+    """Return the column with the values of a table of fields. The values are factors on the
+    records, or intensities computed by OpenQuake, to which the records are scaled.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Header of the table.
 
     Returns
     -------
@@ -659,6 +719,11 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
         Unit of the column in SI.
     measure : IntensityMeasure or None
         Intensity measure of the column; None for factors.
+
+    Raises
+    ------
+    ModelError
+        The table has several columns of intensities, or an unknown intensity.
     """
     columns = [name for name in table.header if name.startswith("gmv_")]
     # If the table has a column of factors, OpenQuake's columns of intensities are not used.
@@ -691,19 +756,34 @@ def _site_places(file: str) -> dict[str, tuple[float, float]]:
 
 
 def _find_column(table: CsvTable, names: Sequence[str]) -> str:
-    """Return the name of a column that can have several names: the first of them that the table
-    contains. If it contains none of them, return the first name, for the error message."""
+    """Return the name of a column that can have several names.
+
+    The result is the first name in `names` that the table contains. If the table contains none of
+    the names, the result is the first name, with which a later check raises its error.
+    """
     return next((name for name in names if table.has(name)), names[0])
 
 
 class _FieldRecords:
-    """Records of ground motion fields: reads each record once and numbers its motions."""
+    """Reader of the records of ground motion fields, which numbers the motions in the order in
+    which they are read.
+
+    Attributes
+    ----------
+    motions : list of SuiteMotion
+        Motions of all records that were read; the index is the number.
+    failures : list of TdintError
+        Errors of records that cannot be used.
+    notes : list of str
+        Notes of the reader for the user.
+    """
 
     def __init__(self, field: FieldFile) -> None:
         self._field = field
         self.motions: list[SuiteMotion] = []
         self.failures: list[TdintError] = []
         self.notes: list[str] = []
+        # By directory, then by file: the files of all components of the same motion
         self._files: dict[Path, dict[str, list[str]]] = {}
 
     def motions_of(
@@ -714,12 +794,13 @@ class _FieldRecords:
         second_file: str,
         measure: IntensityMeasure | None,
     ) -> tuple[tuple[int, float], ...]:
-        """Read a record and return its motions.
+        """Read a record, append its motions to `motions`, and return their numbers. An error is
+        appended to `failures`.
 
         Parameters
         ----------
         line : int
-            Line of its first use, for messages.
+            Line of the table that first uses the record, for messages.
         record, component, second_file : str
             File of the record, its component, and the file of the second component of a pair; the
             last two may be empty.
@@ -772,6 +853,8 @@ class _FieldRecords:
             # The table specifies the pair, so the file names do not matter.
             suite = read_pairs([file, resolve(second_file, folder)], choice, ONE_MOTION)
         else:
+            # If the file contains a single component, the other component is in a file with a
+            # similar name.
             suite = read_pairs([file], choice)
             if any(isinstance(error, SingleHorizontal) for error in suite.failures):
                 suite = read_pairs(self._component_files(file), choice)
@@ -816,8 +899,18 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
         Component in the table; empty: the component of the campaign file.
     field : FieldFile
         Settings of the fields.
+
+    Returns
+    -------
+    tuple of SuiteMotion
+        Selected components; with the setting `pairs`, the components of a pair.
+
+    Raises
+    ------
+    RecordError
+        The file cannot be used, its units are not specified, or the component is not found.
     """
-    # The format does not state units.
+    # The format does not state units, so the campaign file must specify them.
     unit = file_units(field.choice.units).of(file, "JSON")
     if unit is None:
         raise RecordError(f"{file}: the file does not state its units; add `units` to the records")
@@ -882,10 +975,15 @@ def _read_components(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
     unit : float
         Unit of the samples, m/s^2.
 
+    Returns
+    -------
+    list of SuiteMotion
+        One component, or the two components of a pair.
+
     Raises
     ------
     RecordError
-        The file cannot be read.
+        The file cannot be read, or contains invalid values.
     """
     file = folder / (name if name.endswith(".json") else f"{name}.json")
     too_large_text = f"larger than {MOST_BYTES // 1024**2} MiB; this is not a ground motion"

@@ -171,12 +171,12 @@ class Identity:
 
     @property
     def compared_values(self) -> ComparedValues:
-        """Values from which `all_differences` describes the differences between this identity and
-        a store."""
+        """Settings, and SHA-256 of buildings, records and plug-in files, by name.
+        `all_differences` compares these values with the values of a store."""
         buildings = {building.name: building.digest for building in self.buildings}
         records: dict[str, str] = {}
         # Motions with the same name and component, such as the samples of a grid, are
-        # distinguished by their numbers.
+        # distinguished by their numbers, which are added to all names except the first.
         for number, motion in enumerate(self.motions, start=1):
             name = f"{motion.name} {motion.component}"
             records[name if name not in records else f"{name} ({number})"] = motion.record.digest
@@ -211,6 +211,7 @@ def differences(
         Labels of `stored` and `compared` in the lines, for example `the store`.
     """
     lines = []
+    # All names of both mappings without duplicates, in the order of `stored`
     for name in dict.fromkeys([*stored, *compared]):
         if name not in compared:
             lines.append(f"{entry_type} {name}: only in {stored_label}")
@@ -264,6 +265,11 @@ def all_differences(
         only buildings that both contain are compared.
     has_new_inventory : bool
         True if the files of the inventory differ.
+
+    Returns
+    -------
+    str
+        Lines without indentation; at least one line.
     """
     entry_types = ("setting", "building", "record", "plug-in")
     lines = [INVENTORY_CHANGED] if are_shards and has_new_inventory else []
@@ -322,8 +328,8 @@ class Store:
     def __exit__(
         self, error: type[BaseException] | None, raised: BaseException | None, *_: object
     ) -> None:
-        """Close the store. Unless an exception occurred, first move the write-ahead log of the
-        database into the file.
+        """Close the store. If no exception occurred, first move the write-ahead log of the database
+        into the file.
 
         Parameters
         ----------
@@ -338,6 +344,7 @@ class Store:
             SQLite failed inside the `with` block; the message describes the error.
         """
         try:
+            # Raise an error of SQLite again, so that it is converted to an OutputError.
             if isinstance(raised, sqlite3.Error | UnicodeDecodeError):
                 with sqlite_errors_reported(self.name):
                     raise raised
@@ -382,6 +389,7 @@ class Store:
     def digests(self, table: str) -> dict[str, str]:
         """Return the SHA-256 of the entries of `table` (`buildings` or `records`) by their names.
         The name of a record includes its component."""
+        # In SQL, || joins texts.
         name = "name" if table == "buildings" else "name || ' ' || component"
         return dict(self.connection.execute(f"SELECT {name}, sha256 FROM {table} ORDER BY id"))
 
@@ -411,8 +419,8 @@ class Store:
         )
 
     def count(self, condition: str) -> int:
-        """Return the number of runs that meet a condition: an SQL expression of the columns of the
-        table `run_rows`."""
+        """Return the number of runs that meet a condition, an SQL expression of the columns of the
+        table `run_rows` such as `status = 'done'`. The query contains it unchanged."""
         query = f"SELECT count(*) FROM run_rows WHERE {condition}"
         (count,) = self.connection.execute(query).fetchone()
         return int(count)
@@ -467,7 +475,8 @@ class Store:
         with sqlite_errors_reported(self.name):
             # Verify the checksums of the rows, because rows may have been edited or be corrupt.
             invalid_chunks = schema.corrupt_chunks(self.connection)
-            # Another version of tdint may divide a campaign into chunks with other runs.
+            # Another version of tdint may have divided the campaign into different chunks: the
+            # number of the chunk must exist, and the chunk must have the expected number of runs.
             if identity is not None:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
                 for number, run_count in chunks:
@@ -485,6 +494,8 @@ class Store:
     def remove(self, chunks: Collection[int]) -> None:
         """Remove the chunks with the given numbers and all their rows, so that they are run
         again."""
+        # Column with the number of the chunk, by table. Unlike `=`, the operator IS also selects
+        # rows with the number NULL, which can result from corruption.
         number_columns = {table.name: "chunk" for table in schema.ROW_TABLES} | {"chunks": "id"}
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             for table, column in number_columns.items():
@@ -542,7 +553,17 @@ class Store:
         store does not contain yet.
 
         The metadata are unused inputs, output units, damage states, limits, style of figures, files
-        of models, and columns of an inventory. `identity` is the present campaign or study.
+        of models, and columns of an inventory. If they are unchanged, the store is not written.
+
+        Parameters
+        ----------
+        identity : Identity
+            The present campaign or study.
+
+        Raises
+        ------
+        OutputError
+            The store cannot be written.
         """
         values = _metadata(identity)
         stored_unused = [
@@ -616,7 +637,8 @@ class Store:
         return sorted(json.loads(self._meta_or_none("files") or "{}").values())
 
     def shards(self) -> list[str]:
-        """Return the shards, as K/N, with runs in this store."""
+        """Return the shards, each as text K/N, that were written to this store; empty if the
+        campaign was not divided."""
         return list(json.loads(self._meta_or_none("shards") or "[]"))
 
     def add_shard(self, text: str) -> None:
@@ -685,7 +707,8 @@ class Store:
         return dict(json.loads(self._meta_or_none("rates") or "{}"))
 
     def period(self, building: int) -> float | None:
-        """Return the first period of a building, s, or None if the store does not contain it."""
+        """Return the first period of a building, s; None if the store does not contain it.
+        `building` is the number of the building."""
         periods = json.loads(self._meta_or_none("periods") or "[]")
         if building < len(periods):
             return float(periods[building])
@@ -695,7 +718,8 @@ class Store:
         return row and float(row[0])
 
     def limits(self, building: int) -> BuildingLimits:
-        """Return the limits and the isolators of a building; empty for an inventory."""
+        """Return the limits and the isolators of the building with this number; empty for an
+        inventory."""
         stored = self._limits
         return stored[building] if building < len(stored) else NO_LIMITS
 
@@ -714,8 +738,19 @@ class Store:
         return self._meta_or_none("damage") or ""
 
     def building_type(self, building: int) -> tuple[str, str, float, float]:
-        """Return the name of a building, the name of its type, the divisor of its demands, and its
-        first period, s."""
+        """Return the properties of a building from which its damage is computed.
+
+        Parameters
+        ----------
+        building : int
+            Number of the building.
+
+        Returns
+        -------
+        tuple of (str, str, float, float)
+            Name of the building; name of its type; divisor that converts a peak to the demand of
+            the damage states (`BuildingType`); first period, s.
+        """
         query = (
             "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t "
             "ON t.building = b.id WHERE b.id = ?"
@@ -729,8 +764,8 @@ class Store:
         self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", reasons)
 
     def seal(self) -> None:
-        """Store the checksum of the campaign definition. Call this in the transaction that changes
-        it."""
+        """Store the checksum of the campaign definition. Call this method in each transaction that
+        changes the definition, otherwise the store is refused as edited."""
         values = (schema.SEAL, schema.seal_of(self.connection))
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
 
@@ -782,7 +817,7 @@ def open_store(
     Returns
     -------
     Store, list of str
-        Store, and messages about it.
+        Store, and messages for the user, for example about chunks that are run again.
 
     Raises
     ------
@@ -813,7 +848,7 @@ def open_or_create(
     Returns
     -------
     Store, list of str
-        Store, and messages about it.
+        Store, and messages for the user, for example about chunks that are run again.
 
     Raises
     ------
@@ -826,6 +861,7 @@ def open_or_create(
     with sqlite_errors_reported(name):
         store = Store(connect(name, log=log), name)
     with schema.closed_on_failure(store.connection):
+        # None: the file is new or empty.
         remarks = check_same(store, identity) if _has_contents(store) else None
         if remarks is None:
             with sqlite_errors_reported(name):
@@ -889,7 +925,7 @@ def open_written(file: Path) -> Store:
     """
     with sqlite_errors_reported(str(file)):
         store = Store(connect(str(file), log=False), str(file))
-    _has_contents(store)
+    _has_contents(store)  # raises the error of a store with invalid contents
     return store
 
 
@@ -909,7 +945,7 @@ def _has_contents(store: Store) -> bool:
 
 
 def check_chunks(store: Store) -> None:
-    """Raise OutputError if runs of a store are corrupt."""
+    """Raise OutputError if chunks of runs in a store do not match their checksums."""
     with sqlite_errors_reported(store.name):
         corrupt = schema.corrupt_chunks(store.connection)
     if corrupt:
@@ -932,7 +968,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
     Returns
     -------
     list of str
-        Messages about the store.
+        A message if another version of tdint created the store; otherwise empty.
 
     Raises
     ------
@@ -1001,8 +1037,8 @@ def is_empty(store: Store) -> bool:
 
 
 def _create(store: Store, identity: Identity) -> None:
-    """Create the tables of an empty store, and write the definition of a campaign or study, in one
-    transaction.
+    """Create the tables of an empty store, and write the definition of a campaign or study
+    (`identity`), in one transaction.
 
     The buildings are written later, by `Store.update_metadata`.
     """
@@ -1075,6 +1111,6 @@ def _metadata(identity: Identity) -> dict[str, str]:
 
 
 def _text(name: str) -> str:
-    """Return a name as UTF-8 text; bytes of a file name that are not UTF-8 become escape
-    sequences."""
+    """Return a name as text that SQLite can store. A file name can contain bytes that are not
+    UTF-8, which Python represents by surrogates; they become escape sequences such as \\xff."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")

@@ -42,7 +42,8 @@ class UntrustedStoreError(OutputError):
     """The file is not a store, or was changed since it was written."""
 
     def __init__(self, name: str, reason: str) -> None:
-        """Create the error of the file with the path `name`. `reason` completes the message."""
+        """Create the error. `name` is the path of the file; `reason` describes the problem in the
+        message, for example "its tables differ from the tables of a campaign"."""
         super().__init__(
             f"{name}: the file is not a valid campaign store: {reason}; specify another directory "
             "with -o, or --overwrite to replace it"
@@ -50,7 +51,8 @@ class UntrustedStoreError(OutputError):
 
 
 def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
-    """Return a connection that writes safely: a killed process leaves a valid file.
+    """Return a connection for reading and writing with safe transactions: if the process is killed,
+    the file remains valid.
 
     Parameters
     ----------
@@ -75,7 +77,13 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
 
 
 def connect_to_read(file: Path) -> sqlite3.Connection:
-    """Return a read-only connection, which does not need the lock of a writer.
+    """Return a read-only connection, which can be opened while another process writes. All queries
+    read the state of the store at the time of this call.
+
+    Parameters
+    ----------
+    file : Path
+        Path of the file.
 
     Raises
     ------
@@ -95,7 +103,8 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
 
 @contextmanager
 def closed_on_failure(connection: sqlite3.Connection) -> Iterator[None]:
-    """Close a connection if an error occurs in the `with` block."""
+    """Close a connection if an exception, including an interrupt, occurs in the `with` block. The
+    exception is raised again."""
     try:
         yield
     except BaseException:
@@ -205,6 +214,7 @@ LOCK = ".campaign.lock"
 """Lock file of the process that writes: an empty SQLite file, because its locks end with the
 process on all systems."""
 
+# Types of file systems as reported by Linux, macOS and Windows
 _NETWORK_FILE_SYSTEMS = {
     *(
         "nfs",
@@ -284,6 +294,7 @@ def locked(folder: Path) -> Iterator[None]:
     with closing(connection):
         try:
             connection.execute("PRAGMA journal_mode=MEMORY")  # no journal file next to the lock
+            # This transaction is never committed: it keeps the lock until the connection is closed.
             connection.execute("BEGIN EXCLUSIVE")
         except sqlite3.OperationalError as error:
             reason = "in use by another tdint process" if "locked" in str(error) else str(error)
@@ -382,14 +393,15 @@ class RowTable:
         )
 
     def select(self, more: str = "", where: str = "") -> str:
-        """Return the SQL query of all columns, with rows in the order of the key.
+        """Return the SQL query of all columns except the number of the chunk, with rows in the
+        order of the key.
 
         Parameters
         ----------
         more : str
-            Further columns, with a leading comma.
+            Further columns, with a leading comma, such as `, chunk`; by default none.
         where : str
-            WHERE clause.
+            WHERE clause; by default all rows are selected.
         """
         return (
             f"SELECT {', '.join(self.columns)}{more} FROM {self.name} {where} ORDER BY "
@@ -416,10 +428,21 @@ class RowTable:
         )
 
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """Convert rows to the form in which SQLite returns them, sorted by key.
+        """Convert rows to the form in which SQLite returns them, so that checksums of written and
+        of stored rows are equal. The result is sorted by key.
 
         Nested tuples, such as the values and errors of a run, become separate columns. Each
         cell is converted to the type of its column; NaN and missing errors become None.
+
+        Parameters
+        ----------
+        rows : iterable of tuple
+            Rows (`RunRow`, `StoryRow` or `ShockRow`) of this table.
+
+        Returns
+        -------
+        list of tuple
+            Cells of each row in the order of `columns`.
         """
         types = (self.key | self.others).values()
         result = []
@@ -428,7 +451,7 @@ class RowTable:
             for value in row:
                 cells += value if isinstance(value, tuple) else (value,)
             cells += [None] * (len(types) - len(cells))  # errors that were not estimated
-            # `cell != cell` is true for NaN only.
+            # The comparison `cell != cell` is true for NaN only.
             result.append(
                 tuple(
                     None if cell is None or cell != cell else cell_type(cell)
@@ -501,6 +524,7 @@ def run_of(row: Sequence[Any]) -> RunRow:
 SEAL = "seal"
 """Key of the checksum of the campaign definition in the table `meta`."""
 
+# Queries of the checksum, which includes their results. Their order must not change.
 _SEALED_QUERIES = (
     "SELECT key, value FROM meta WHERE key <> 'seal' ORDER BY key",
     "SELECT * FROM buildings ORDER BY id",
@@ -537,7 +561,8 @@ def corrupt_chunks(connection: sqlite3.Connection) -> set[int]:
     """
     query = "SELECT id, runs, stories, seconds, sha256 FROM chunks"
     entries = {number: values for number, *values in connection.execute(query)}
-    # Each table is read a single time; each row updates the digest of its chunk.
+    # Compute the digests of all chunks as `chunk_digest` does, but read each table a single time:
+    # each row updates the digest of its chunk.
     digests = {
         number: hashlib.sha256(repr((number, seconds)).encode())
         for number, (_, _, seconds, _) in entries.items()
@@ -559,8 +584,8 @@ def corrupt_chunks(connection: sqlite3.Connection) -> set[int]:
 
 
 def seal_of(connection: sqlite3.Connection) -> str:
-    """Return the SHA-256 of the definition of a campaign (metadata, buildings, records, inventory)
-    and of its unused inputs, which detects manual edits of a store."""
+    """Return the SHA-256 of the definition of a campaign in a store: metadata, buildings, records,
+    inventory and unused inputs. If it differs from the stored value, the store was edited."""
     digest = hashlib.sha256()
     for statement in _SEALED_QUERIES:
         digest.update(statement.encode())
@@ -594,6 +619,7 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
         sql
         for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE type <> 'trigger'")
     }
+    # The version of the layout is in the table `meta`, which the first statement creates.
     if TABLES[0] in statements:
         version = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()
         if version is not None and version[0] != VERSION:

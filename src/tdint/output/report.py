@@ -812,7 +812,7 @@ def _scaled_motions(
     """
     # The keys of `first_of_second` are indices of second components, and the values are indices of
     # their first components.
-    first_of_second = PairRule.of_motions(plan.motions, None).partners if paired else {}
+    first_of_second = PairRule.from_motions(plan.motions, None).partners if paired else {}
     second_of_first = {first: second for second, first in first_of_second.items()}
     # The key of a ground motion is the identity of `whole`, the object that was read from a file,
     # because both components of a pair in one file have the same object.

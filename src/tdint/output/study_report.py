@@ -302,7 +302,7 @@ def _fits(study: IdaStudy) -> tuple[list[Fragility], list[str]]:
                 failures.append(f"Drift ratio {100.0 * threshold:g} %: {error}.")
                 continue
             named = fitted.named(threshold, study.im_name, study.measure.unit)
-            functions.append(replace(named, damage=curves[0].damage, of_drift=True))
+            functions.append(replace(named, damage=curves[0].damage, is_drift_ratio=True))
     return functions, failures
 
 
@@ -437,7 +437,7 @@ def fragility_page(
     """
     study = study_summary(Path(source))
     # The thresholds of a study are drift ratios; a table from elsewhere can have any demand.
-    functions = [replace(function, of_drift=bool(study)) for function in functions]
+    functions = [replace(function, is_drift_ratio=bool(study)) for function in functions]
     stated_measure = measure_words(functions[0].im)
     measure = stated_measure or "intensity measure"
     fits = list(dict.fromkeys(function.fit for function in functions))
@@ -489,7 +489,7 @@ def _median_text(function: Fragility) -> str:
     interval of the median if its standard error is known."""
     parts = [f"{function.type}, {function.state}"] if function.type else []
     if math.isfinite(function.threshold):
-        demand = "drift ratio" if function.of_drift else "threshold"
+        demand = "drift ratio" if function.is_drift_ratio else "threshold"
         parts.append(f"{demand} {function.threshold_text}")
     if function.damage >= 0.0:
         parts.append(_state(function.damage))

@@ -221,6 +221,11 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     request : FragilityRequest
         Settings.
 
+    Returns
+    -------
+    FragilityResult
+        Functions, reasons why other functions cannot be fitted, and messages.
+
     Raises
     ------
     UsageError
@@ -246,8 +251,16 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
 
 
 def _table_of_study(folder: Path, fit: str | None) -> str:
-    """Return the path of the table in the directory of a study that suits a fit. Except for
-    stripes, the capacities that the study has computed are preferred to its runs.
+    """Return the path of the table in the directory of a study that suits a fit. Stripes are fitted
+    to the runs. Other fits use the capacities that the study has computed, if they exist; a cloud
+    prefers the curves of `tdint ida`.
+
+    Parameters
+    ----------
+    folder : Path
+        Directory of the study.
+    fit : str or None
+        `stripes`, `ida` or `cloud`; None: the fit that suits the table.
 
     Raises
     ------
@@ -302,7 +315,9 @@ def _table_type(table: CsvTable, fit: str | None) -> _TableType:
 
 
 def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Fit a function to the numbers of collapses (or exceedances) at each intensity level."""
+    """Fit stripes to a table with the columns `im`, `collapses` and `records`: for each intensity
+    level, the number of records that cause collapse (or exceed a threshold), and the number of all
+    records. One function is fitted for each threshold."""
     im, exceeding, records = (
         np.array(table.numbers(name)) for name in ("im", "collapses", "records")
     )
@@ -317,16 +332,16 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     )
 
     def fit(rows: NDArray[np.bool_]) -> Fragility:
-        """Fit a function to the rows that a mask selects, and add the counts of the levels,
-        for figures and for the test of its shape."""
+        """Fit a function to the rows that a mask selects, and add the counted fractions of the
+        levels for a comparison in figures and warnings."""
         levels, level_records, level_exceeding = im[rows], records[rows], exceeding[rows]
         fraction = np.sum(level_exceeding) / np.sum(level_records)
         function = fit_stripes(levels, level_exceeding, level_records)
         with_counts = function.beside_counts(
             levels, level_exceeding / level_records, runs=level_records
         )
-        # `beside_counts` removes the covariance if the median is outside the levels. Restore it if
-        # the fraction of exceedances is large enough for a reliable median.
+        # `beside_counts` removes the covariance if few records exceed, if nearly all exceed, or if
+        # the median is outside the levels. In the last case, stripes keep the covariance.
         if SELDOM <= fraction <= 1.0 - SELDOM:
             return replace(with_counts, covariance=function.covariance)
         return with_counts
@@ -341,7 +356,8 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     # It is omitted with a warning.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     has_capacity = np.isfinite(capacity)
-    # If the table specifies previous damage (a drift ratio), each state is fitted separately.
+    # If the table specifies previous damage (a drift ratio), each state is fitted separately. The
+    # key nan represents a table without this column.
     rows_of_damage = {math.nan: has_capacity}
     if table.has("damage"):
         damage = np.array(table.numbers("damage"))
@@ -412,8 +428,9 @@ def _fit_capacity_rows(
         assert isinstance(function, Fragility)
         if motion is not None:
             function = replace(function, motions=np.unique(motion[is_used]).size)
-        # All capacities that are not censored are exceedances. Capacities are at both sides of the
-        # median even if all are known, so a fraction above one half does not matter.
+        # Each known (not censored) capacity counts as an exceedance. `within` regards the median as
+        # extrapolated if nearly all runs exceed. This does not apply to capacities: if all are
+        # known, they are on both sides of the median. The fraction is therefore at most 0.5.
         known_fraction = 1.0 - float(np.mean(censored[is_used]))
         return function.within(capacity[is_used], min(0.5, known_fraction))
 
@@ -421,7 +438,8 @@ def _fit_capacity_rows(
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Fit functions to a cloud: a table with an intensity and a demand in each row."""
+    """Fit functions to a cloud, a table with an intensity (`im`) and a demand (`edp`) in each row,
+    and optionally the column `censored`."""
     im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
     return _cloud(
         table, request, im, edp, np.array(table.truths("censored")), motion=motions_if_known(table)
@@ -455,6 +473,7 @@ def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> 
     runs : _Runs
         Runs of the table.
     """
+    # Each stripe is a mask of the runs with a result at a level.
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
     has_stripes = all(np.sum(stripe) >= MIN_RUNS_PER_LEVEL for stripe in stripes)
     fit = request.fit or (STRIPES if has_stripes else CLOUD)
@@ -543,7 +562,9 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     motion, collapsed = motions_of(table), np.isin(status, FALLEN)
     is_known = collapsed | (status == DONE)
 
-    # Combine the runs under a pair at a level into one run, by the rule for pairs.
+    # Combine the runs under both components of a pair at a level into one run: the intensity is the
+    # geometric mean, the rule for pairs combines the drifts, and either component can cause
+    # collapse.
     rule, rows_of_run = rows_of_motions(table, request.pair_demand)
     if len(rows_of_run) < len(table.rows):
         im = np.array([float(np.prod(im[rows])) ** (1.0 / len(rows)) for rows in rows_of_run])
@@ -552,6 +573,8 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
         collapsed = np.array([np.any(collapsed[rows]) for rows in rows_of_run])
         motion = motion[[rows[0] for rows in rows_of_run]]
     elif column != "im":
+        # Components that count separately still have a common intensity, the geometric mean. The
+        # column `im` contains this mean already.
         im = combine_pair_intensities(table, im)
 
     # Omit runs without an intensity. Runs without a drift ratio have no result.
@@ -576,23 +599,51 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
 
 
 def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
-    """Return the column with the intensities of runs, and the name and unit of the intensity
-    measure. By default it is the column `im` of the table, otherwise Sa(T1)."""
+    """Return the column with the intensities of runs.
+
+    Without a requested intensity measure, it is the column `im` of the table if it exists,
+    otherwise the column of Sa(T1).
+
+    Returns
+    -------
+    tuple of three str
+        Title of the column; name of the intensity measure, for example `sa(0.5)`; unit.
+
+    Raises
+    ------
+    UsageError
+        The table has no column of the requested measure.
+    """
     if request.measure is None and table.has("im"):
         return "im", table.only("im_name"), table.only("unit")
     measure = measure_named(request.measure or "sa")
     name = measure.label(first_period_of_runs(table))
     has_column = any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION)
     if request.measure is None and not has_column:
-        # Return the usual column name of Sa(T1), so that reading it raises an error that names it.
+        # The column of Sa(T1) is missing. Return its usual title, so that the caller's attempt to
+        # read the column raises an error with this title.
         return f"{measure.column}{suffix('m/s^2')}", name, "m/s^2"
     column, unit = column_of(table, measure.column)
     return column, name, unit
 
 
 def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
-    """Fit stripes to the runs with a result. If runs have no result, add two fits as bounds: all of
-    these runs exceed the threshold, and none of them does."""
+    """Fit a function to the stripes of the runs that have a result. If some runs have no result,
+    add two fits as bounds. The first bound counts these runs as exceedances of the threshold; the
+    second bound counts them as runs that do not exceed it.
+
+    Parameters
+    ----------
+    runs : _Runs
+        Runs of a study.
+    threshold : float
+        Drift ratio.
+
+    Raises
+    ------
+    AnalysisError
+        The runs with a result do not determine a function.
+    """
     is_exceeding = runs.collapsed | (runs.drift > threshold)
     has_result = runs.result
 
@@ -681,6 +732,7 @@ def _cloud(
     im_name, unit = names or (table.only("im_name"), table.only("unit"))
 
     def fit(is_used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+        """Fit a function for each threshold to the rows that a mask selects."""
         demands = np.minimum(edp, high_edp)[is_used]
         return [*fit_cloud(im[is_used], demands, request.thresholds, censored[is_used])]
 
@@ -703,8 +755,8 @@ def _cloud(
 def _by_threshold(
     table: CsvTable, request: FragilityRequest, fit: Callable[[NDArray[np.bool_]], Fragility]
 ) -> list[Fragility | AnalysisError]:
-    """Return a fit, or the error that prevents it, for each requested threshold of the table; by
-    default for all its thresholds. If the table has no column of thresholds, all rows are used.
+    """Fit a function to the rows of each requested threshold of a table; by default for all
+    thresholds in its column `threshold`. Without this column, all rows are used for a function.
 
     Parameters
     ----------
@@ -713,7 +765,19 @@ def _by_threshold(
     request : FragilityRequest
         Settings with the thresholds.
     fit : callable
-        Function that fits a function to the rows that a mask selects.
+        Function that fits a fragility function to the rows that a mask, shape (rows,), selects.
+
+    Returns
+    -------
+    list of Fragility or AnalysisError
+        Function of each threshold, or the error that prevents its fit.
+
+    Raises
+    ------
+    UsageError
+        The table does not contain a requested threshold.
+    ModelError
+        The column `threshold` is empty.
     """
     names = (table.only("im_name"), table.only("unit"))
     # Without the column, all rows refer to the same threshold.
@@ -739,8 +803,8 @@ def _by_threshold(
         if not rows.any():
             available_text = ", ".join(f"{value:g}" for value in available)
             raise UsageError(
-                f"{table.source}: threshold {threshold:g} not found; its thresholds are "
-                f"{available_text}"
+                f"{table.source}: threshold {threshold:g} not found; the thresholds of the table "
+                f"are {available_text}"
             )
         functions.append(fit_at_threshold(threshold, names, partial(fit, rows)))
     return functions

@@ -111,16 +111,21 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     by : str
         One of `BY`; default by type.
 
+    Returns
+    -------
+    FragilityResult
+        Functions, reasons why other functions cannot be fitted, and messages.
+
     Raises
     ------
     UsageError
-        The directory contains no campaign, or the campaign has no damage states; a fit or a
-        threshold does not suit it; or the runs have no such measure.
+        The directory contains no campaign, or the campaign has no damage states. The fit or the
+        thresholds cannot be used with a campaign. The runs have no such intensity measure.
     OutputError
         The store cannot be read.
     """
-    # The damage states of a campaign depend on the building type, whereas a threshold would apply
-    # to all types.
+    # The damage states of a campaign depend on the building type. A requested threshold would apply
+    # to all types, so it is allowed only for functions by building.
     if request.thresholds and by == TYPE:
         raise UsageError(
             "functions by type use the damage states of the campaign: remove --threshold"
@@ -161,8 +166,8 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
 
 
 def _requested_states(request: FragilityRequest) -> DamageStates | None:
-    """Return the damage states of all buildings that follow from requested thresholds of the
-    maximum drift ratio; None without thresholds.
+    """Return damage states with the requested thresholds of the maximum drift ratio as medians;
+    None if no threshold is requested. The default names of the states are ds1, ds2, and so on.
 
     Raises
     ------
@@ -227,7 +232,8 @@ class _RunCollector:
             Rule that combines the components of pairs.
         """
         damage = damage_by_motion(building, rule)
-        # If components were combined, use the intensity of the first component of each pair.
+        # If the components of pairs were combined, `damage` has one entry per group of runs instead
+        # of per run. Both runs of a group have the same intensity; use the first.
         if damage is not building:
             im = im[[indices[0] for indices in runs_of_motions(building, rule)]]
         is_used = damage.known & (im > 0.0)
@@ -250,8 +256,16 @@ class _RunCollector:
         self.periods = min(shortest, damage.period), max(longest, damage.period)
 
     def runs(self, measure: RunMeasure, unit: str) -> TypeRuns:
-        """Return all collected runs as arrays. `unit` is the unit of the intensities; the name of
-        the measure contains the first period if all buildings have the same."""
+        """Return all collected runs as arrays.
+
+        Parameters
+        ----------
+        measure : RunMeasure
+            Intensity measure. Its name in the result contains the first period if all buildings
+            have the same first period.
+        unit : str
+            Unit of the intensities.
+        """
         shortest, longest = self.periods
         is_same_period = 0.0 < longest < math.inf and longest - shortest <= _SAME_PERIOD * shortest
         return TypeRuns(
@@ -287,16 +301,17 @@ def _fit_groups(
         names the group and the state.
     """
     fits: list[Fragility | AnalysisError] = []
-    for name, runs in runs_by_group.items():
-        for state, fit in zip(runs.states.states, fit_states(runs, request), strict=True):
-            if isinstance(fit, AnalysisError):
-                fits.append(AnalysisError(f"{name}, {state}: {fit}"))
+    for group_name, runs in runs_by_group.items():
+        fits_of_states = fit_states(runs, request)
+        for state_name, fit_or_error in zip(runs.states.states, fits_of_states, strict=True):
+            if isinstance(fit_or_error, AnalysisError):
+                fits.append(AnalysisError(f"{group_name}, {state_name}: {fit_or_error}"))
                 continue
             fits.append(
                 replace(
-                    fit,
-                    type=name,
-                    state=state,
+                    fit_or_error,
+                    type=group_name,
+                    state=state_name,
                     modeling_dispersion=request.modeling_dispersion,
                     pair_demand=rule.demand_if_pairs,
                 )
@@ -330,7 +345,8 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
     if not runs.im.size:
         reason = "no run has a result; execute the runs of these buildings first"
         return [AnalysisError(reason) for _ in runs.states.states]
-    # Count the distinct ground motions at each level, for all buildings of the group together.
+    # Count the distinct ground motions at each level, for all buildings of the group together: the
+    # distinct pairs of level and ground motion are counted by level.
     level = levels_of(runs.im)
     motions_at_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])
     has_stripes = motions_at_level.size > 1 and int(motions_at_level.min()) >= MIN_RUNS_PER_LEVEL
@@ -345,6 +361,7 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
         return _type_cloud(runs, request, is_used)
 
     fits = over_motions(fit, np.ones(runs.im.size, bool), runs.motion)
+    # Add threshold, name and counts to the function of each state; errors are kept.
     probability_columns = _exceedance_probabilities(runs).T
     result: list[Fragility | AnalysisError] = []
     for state_fit, median, probabilities in zip(
@@ -379,8 +396,13 @@ def _type_stripes(
         Index of the intensity level of each run.
     is_used : ndarray of bool, shape (runs,)
         True for the runs that are used in the fit.
+
+    Returns
+    -------
+    list of Fragility or AnalysisError
+        Function of each state, or the error if its fit is impossible.
     """
-    # Renumber the levels that contain a selected run.
+    # Number the levels of the selected runs without gaps, as `bincount` requires.
     level_number = np.unique(level[is_used], return_inverse=True)[1]
     total = np.bincount(level_number).astype(float)
     # Intensities within a level differ by rounding errors only. Their geometric mean is used.
@@ -416,6 +438,11 @@ def _type_cloud(
         Settings: thresholds, and range of the demands that are used.
     is_used : ndarray of bool, shape (runs,)
         True for the runs that are used in the fit.
+
+    Returns
+    -------
+    list of Fragility or AnalysisError
+        Function of each state. If the line cannot be fitted, the same error for each state.
     """
     # A demand of zero has no logarithm, and demands below the range are elastic.
     low, high = request.edp_range

@@ -60,8 +60,9 @@ class Observations:
     design : ndarray, shape (n, k)
         Coefficients of the parameters: the standardized values are z = design @ parameters.
     below, above : ndarray of bool, shape (n,)
-        True for a value that is known only to be below, or above, its entry in the design. The
-        value is exact if both are False.
+        True for a censored value: only an upper bound (`below`) or a lower bound (`above`) of the
+        value is known, and the row of the design contains this bound. The value is exact if both
+        are False.
     count : ndarray, shape (n,)
         Number of times that each observation was made.
     inverse_sigma : int
@@ -85,6 +86,8 @@ class Observations:
         inverse_sigma = float(parameters[self.inverse_sigma])
         if not inverse_sigma > 0.0:
             return -math.inf
+        # Contribution of each observation: probability of being below or above its bound, or the
+        # normal density of an exact value
         z = self.design @ parameters
         terms = np.where(self.below, log_ndtr(z), np.where(self.above, log_ndtr(-z), -0.5 * z * z))
         return float(np.sum(self.count * terms)) + self.exact_count * math.log(inverse_sigma)
@@ -180,6 +183,8 @@ def _is_flat(hessian: Array) -> bool:
     diagonal = -np.diagonal(hessian)
     if not np.all(diagonal > 0.0):
         return True
+    # Scale the parameters so that the diagonal is 1, because they have different magnitudes. The
+    # eigenvalues, in ascending order, are the curvatures.
     scale = 1.0 / np.sqrt(diagonal)
     curvatures = np.linalg.eigvalsh(-hessian * np.outer(scale, scale))
     return bool(curvatures[0] <= _MIN_CURVATURE_RATIO * curvatures[-1])
@@ -271,8 +276,9 @@ class Counted:
 
     @property
     def bound(self) -> Array:
-        """Maximum absolute difference between fitted and counted fraction that random scatter
-        explains. Larger differences are reported."""
+        """Maximum absolute difference between fitted and counted fraction that can be explained by
+        random scatter (3 standard errors) and by rounding to whole ground motions. Larger
+        differences are reported."""
         return _REPORTED_DIFFERENCE * self.error + self.half_motion
 
 
@@ -324,7 +330,7 @@ class Fragility:
         Number of runs with a value that is known only to be above a limit.
     threshold : float
         Demand that is exceeded; nan if the observations do not specify it.
-    of_drift : bool
+    is_drift_ratio : bool
         True if the demand is known to be a drift ratio, which is written in percent.
     im, unit : str
         Intensity measure and its unit, if known.
@@ -378,7 +384,7 @@ class Fragility:
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)
-    of_drift: bool = False
+    is_drift_ratio: bool = False
 
     @property
     def theta_error(self) -> float:
@@ -396,14 +402,14 @@ class Fragility:
         return math.hypot(self.beta, self.modeling_dispersion)
 
     def probability(self, im: Array | float, *, total: bool = False) -> Array:
-        """Return the probability of exceedance at intensities.
+        """Return the probability of exceedance, Phi(ln(im / theta) / beta), at intensities.
 
         Parameters
         ----------
         im : ndarray or float
             Intensities, in the unit of theta.
         total : bool
-            True to use the total dispersion `beta_total`; default False.
+            True to use the total dispersion `beta_total` instead of `beta`; default False.
         """
         return np.asarray(ndtr(np.log(im / self.theta) / (self.beta_total if total else self.beta)))
 
@@ -436,6 +442,8 @@ class Fragility:
             z, and its standard error.
         """
         z = np.log(np.asarray(im) / self.theta) / self.beta
+        # The differential of z is -(d ln theta + z d beta) / beta, which leads to the variance
+        # (var(ln theta) + 2 z cov(ln theta, beta) + z^2 var(beta)) / beta^2.
         (ln_theta_variance, mixed), (_, beta_variance) = self.covariance
         variance = ln_theta_variance + 2.0 * mixed * z + beta_variance * z * z
         return z, np.sqrt(np.maximum(variance, 0.0)) / self.beta
@@ -449,9 +457,10 @@ class Fragility:
         motion: NDArray[np.intp] | None = None,
     ) -> Fragility:
         """Return a copy of the function with the attribute `counted`: the fractions of exceedances
-        in bins of the intensity, with which the function can be compared.
+        in bins of the intensity, for a comparison with the function.
 
-        If the median is extrapolated, the covariance of the copy is NaN (`within`).
+        If the runs do not cover the median, the copy states the reason in `extrapolated` and has
+        no covariance (`within`).
 
         Parameters
         ----------
@@ -464,9 +473,15 @@ class Fragility:
         motion : ndarray of int, shape (n,), optional
             Ground motion of each entry. Runs under the same ground motion are correlated and count
             as one observation. By default all entries are independent.
+
+        Returns
+        -------
+        Fragility
+            The copy.
         """
         weight = np.ones(im.size) if runs is None else runs
         bin_index = _bin_indices(im, weight)
+        # Means over the runs of each bin; the intensity has a geometric mean
         bin_runs = np.bincount(bin_index, weight)
         bin_im = np.exp(np.bincount(bin_index, weight * np.log(im)) / bin_runs)
         fraction = np.bincount(bin_index, weight * exceeding) / bin_runs
@@ -492,8 +507,11 @@ class Fragility:
         )
 
     def within(self, im: Array, fraction: float) -> Fragility:
-        """Return the function unchanged if the runs cover its median. Otherwise the median is
-        extrapolated: return the function with the reason and without a covariance.
+        """Return the function unchanged if the runs cover its median intensity. Otherwise return a
+        copy with the reason in the attribute `extrapolated`, and with a covariance of NaN.
+
+        The runs cover the median if between 10 % and 90 % of them exceed the state, and if the
+        median is within the range of their intensities.
 
         Parameters
         ----------
@@ -502,7 +520,7 @@ class Fragility:
         fraction : float
             Fraction of the runs that exceed the state.
         """
-        # The names of the states follow these texts in a message.
+        # In a message, the name of the state follows the text, for example "no run exceeds DS3".
         reason = ""
         if fraction == 0.0:
             reason = "no run exceeds"
@@ -525,12 +543,12 @@ class Fragility:
         """Text of the threshold: drift ratios in percent; empty if unknown."""
         if math.isnan(self.threshold):
             return ""
-        return f"{100.0 * self.threshold:g} %" if self.of_drift else f"{self.threshold:g}"
+        return f"{100.0 * self.threshold:g} %" if self.is_drift_ratio else f"{self.threshold:g}"
 
     @property
     def exceeded(self) -> str:
-        """Text that names what is exceeded: the building type and damage state, or the threshold;
-        empty if unknown."""
+        """Text of the limit that is exceeded: building type and damage state, if the function has
+        a type, otherwise the threshold; empty if the threshold is unknown."""
         threshold = f"threshold {self.threshold_text}" if self.threshold_text else ""
         return f"{self.type}, {self.state}" if self.type else threshold
 
@@ -545,9 +563,11 @@ class Fragility:
         prefix = f"{self.exceeded}: " if self.exceeded else ""
         level = f"{self.im or 'im'} {counted.im[largest]:.3g} {self.unit}".rstrip()
         runs_text = pluralize(round(counted.runs[largest]), "run")
+        counted_percent = 100.0 * counted.fraction[largest]
+        fitted_percent = 100.0 * counted.fitted[largest]
         return (
-            f"{prefix}at {level} {100.0 * counted.fraction[largest]:.3g} % of {runs_text} exceed, "
-            f"the {self.fit} function gives {100.0 * counted.fitted[largest]:.3g} %: the "
+            f"{prefix}at {level} {counted_percent:.3g} % of {runs_text} exceed, "
+            f"the {self.fit} function gives {fitted_percent:.3g} %: the "
             "difference exceeds the random scatter"
         )
 
@@ -591,7 +611,9 @@ class Fragility:
         # Convert the observations also, because figures show them on the same axis.
         points = self.points and replace(self.points, im=factor * self.points.im)
         cloud = self.cloud
-        if cloud is not None:  # the line is ln EDP = intercept + slope ln IM
+        if cloud is not None:
+            # The line is ln EDP = intercept + slope ln IM. With IM' = factor IM, its intercept is
+            # intercept - slope ln factor, and its slope is unchanged.
             intercept = cloud.intercept - cloud.slope * math.log(factor)
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
         first_bound, second_bound = (
@@ -648,6 +670,7 @@ def extrapolated(functions: Sequence[Fragility]) -> list[str]:
     functions : sequence of Fragility
         All functions of a table.
     """
+    # The reason for an extrapolation is empty if the observations cover the median.
     names_by_reason: dict[str, list[str]] = {}
     for function in functions:
         if function.extrapolated:
@@ -670,6 +693,9 @@ def levels_of(im: Array) -> NDArray[np.intp]:
     im : ndarray, shape (n,)
         Intensities, positive, in any order.
     """
+    # A level begins where the logarithm of the sorted intensities increases by more than the
+    # tolerance; the number of beginnings up to an intensity is the index of its level. With
+    # `prepend`, the first difference is zero.
     order = np.argsort(im)
     ln_lowest = math.log(float(im[order[0]]))
     is_next_level = np.diff(np.log(im[order]), prepend=ln_lowest) > SAME_LEVEL
@@ -709,6 +735,7 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
     limits = np.concatenate([im_levels, im_levels])
     is_below = np.repeat([True, False], im_levels.size)
     counts_at_limits = np.concatenate([exceeding_counts, other_counts])
+    # `solution` contains ln theta, beta, and their covariance.
     solution = _lognormal(limits, is_below, ~is_below, counts_at_limits)
     if solution is None:
         raise AnalysisError(
@@ -729,10 +756,10 @@ def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Arr
 
     Parameters
     ----------
-    im_levels : ndarray
+    im_levels : ndarray, shape (k,)
         Intensity levels.
-    exceeding_counts, record_counts : ndarray
-        Number of records that exceed, and number of all records, at each level.
+    exceeding_counts, record_counts : ndarray, shape (k,)
+        Number of records that exceed the threshold, and number of all records, at each level.
 
     Raises
     ------
@@ -934,15 +961,15 @@ def _line(
 
     Parameters
     ----------
-    x, y : ndarray
+    x, y : ndarray, shape (n,)
         Logarithms of intensities and demands.
-    above, below : ndarray of bool
+    above, below : ndarray of bool, shape (n,)
         True for demands known only to be above, or below, their value.
 
     Returns
     -------
     tuple
-        b0, b1, sigma, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma).
+        b0, b1, sigma, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma), shape (3, 3).
 
     Raises
     ------
@@ -959,6 +986,7 @@ def _line(
     # and the likelihood has no maximum.
     slope, intercept = np.polyfit(x[exact], y[exact], 1)
     sigma = float(np.sqrt(np.mean((y[exact] - intercept - slope * x[exact]) ** 2)))
+    # A residual of this size (1e-12 of the range of ln EDP) is a rounding error.
     if not sigma > 1e-12 * float(np.ptp(y)):
         raise AnalysisError("all demands are on one line: the dispersion cannot be estimated")
     # With demands known only to be below a limit, the few exact demands may have a slope of either
@@ -966,6 +994,8 @@ def _line(
     if below.any():
         slope, intercept = np.polyfit(x, y, 1)
         sigma = float(np.sqrt(np.mean((y - intercept - slope * x) ** 2)))
+    # The standardized value z = (y - b0 - b1 x) / sigma is linear in the three parameters b0 /
+    # sigma, b1 / sigma and 1 / sigma; the last parameter has the index 2.
     observed = Observations(
         np.column_stack([-np.ones(x.size), -x, y]), below, above, np.ones(x.size), 2
     )
@@ -1006,7 +1036,9 @@ def _function(
     AnalysisError
         The observations do not determine the median.
     """
-    half_width = _NORMAL_95 * math.sqrt(covariance[0, 0])  # half width of the 95 % interval
+    # The median is not determined if its 95 % confidence interval, widened by the dispersion,
+    # exceeds the range of numbers in tables (LARGEST). The comparison is also False for NaN.
+    half_width = _NORMAL_95 * math.sqrt(covariance[0, 0])
     if not abs(ln_theta) + half_width + beta < math.log(LARGEST):
         raise AnalysisError(
             "the observations do not determine the median: its logarithm is "
@@ -1040,6 +1072,8 @@ def _lognormal(
     # are equal, their standard deviation is zero, and any scale is possible.
     logarithms = np.log(x)
     middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
+    # The standardized value is z = a + b (ln x - middle) / spread. The parameter b is proportional
+    # to 1 / sigma and has the index 1.
     observed = Observations(
         np.column_stack([np.ones(x.size), (logarithms - middle) / spread]), below, above, count, 1
     )
@@ -1070,6 +1104,8 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
         Capacities that are not censored, in ascending order, and the fraction of records that
         exceed at each capacity: the middle of the step of the empirical distribution.
     """
+    # Sort by capacity. Of equal capacities, the censored capacities are last, because they are
+    # above this value.
     order = np.lexsort((censored, capacity))
     # `not_exceeded` is the estimated fraction of records that do not exceed below the present
     # capacity; `remaining_count` is the number of records with a capacity at or above it.

@@ -145,7 +145,7 @@ def run_measure(text: str) -> RunMeasure:
             motion_measure.head,
             motion_measure.unit,
             motion_measure.meaning,
-            lambda record, period: compute(record),
+            lambda record, period: compute(record),  # independent of the period of the building
             motion_measure.power,
             motion_measure.name,
         )
@@ -205,8 +205,10 @@ def _spectral(parameters: str) -> RunMeasure:
 
 
 def _average(parameters: str) -> RunMeasure:
-    """Return the measure Sa_avg over a range of periods. `parameters` is FIRST:LAST[:COUNT], or
-    empty for the default multiples of the first period of the building."""
+    """Return the measure Sa_avg, the geometric mean of Sa over a range of periods. `parameters` is
+    FIRST:LAST[:COUNT] with periods in s; empty: the default multiples of the first period of the
+    building (`AVERAGE`)."""
+    # Add the default number of periods if COUNT is omitted.
     with_count = parameters if parameters.count(":") == 2 else f"{parameters}:{AVERAGE.count}"
     grid = parse_grid(with_count) if parameters else None
     if grid is not None and grid.count == 1:
@@ -291,6 +293,7 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
         Requested measures.
     """
     names, records = store.buildings(), store.records()
+    # First period of a building by its number, s
     period = cache(lambda building: plan.buildings[building].subject().period)
 
     # A measure that is proportional to a power of the scale factor is computed once for each
@@ -373,7 +376,8 @@ class RunIntensities:
     def __init__(
         self, store: Store, folder: Path, measure: RunMeasure, pair_demand: str | None = None
     ) -> None:
-        """Determine the source of the intensities: levels, store, or measures.csv."""
+        """Determine the source of the intensities, which is the levels of the campaign, a column of
+        the store, or measures.csv. Parameters and errors are described in the class."""
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
         self._record_names = {
@@ -391,6 +395,8 @@ class RunIntensities:
             rule = replace(rule, recordings=first_components)
         # With any rule other than SEPARATE, the runs of both components form one group.
         self._pairs = replace(rule, demand=LARGER)
+        # Negative levels reverse the direction of a motion, so the levels are sorted by their
+        # absolute values.
         settings = store.parameters()
         self._levels = (
             sorted(settings["levels"], key=abs) if _has_levels_of(settings, measure) else []
@@ -423,7 +429,14 @@ class RunIntensities:
         )
 
     def of(self, building: BuildingDamage) -> Array:
-        """Return the intensity of each run of a building, SI units; nan if it has no intensity."""
+        """Return the intensity of each run of a building, shape (runs,), SI units; nan if it is
+        unknown. The buildings must be requested in the order of the store.
+
+        Raises
+        ------
+        ModelError
+            The rows of measures.csv do not match the runs of the store.
+        """
         if self._levels:
             return np.array(self._levels)[building.rank]
         if self._stored_name:
@@ -442,8 +455,9 @@ class RunIntensities:
         Raises
         ------
         ModelError
-            The row belongs to another run.
+            The row belongs to another run, or there are no more rows.
         """
+        # After the last row, the empty row leads to the error below.
         line, row = next(self._rows, (0, []))
         # The rows are in the order of the runs, unless the campaign was run again after the table
         # was written.
@@ -458,10 +472,12 @@ class RunIntensities:
 def _has_levels_of(settings: Mapping[str, Any], measure: RunMeasure) -> bool:
     """Return True if a campaign with the given settings has scaled its motions to levels of an
     intensity measure, with the same period and damping ratio."""
+    # `settings` has no key `measure` if the levels are scale factors.
     name, period = settings.get("measure"), settings.get("period")
     if name is None or settings.get("damping", SA_DAMPING) != SA_DAMPING:
         return False
-    # Averages of campaigns are over multiples of a period; those of runs, of the first period only.
+    # The levels of sa-avg can be averages over multiples of any period. The intensity measure
+    # sa-avg of runs is an average over multiples of the first period, so only these levels match.
     if name == "sa-avg" and period != FIRST:
         return False
     period_text = ""
@@ -483,7 +499,7 @@ _NEEDS = (
     "and distance_km"
 )
 _MIN_RUNS = 3  # minimum number of runs for a line with a dispersion
-_SCALE = "ln scale"
+_SCALE = "ln scale"  # name of the logarithm of the scale factor as a characteristic
 
 
 @dataclass(frozen=True)
@@ -558,6 +574,11 @@ def compare_measures(
         CSV file with one row per record. The scale factor is an additional characteristic if it
         varies.
 
+    Returns
+    -------
+    list of MeasureFit
+        Line of each measure, the most efficient measure (smallest beta) first.
+
     Raises
     ------
     UsageError
@@ -626,6 +647,11 @@ def line(
         Ground motion of each run. Runs under the same ground motion are correlated; by default all
         runs are independent.
 
+    Returns
+    -------
+    MeasureFit
+        Line with its dependences; name and unit are empty, and no runs count as omitted.
+
     Raises
     ------
     AnalysisError
@@ -685,6 +711,7 @@ def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     count, sum_x, sum_y, sum_xx, sum_xy = (sums.sum(axis=0) - sums).T
     with np.errstate(divide="ignore", invalid="ignore"):
         slopes = (sum_xy - sum_x * sum_y / count) / (sum_xx - sum_x**2 / count)
+    # The jackknife variance is m - 1 times the variance of the m slopes without a cluster.
     return math.sqrt((slopes.size - 1) * float(np.var(slopes))) if slopes.size > 2 else math.nan
 
 
@@ -694,16 +721,26 @@ def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
     The variance is a sum over clusters (Liang and Zeger 1986, Biometrika 73(1)), with the factor
     G / (G - 1) (n - 1) / (n - 2) and Student's t distribution with G - 1 degrees of freedom
-    (Cameron and Miller 2015, Journal of Human Resources 50(2)). The result is nan for fewer than
-    three clusters.
+    (Cameron and Miller 2015, Journal of Human Resources 50(2)), where G is the number of clusters
+    and n the number of points. The result is nan for fewer than three clusters.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        Coordinates of the points.
+    cluster : ndarray of int, shape (n,)
+        Cluster of each point.
     """
     names, cluster_number = np.unique(cluster, return_inverse=True)
     count, groups = x.size, names.size
     if groups < 3:
         return math.nan
+    # Least squares with the parameters intercept (index 0) and slope (index 1)
     design = np.column_stack([np.ones(count), x - np.mean(x)])
     inverse = np.linalg.inv(design.T @ design)
     solution = inverse @ design.T @ y
+    # Clustered covariance of the parameters: inverse @ (sum over clusters of s s^T) @ inverse,
+    # where s is the sum of the rows of `scores` in the cluster.
     scores = design * (y - design @ solution)[:, np.newaxis]
     sums = np.column_stack([np.bincount(cluster_number, column, groups) for column in scores.T])
     variance = (
@@ -790,7 +827,8 @@ def over_motions(
     fits = fit(is_used)
     if motion is None:
         return fits
-    # Form groups with about equal numbers of ground motions, in the order of their indices.
+    # Form groups with about equal numbers of ground motions: ground motion i of m, in ascending
+    # order, belongs to group floor(i * groups / m).
     motions = np.unique(motion[is_used])
     affordable_groups = _MAX_FITTED_RUNS // max(int(np.sum(is_used)), 1)
     group_count = min(motions.size, max(_MIN_GROUPS, affordable_groups))
@@ -816,13 +854,13 @@ def over_motions(
 
 
 def _jackknife_covariance(estimates: Sequence[tuple[float, float]]) -> Array:
-    """Return the jackknife covariance of two parameters, shape (2, 2).
+    """Return the jackknife covariance of two parameters, shape (2, 2): n - 1 times the covariance
+    of their n estimates; nan if there are fewer than three estimates.
 
     Parameters
     ----------
-    estimates : sequence of (float, float)
-        Estimates of the parameters, each without one group of the observations. The covariance is
-        nan if there are fewer than three estimates.
+    estimates : sequence of (float, float), length n
+        Estimates of the parameters, each without a group of the observations.
     """
     if len(estimates) < 3:
         return np.full((2, 2), math.nan)
@@ -881,6 +919,7 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
             rows_of_motion.setdefault((rule.motion(number), sample, level), []).append(row)
 
     # The demands of the two components can be combined only if both were run at the level.
+    # `paired` contains the motions that have a second component.
     paired = {*rule.partners.values()}
     unpaired = [key for key, rows in rows_of_motion.items() if key[0] in paired and len(rows) == 1]
     if unpaired and column == "im":
@@ -968,10 +1007,15 @@ def with_measures(table: CsvTable) -> CsvTable:
     table : CsvTable
         Table of runs.
 
+    Returns
+    -------
+    CsvTable
+        The table with the additional columns. Columns that it already has are not added again.
+
     Raises
     ------
     ModelError
-        The measures do not belong to these runs.
+        measures.csv has no row for one of the runs.
     """
     file = Path(table.source).with_name(MEASURES)
     if table.source == "-" or not is_file(file):
@@ -1004,7 +1048,7 @@ def _outdated_measures(location: str, keys: Sequence[str]) -> ModelError:
     location : str
         Path of the file, with the line if known.
     keys : sequence of str
-        Cells that identify the run.
+        Cells that identify the run: building, record, component, scale and sample.
     """
     return ModelError(
         f"{location}: the row of the run {' '.join(keys)} is missing; run `tdint campaign` with "

@@ -151,7 +151,21 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
 
 
 def exceedance(states: DamageStates, demand: Array) -> Array:
-    """Return the probability of reaching or exceeding each state, shape (runs, states)."""
+    """Return the probability of reaching or exceeding each damage state at the demand of each run,
+    Phi(ln(demand / median) / dispersion).
+
+    Parameters
+    ----------
+    states : DamageStates
+        Damage states with their medians and dispersion.
+    demand : ndarray, shape (runs,)
+        Demands, SI units.
+
+    Returns
+    -------
+    ndarray, shape (runs, states)
+        Probabilities. Without dispersion, they are 0 or 1.
+    """
     medians = np.array(states.medians)
     if states.dispersion == 0.0:
         return np.asarray(demand[:, np.newaxis] >= medians, float)
@@ -162,6 +176,15 @@ def exceedance(states: DamageStates, demand: Array) -> Array:
 def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDamage | None:
     """Return the damage of a building after a single run; None if its model has no damage states.
 
+    Parameters
+    ----------
+    model : Model
+        The building with its damage states.
+    stories : StoryPeaks
+        Peak responses of the run, in arrays of shape (1, stories).
+    status : str
+        Status at the end of the run.
+
     Raises
     ------
     ModelError
@@ -170,6 +193,7 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
     states, building_type = model.damage, own_type(model)
     if states is None or building_type is None:
         return None
+    # The divisor converts a peak of the run to the demand, for example a displacement to a ratio.
     (cells,) = demand_cells(stories)
     demand = np.array([abs(cells[_RUN_QUANTITIES[states.demand]])]) / building_type.divisor
     unknown = np.array([math.nan])  # intensities, which a single run does not need
@@ -206,7 +230,7 @@ def building_damages(
     types = stored_states(store)
     if not (types or common_states):
         return
-    # All types have the same demand, so that a single column of the runs is read.
+    # All types have damage states of the same demand, so that one column of the runs is sufficient.
     column = _COLUMNS[_RUN_QUANTITIES[(common_states or next(iter(types.values()))).demand]]
     names = store.buildings() if common_states else {}
     query = (
@@ -251,9 +275,12 @@ def building_damages(
 
 
 def runs_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
-    """Group the runs of a building by ground motion and level, and return the indices of the runs
-    of each group. A pair has the runs of both components at a level, even if their scale factors
-    differ."""
+    """Group the runs of a building by ground motion, sample and level, and return the indices of
+    the runs of each group.
+
+    A group has the run of each component of a pair, even if their scale factors differ. If the
+    rule counts components separately, each group has one run.
+    """
     indices: dict[tuple[int, int, int], list[int]] = {}
     for index, (key, rank) in enumerate(zip(damage.keys, damage.rank.tolist(), strict=True)):
         indices.setdefault((rule.motion(key.motion), key.sample, rank), []).append(index)
@@ -463,12 +490,14 @@ class _Group:
         probability = Mean(mean.value[:outcome_count], mean.error[:outcome_count])
         loss = money = Mean(*np.full((2, 1), math.nan))
         loss_sd = value = math.nan
-        # The last two sums are the loss ratio and its square.
+        # With losses, the last two sums are the loss ratio and its square (indices -2 and -1). The
+        # slice results in an array with a single value.
         if self.states.losses and len(sum_rows):
             loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
             loss_sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
-        # The scatter of the loss is a sum; the scatter of the mean loss ratio is divided by the
-        # number of runs, its weight.
+        # With costs (row 0), the result is the scatter of the total loss, a sum over the buildings.
+        # Without costs (row 1), it is the scatter of the mean loss ratio: the sum is divided by the
+        # number of runs, which was the weight of each building.
         variance_sum, deviation_sum = self._scatter[0 if self._money else 1].tolist()
         divisor = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
         # The mean loss is a fraction of the cost under each ground motion, averaged over them.
@@ -509,7 +538,8 @@ def _mean(sums: Array) -> Mean:
     value = sums[:, 1:].sum(axis=0) / counts.sum()
     if motions < 2:
         return Mean(value, np.full(value.size, math.nan))
-    # Change of the mean if a ground motion is omitted; nan if only one ground motion contributes.
+    # Change of the mean if a ground motion is omitted. The jackknife variance is m - 1 times the
+    # variance of these m changes.
     with np.errstate(divide="ignore", invalid="ignore"):
         change = (counts * value - sums[:, 1:]) / (counts.sum() - counts)
         return Mean(value, np.sqrt((motions - 1) * np.var(change, axis=0)))
@@ -560,8 +590,8 @@ def group_damages(
         for event, rank in sorted(set(events_and_ranks)):
             is_at_level = (damage.rank == rank) & (event_of_run == event)
             key = (name, event, rank)
-            # A group of a single building is complete after this building. Groups of several
-            # buildings are complete after all buildings.
+            # A group of a single building is complete after this building, so it is not kept in
+            # memory. Groups of several buildings are complete after the last building.
             if by_building:
                 group = _Group(damage.states)
             else:

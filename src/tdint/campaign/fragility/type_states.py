@@ -146,11 +146,11 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageR
     Parameters
     ----------
     section : Section
-        Section `damage`.
+        Section `damage` of the campaign file.
     thresholds : Value
-        Its key `thresholds`.
+        Value of the key `thresholds` in this section, which is not a mapping.
     rules : str or None
-        Rules of the inventory.
+        Rules of the inventory; None if the buildings are model files.
     """
     source = thresholds.text()
     # Published thresholds apply only to buildings that were derived by these rules.
@@ -263,6 +263,8 @@ def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
         "thresholds are a CSV file with the column class and a column for each damage state",
     )
     # The names of the columns contain the unit, which is the same for all states.
+    # If no suffix has a column for every state, the first suffix leads to an error about a missing
+    # column.
     suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
     available = (
         suffix_with_unit
@@ -367,7 +369,8 @@ class Damage:
     def description(self) -> str:
         """Return the states of each type and the SHA-256 of the buildings as JSON text, which is
         written to the store."""
-        # Many buildings have the same properties: convert each different building to text.
+        # Many buildings have the same properties, so each distinct building is converted to text
+        # only one time.
         texts = {building: repr(tuple(building)) for building in set(self.buildings)}
         digest = hashlib.sha256("".join(map(texts.__getitem__, self.buildings)).encode())
         types = {name: asdict(states) for name, states in self.types.items()}
@@ -454,6 +457,7 @@ def type_of(facts: BuildingFacts | CapacityFacts) -> str:
     The type is the name of its class for the rules of capacity curves; otherwise the type and the
     design level of Hazus, for example C1M-high.
     """
+    # `code_of` returns the design level and the Hazus type, in this order.
     return facts.name if isinstance(facts, CapacityFacts) else "{1}-{0}".format(*code_of(facts))
 
 
@@ -522,7 +526,8 @@ def _states(
 
 
 def _hazus_medians(facts: Any) -> tuple[float, ...]:
-    """Return the median drift ratios of the four states of Hazus."""
+    """Return the median drift ratios of the four damage states that Hazus specifies for the type
+    and design level of a building. `facts` are the data of the building in the inventory."""
     row = hazus_types()[code_of(facts)]
     return (
         row.slight_drift_ratio,
@@ -571,7 +576,8 @@ def _divisor_and_period_of_model(model: Model, demand: str) -> tuple[float, floa
 def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tuple[float, float]:
     """Return the divisor that converts a peak of a run to a demand, and the first period (s).
 
-    The divisor is the total height, the participation factor of the first mode, or 1.
+    The divisor is the total height for the roof drift ratio, the participation factor of the first
+    mode for the spectral displacement, and 1 for other demands.
 
     Parameters
     ----------
@@ -582,8 +588,8 @@ def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tup
     name : str
         Source of the model in messages.
     """
-    # The roof drift ratio, which has a divisor, requires the heights of all stories; the maximum
-    # drift ratio requires the height of at least one story.
+    # The roof drift ratio is divided (`per`) by the total height, and requires the heights of all
+    # stories. Other drift ratios require the height of at least one story.
     heights = [story.height for story in stories]
     lacks_height = None in heights if DEMANDS[demand].per else not any(heights)
     if "ratio" in demand and lacks_height:
