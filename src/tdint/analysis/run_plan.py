@@ -26,7 +26,23 @@ from tdint.model.definition import changes_of, check_parameter, check_value, dam
 
 @dataclass(frozen=True)
 class RunsRequest:
-    """Buildings with their methods, ground motions, requested time step and varied parameters."""
+    """Checked arguments of `run_many` that determine its runs.
+
+    Attributes
+    ----------
+    subjects : tuple of Subject
+        Buildings with their methods.
+    methods : tuple of str
+        Method specification of each building.
+    records : tuple of Record
+        Ground motions.
+    dt, duration : float or None
+        Requested time step and duration, s; None for those of the model or the record.
+    check : bool
+        Estimate the errors of the peaks.
+    vary : dict of str to ndarray, shape (samples,)
+        Values of each varied parameter, SI units; empty for a single sample of the model values.
+    """
 
     subjects: tuple[Subject, ...]
     methods: tuple[str, ...]
@@ -47,7 +63,7 @@ class RunsRequest:
         return {name: values for name, values in self.vary.items() if name != SCALE}
 
     def varied(self, model: int, draw: int) -> Subject:
-        """Return a building with the parameter values of one sample."""
+        """Return the building with index `model` and the parameter values of sample `draw`."""
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
         # A value of nan leaves the parameter unchanged: neighbors of a run
@@ -62,9 +78,16 @@ class RunsRequest:
     def individual_sample(self, run: RunSpec, history: bool) -> int:
         """Return the sample of a run if its building must be assembled individually, otherwise -1.
 
-        Otherwise the arrays of one building are changed from run to run. Buildings are assembled
-        individually for error estimates, histories, and methods with coefficients or a stability
-        limit that depend on the building.
+        Buildings are assembled individually for error estimates, histories, methods of plug-ins,
+        and methods with coefficients or a stability limit that depend on the building. All other
+        runs share the arrays of one building, which are changed from run to run.
+
+        Parameters
+        ----------
+        run : RunSpec
+            Run.
+        history : bool
+            True if histories are kept.
         """
         method = self.subjects[run.model].integrator
         if not self.building_parameters:
@@ -76,9 +99,12 @@ class RunsRequest:
         return run.draw if self.check or history or depends_on_building or is_plugin else -1
 
     def check_draws(self, but: Set[int]) -> None:
-        """Raise UsageError for a parameter name or value that is invalid for a building.
+        """Raise UsageError if the name or a value of a varied parameter is invalid for a building.
 
-        The values of the samples `but` are not checked.
+        Parameters
+        ----------
+        but : set of int
+            Samples that are not checked.
         """
         checked = [draw for draw in range(self.draws) if draw not in but]
         for name, all_values in self.building_parameters.items():
@@ -95,10 +121,16 @@ class RunsRequest:
                     with named_sample(numbers, value, checked):
                         change.check(name, value)
                 if name == "damping":
-                    damped_by(subject.model, 0.0)
+                    damped_by(subject.model, 0.0)  # raises an error if damping cannot be varied
 
     def out_of_range(self) -> dict[tuple[int, int], str]:
-        """Return the invalid samples, each with its building, and the reason."""
+        """Return the samples in which a parameter value is out of range.
+
+        Returns
+        -------
+        dict of (int, int) to str
+            Message by the indices of building and sample.
+        """
         invalid = dict[tuple[int, int], str]()
         for model, draw in combined(range(len(self.subjects)), range(self.draws)):
             try:
@@ -130,9 +162,16 @@ def plan_runs(
     scales : float or iterable of float
         Factors on the ground accelerations.
     zip_records : bool
-        True to combine the items of each list in their order instead of all with all.
+        True combines the first items of all lists, the second items, and so on. False combines each
+        item with all items of the other lists.
     invalid : set of int
         Samples that are not checked, because their runs are not integrated.
+
+    Returns
+    -------
+    list of RunSpec
+        Runs. The building varies slowest, followed by the sample and the record; the scale varies
+        fastest.
 
     Raises
     ------
@@ -146,7 +185,7 @@ def plan_runs(
     record_scales = request.vary.get(SCALE, np.ones(request.draws)).tolist()
     for draw, factor in enumerate(record_scales):
         if draw not in invalid and not (math.isfinite(factor) and factor):
-            raise UsageError(f"{SCALE} must be numbers other than zero, got {factor:g}")
+            raise UsageError(f"vary: {SCALE} must be a number other than zero, got {factor:g}")
     if zip_records:
         # Each list has the common length, or a single item that applies to all runs.
         sizes = {"models": len(request.subjects), "draws": request.draws}
@@ -155,6 +194,7 @@ def plan_runs(
         for name, size in sizes.items():
             if size not in (1, count):
                 raise UsageError(f"zip_records: {name} must have 1 or {count} items, got {size}")
+        # The remainder is 0 in all runs for a list with a single item.
         combinations: Iterable[tuple[int, ...]] = zip(
             *((np.arange(count) % size).tolist() for size in sizes.values()), strict=True
         )

@@ -249,7 +249,9 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
         _equilibrium(problem, times[1:], u[1:], v[1:], story_force) - ground_acceleration[1:, None]
     )
     absolute = a + ground_acceleration[:, None]
-    # With forces on floors, the shears do not equal the inertia forces, and are not reported.
+    # The shear of a story is the sum of mass times absolute acceleration over all floors above:
+    # reverse the floors, sum, and reverse the sums. With forces on floors, the shears do not equal
+    # the inertia forces, and are not reported (nan).
     shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
     shear *= math.nan if problem["forces"].size else 1.0
     return {
@@ -304,7 +306,10 @@ def _run_steps(ops: Any, problem: Content, run: Content) -> tuple[list[Any], Any
 
 
 def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any) -> Any:
-    """Return the absolute accelerations M^-1 (p - C v - f) at the ends of the steps.
+    """Return the absolute accelerations M^-1 (p - C v - f) at the end of each step.
+
+    M are the masses, p the forces on the floors, C v the viscous damping forces, and f the forces
+    of the hysteresis models and of P-delta.
 
     Parameters
     ----------
@@ -319,14 +324,16 @@ def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any)
 
     Returns
     -------
-    ndarray
-        m/s^2; shape (steps, floors).
+    ndarray, shape (steps, floors)
+        Absolute accelerations, m/s^2.
     """
+    # Damping in proportion to the mass acts on the floors, all other damping on the stories.
     force = -float(problem["alpha_mass"]) * problem["mass"] * v
     for floor, cosine, sine, omega in problem["forces"]:
         force[:, int(floor)] += cosine * np.cos(omega * times) + sine * np.sin(omega * times)
     drift, drift_rate = (np.diff(values, axis=1, prepend=0.0) for values in (u, v))
     shear = story_force + problem["geometric"] * drift + problem["story_damper"] * drift_rate
+    # The story below pulls a floor back, the story above pulls it forward.
     force -= shear - np.hstack([shear[:, 1:], np.zeros((times.size, 1))])
     return force / problem["mass"]
 

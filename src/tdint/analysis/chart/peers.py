@@ -69,8 +69,14 @@ the weights of OpenSees refer to the end of the step, and the weights of tdint t
 
 
 def _bouc_wen(k: float, _: float, *parameters: float) -> tuple[Any, ...]:
-    """Return the material BoucWen with coefficient `A` = 1 and without stiffness degradation."""
+    """Return the material BoucWen with coefficient `A` = 1 and without stiffness degradation.
+
+    The parameters are strength (N), ratio of the stiffness after yield to k, exponent n, and the
+    share of beta in beta + gamma.
+    """
     strength, hardening, n, beta = parameters[:4]
+    # OpenSees' hysteretic variable is a drift. Its limit (beta + gamma)**(-1 / n) must equal the
+    # yield drift strength / k.
     beta_plus_gamma = (k / strength) ** n
     return (
         "BoucWen",
@@ -87,16 +93,19 @@ def _bouc_wen(k: float, _: float, *parameters: float) -> tuple[Any, ...]:
 
 
 def _elastic(drifts: Array, forces: Array) -> tuple[Any, ...]:
+    """Return a nonlinear elastic material, given by a table of drifts (m) and forces (N)."""
     return "ElasticMultiLinear", "-strain", *drifts.tolist(), "-stress", *forces.tolist()
 
 
 def _stops(k: float, _: float, gap: float, stop_stiffness: float, *__: float) -> tuple[Any, ...]:
+    """Return the material of a linear story with additional elastic stops at drifts of +-gap."""
     # Four points define the three lines; OpenSees extrapolates the outer two.
     drifts = gap * np.array([-2.0, -1.0, 1.0, 2.0])
     return _elastic(drifts, k * drifts + stop_stiffness * (drifts - np.clip(drifts, -gap, gap)))
 
 
 def _tanh(k: float, maximum_drift: float, strength: float, *_: float) -> tuple[Any, ...]:
+    """Return the table of the force strength tanh(k drift / strength)."""
     drifts = maximum_drift * _TABLE
     return _elastic(drifts, strength * np.tanh(k * drifts / strength))
 
@@ -167,12 +176,16 @@ def openseespy_points(
         Fraction of `opensees_worker.SECONDS` that all runs of one integrator together may use. Runs
         with large steps are executed first; runs that are not executed have the outcome `not-run`.
     judge : callable, optional
-        Function that returns errors from the peaks; default is the errors of the motion.
+        Function that receives an object with the attributes `peak_drift`,
+        `peak_absolute_acceleration` and `peak_total_shear` (arrays over the stories), and returns
+        errors. By default, the errors of the motion are used.
 
     Returns
     -------
-    tuple
-        List of points, and list of notes on omitted points.
+    points : list of Point
+        One point for each method and time step.
+    notes : list of str
+        Notes on omitted points.
     """
     if reason := _unsupported(problem):
         return [], [f"openseespy is omitted: {reason}"]
@@ -186,6 +199,7 @@ def openseespy_points(
         return [], [f"openseespy is omitted: {failure_reason}"]
     points = []
     for run_number, (integrator, steps) in enumerate(method_steps):
+        # The names of the results of this run begin with its number and an underscore.
         run_results = {
             name.partition("_")[2]: value
             for name, value in worker_results.items()
@@ -240,13 +254,16 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
 
     Returns
     -------
-    tuple
-        Difference, and a description of the steps. If the difference cannot be computed, it is nan
-        and the text is the reason.
+    gap : float
+        Relative difference; nan if it cannot be computed.
+    description : str
+        Description of the steps, or the reason why the difference cannot be computed.
     """
     if reason := _unsupported(problem):
         return math.nan, reason
     average = parse("newmark-average")
+    # The error of a run has terms in proportion to h^2, and also to h if a material is of order 1.
+    # Halving the step h divides these terms by the following factors.
     law_codes = problem.building.law_parameters[rows.CODE, :-1]
     error_factors = (
         (2.0, 4.0) if np.isin(law_codes, [CODES[name] for name in _OF_ORDER_1]).any() else (4.0,)
@@ -299,7 +316,7 @@ def _unsupported(problem: Problem) -> str:
 
 
 def _proportion(numerators: Array, denominators: Array) -> float | None:
-    """Return the ratio of two arrays if it is equal for all entries, otherwise None."""
+    """Return numerators / denominators if it is equal for all entries, otherwise None."""
     ratios = numerators / denominators
     return float(ratios[0]) if np.ptp(ratios) <= _SAME * np.max(np.abs(ratios)) else None
 
@@ -343,9 +360,11 @@ def _run_worker(
 
     Returns
     -------
-    tuple
-        Arrays of the worker by name (number of the run, underscore, quantity), and an empty text.
-        If the process fails: an empty dict, and the reason.
+    results : dict of str to ndarray
+        Arrays of the worker. A name consists of the number of the run, an underscore, and the
+        quantity. Empty if the process fails.
+    failure_reason : str
+        Reason of the failure; empty if the process succeeds.
     """
     run_descriptions = [
         {
@@ -507,8 +526,10 @@ def solve_ivp_points(
 
     Returns
     -------
-    tuple
-        List of points, and list of notes on omitted points.
+    points : list of Point
+        One point for each method and relative tolerance.
+    notes : list of str
+        Notes on omitted points.
     """
     law = _bilinear_parts(problem)
     if law is None:
@@ -529,12 +550,16 @@ def solve_ivp_points(
 
 
 def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
-    """Return elastic stiffness (N/m), hysteretic stiffness (N/m) and strength (N) of each story.
+    """Split each story into an elastic spring and a parallel elastic-perfectly plastic spring.
 
-    A bilinear story is the sum of an elastic spring with the stiffness after yield, and of an
-    elastic-perfectly plastic spring (hysteretic stiffness and strength). A linear story has only
-    the elastic spring. P-delta is included in the elastic stiffness. The result is None if a story
-    has another law.
+    The elastic spring has the stiffness after yield, and includes P-delta. A linear story has only
+    the elastic spring. The result is None if a story is neither bilinear nor linear.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n,), or None
+        Stiffness of the elastic spring (N/m); stiffness (N/m) and strength (N) of the
+        elastic-perfectly plastic spring. For a linear story the latter are 0 and inf.
     """
     law_parameters = problem.building.law_parameters
     is_bilinear = law_parameters[rows.CODE, :-1] == CODES["bilinear"]
@@ -556,7 +581,9 @@ def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
 
 
 def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: float) -> Rate:
-    """Return the function that computes the rate of the state (u, v, z).
+    """Return the right-hand side of the equations of motion as a function rate(t, state).
+
+    The state is (u, v, z), and its rate is (v, acceleration relative to the ground, rate of z).
 
     u and v are the displacements and velocities of the floors relative to the ground, and z the
     hysteretic forces of the stories. Without bilinear stories, z is omitted.
@@ -585,6 +612,7 @@ def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: 
     )
 
     def rate(t: float, state: Array) -> Array:
+        """Return the time derivative of the state at time t (s)."""
         if system.seconds() > deadline:
             raise _TimeExceeded
         u, v = state[:floor_count], state[floor_count : 2 * floor_count]
@@ -599,6 +627,7 @@ def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: 
             hysteretic_rate = np.where(
                 (np.abs(z) >= strength) & (z * hysteretic_rate > 0.0), 0.0, hysteretic_rate
             )
+        # A floor is pulled back by the story below and forward by the story above.
         force = -damping @ v - shear
         force[:-1] += shear[1:]
         np.add.at(force, floors, cosine * np.cos(omega * t) + sine * np.sin(omega * t))
@@ -665,6 +694,7 @@ def _solve(
     if not solution.success:
         return Point(name, math.nan, None, NOT_CONVERGED, line=line)
     u, v = solution.y[:floor_count].T, solution.y[floor_count : 2 * floor_count].T
+    # The accelerations relative to the ground are the second part of the rate of the state.
     unlimited_rate = _rate_function(problem, law, math.inf)
     a = np.array(
         [
@@ -713,8 +743,10 @@ def with_plugins(
 
     Returns
     -------
-    tuple
-        Chart, and list of notes on omitted points.
+    chart : Chart
+        Chart with the additional points and programs.
+    notes : list of str
+        Notes on omitted points.
     """
     points: list[Point] = []
     notes: list[str] = []
@@ -774,19 +806,20 @@ def _plugin_point(
     floor_count = problem.building.stories
     if times.ndim != 1 or times.size < 2 or u.shape != (times.size, floor_count):
         raise ValueError(
-            f"returns times {times.shape} and displacements {u.shape}, expected (rows,) and "
-            f"(rows, {floor_count})"
+            f"returns times of shape {times.shape} and displacements of shape {u.shape}, expected "
+            f"(rows,) and (rows, {floor_count})"
         )
     if not np.all(np.isfinite(u)):
         return Point("", math.nan, times.size - 1, DIVERGED, times=tuple(call_times))
-    dt = float(times[1])
+    dt = float(times[1])  # the times start at 0
     steps = problem.steps(dt)
     # Times computed by repeated addition deviate by rounding errors.
     if np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt:
         raise ValueError("returns times that do not start at 0 or are not equally spaced")
+    # Keep every `per_sample`-th time, so that all rows are at samples of the record.
     motion_rows = steps.count // steps.per_sample + 1
     if times.size <= steps.count:
-        raise ValueError(f"ends at {times[-1]:.6g} s, before the last sample")
+        raise ValueError(f"returns times that end at {times[-1]:.6g} s, before the last sample")
     peaks = np.max(np.abs(np.diff(u[: steps.count + 1], axis=1, prepend=0.0)), axis=0)
     u = u[:: steps.per_sample][:motion_rows]
     unknown = np.full_like(u, math.nan)

@@ -231,7 +231,8 @@ class Problem:
         if result.code < 0:
             return None
         workspace, floor_count = result.space, self.building.stories
-        # The columns of the history are the time, then displacements, velocities, accelerations.
+        # A row of the history contains the ground acceleration, and then the displacements,
+        # velocities and absolute accelerations of all floors.
         u, v, a = (
             workspace.history[:, 1 + j * floor_count : 1 + (j + 1) * floor_count].copy()
             for j in range(3)
@@ -246,7 +247,7 @@ def pose(
     duration: float | None = None,
     dts: tuple[float, ...] = (),
 ) -> Problem:
-    """Return the problem of a model under a record.
+    """Combine a model with its excitation and a duration to a problem.
 
     Parameters
     ----------
@@ -279,7 +280,7 @@ def pose(
     problem = Problem(model, record, interval_steps.h, interval_steps.count)
     excitations = (
         problem.ground[: problem.samples + 1],
-        problem.forces[:, 1:3],
+        problem.forces[:, 1:3],  # the columns COSINE and SINE
         problem.displacement,
         problem.velocity,
     )
@@ -313,7 +314,7 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
 
 
 def stretched(model: Model, count: int) -> Model:
-    """Return the model with `count` stories and an unchanged pattern of stories.
+    """Return a building with `count` stories that have the same pattern as those of the model.
 
     If the number of stories increases, stories are repeated; if it decreases, stories are omitted.
     The coefficients of Rayleigh damping do not change. Modal damping keeps the ratios of the first
@@ -322,6 +323,7 @@ def stretched(model: Model, count: int) -> Model:
     old_count = len(model.stories)
     if count == old_count:
         return model
+    # Index of the original story for each story of the new building.
     old_stories = [i * old_count // count for i in range(count)]
     damping = model.damping
     if isinstance(damping, RayleighRatio):
@@ -413,7 +415,15 @@ QUANTITIES = tuple(field.name for field in fields(Errors))
 
 
 def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
-    """Return the errors of a motion at its times, relative to a reference at all samples."""
+    """Return the errors of a motion relative to a reference.
+
+    Parameters
+    ----------
+    motion : FloorMotion
+        Motion at some or all samples.
+    reference : FloorMotion
+        Reference at all samples; it is compared at the times of the motion.
+    """
     reference_rows = reference.every(motion.stride, len(motion.displacement))
     history_errors = {}
     for name in QUANTITIES[:-1]:
@@ -436,7 +446,7 @@ def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
 
 
 def largest_relative(peaks: Array, reference_peaks: Array) -> float:
-    """Return the maximum relative error of the peaks of the stories, each relative to its peak.
+    """Return the maximum over the stories of |peak / reference peak - 1|.
 
     Stories with a reference peak below a thousandth of the maximum are omitted, because their
     relative errors are large and not important.

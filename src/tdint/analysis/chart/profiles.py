@@ -125,7 +125,9 @@ class PeakErrors(RelativeErrors):
     peak_total_shear: float
 
     def of(self, quantity: str) -> float:
-        """Return an error by its name, written with hyphens or underscores; nan if unavailable."""
+        """Return an error by the name of its quantity, such as `peak-drift` or `peak_drift`; nan
+        for a quantity without errors.
+        """
         return float(getattr(self, quantity.replace("-", "_"), math.nan))
 
     @classmethod
@@ -195,7 +197,15 @@ class Measured:
     peer_note: str = ""
 
     def judges(self, quantity: str, tolerance: float) -> bool:
-        """Return True if the reference is accurate enough to judge a tolerance."""
+        """Return True if the reference is accurate enough to show which methods meet a tolerance.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of the error, for example `peak_drift`.
+        tolerance : float
+            Maximum relative error.
+        """
         return self.gap.of(quantity) <= _SURE * tolerance
 
     def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
@@ -226,7 +236,15 @@ class Measured:
 
 
 class Leaders(NamedTuple):
-    """Recommended methods: for all tolerances, for 3 % and more, and with the fewest failures."""
+    """Recommended methods, by the name of their lines (`FieldChart.leaders`).
+
+    Attributes
+    ----------
+    overall, coarse : str
+        Method with low costs for all tolerances, and for tolerances of 3 % and more.
+    safest : str
+        Method with the fewest failures.
+    """
 
     overall: str
     coarse: str
@@ -512,6 +530,7 @@ def _repeat_contenders(
             if point in contenders:
                 response = posed.case(integrator).integrate(posed.steps(dt))
                 points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
+        # The timed points were replaced; the new points have one more time than all other points.
         contenders = [point for point in points.values() if len(point.times) == repetition + 1]
 
 
@@ -567,8 +586,12 @@ def _points_of_method(
 
 
 def _contenders(points: Iterable[Point]) -> list[Point]:
-    """Return the points that are, or may become, the cheapest of their line for some tolerance."""
+    """Return the points that are, or may become, the cheapest of their line for some tolerance.
+
+    These points meet the tolerance at a cost of at most `_NEAR` times the minimum of their line.
+    """
     points = list(points)
+    # The keys are the identities of the points, so that each point is included one time.
     contenders: dict[int, Point] = {}
     for line, quantity, tolerance in product(
         dict.fromkeys(point.line for point in points), PEAKS, TOLERANCES
@@ -713,6 +736,11 @@ def measure_all(
         True to include OpenSeesPy.
     progress : callable
         Callback with the name of the current action and the completed fraction, from 0 to 1.
+
+    Raises
+    ------
+    AnalysisError
+        The reference of a problem does not reach its end.
     """
     measured: list[Measured] = []
     for completed, problem in enumerate(problems):
@@ -723,6 +751,8 @@ def measure_all(
             completed: int = completed,
             problem: FieldProblem = problem,
         ) -> None:
+            """Report the progress in one problem as a fraction of all problems."""
+            # The default arguments keep the values of this iteration of the loop.
             progress(
                 f"{problem.name}, {problem.motion}: {action}",
                 (completed + fraction) / len(problems),
@@ -752,9 +782,14 @@ def field_chart(measured: Sequence[Measured]) -> FieldChart:
 def crossed(
     models: AnyModel | Sequence[AnyModel], records: AnyRecord | Sequence[AnyRecord]
 ) -> list[FieldProblem]:
-    """Return the problems of each building under each ground motion.
+    """Return one problem for each combination of a building and a ground motion.
 
-    Without records, each building is used with the record of its model.
+    Parameters
+    ----------
+    models : one or a sequence
+        Buildings, as in `run`.
+    records : one or a sequence
+        Ground motions, as in `run`. If empty, each building is used with the record of its model.
     """
     buildings = models if isinstance(models, list | tuple) else [models]
     motions = records if isinstance(records, list | tuple) else [records]
@@ -773,7 +808,17 @@ def crossed(
 
 
 def read_problems(source: str | Path) -> list[FieldProblem]:
-    """Read the problems of a file, or the set `standard`.
+    """Read the problems of a file, or the standard problems.
+
+    Parameters
+    ----------
+    source : str or Path
+        YAML file with the keys `records` and `problems`, or the text `standard`.
+
+    Returns
+    -------
+    list of FieldProblem
+        Each building under each of its ground motions.
 
     Raises
     ------
@@ -794,7 +839,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
                 "the records of the standard problems are not installed; specify a file of problems"
             )
         root.faults.folder = directory
-    # Read the ground motions by name, and the buildings that refer to these names.
+    # Read the ground motions by name, and the buildings that refer to these names. An entry
+    # contains the name, the reason, the model or its file, and the factors of the ground motions.
     section = root.section(("records", "problems"))
     sources: dict[str, RecordSource] = {}
     entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
@@ -839,7 +885,7 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
 def _read_problem(
     entry: Section, origin: SourceText, motions: Sequence[str]
 ) -> tuple[str, str, Model | str, dict[str, float]] | None:
-    """Return name, reason, model (or its file) and factors (by motion) of one problem.
+    """Read one entry of the list of problems.
 
     The result is None if the entry is invalid. Its errors are then stored in the document.
 
@@ -851,6 +897,12 @@ def _read_problem(
         Text of the file.
     motions : sequence of str
         Names of the ground motions of the file.
+
+    Returns
+    -------
+    tuple or None
+        Name (str), reason (str), model (Model) or its file (str), and factors on the ground motions
+        (dict, by name of the motion).
     """
     name, model_value = (
         entry.need("name", "specify a name of the problem"),

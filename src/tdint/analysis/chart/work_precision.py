@@ -289,8 +289,9 @@ def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[fl
         problem.samples * problem.building.stories * _STORY_STEP * method_count * (repeats + 1)
     )
     halvings = HALVINGS
-    # The cost is inversely proportional to the time step. Runs with repeatedly halved steps cost
-    # together about two times as much as the run with the smallest step.
+    # The cost is inversely proportional to the time step. The smallest step is COARSEST /
+    # 2**halvings intervals, and all runs with repeatedly halved steps cost together about two times
+    # as much as the run with the smallest step. At least three halvings end at one interval.
     while (
         halvings > 3
         and seconds_at_interval * 2.0 ** (halvings + 1) / COARSEST * _INTERMEDIATE_RATIO
@@ -543,6 +544,7 @@ def chart(
     with progress_reporter(progress, 100, "%") as report:
 
         def in_percent(action: str, fraction: float) -> None:
+            """Report the completed fraction as a number of percent; the action is not shown."""
             report(round(100.0 * fraction), 100)
 
         measured = measure(
@@ -590,6 +592,7 @@ def _timed(
     done, total = 0, (repeats + 1) * sum(steps.count for _, steps in runs)
 
     def advance(act: str, steps: Steps) -> None:
+        """Report the progress before a run; the work of a run is its number of time steps."""
         nonlocal done
         progress(act, _PREPARED + (1.0 - _PREPARED) * done / total)
         done += steps.count
@@ -656,7 +659,7 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
 
 
 def alternative(points: Sequence[Point], quantity: str, limit: float, best: Point) -> Point | None:
-    """Return the cheapest point of another method that meets the tolerance; None if none does.
+    """Return the cheapest point of another method that meets the tolerance, or None.
 
     Points of the same line with smaller steps must meet the tolerance also. The alternative costs
     at least as much as the recommended point: a cheaper point was not recommended, because it is
@@ -682,8 +685,23 @@ def alternative(points: Sequence[Point], quantity: str, limit: float, best: Poin
 def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> list[Point]:
     """Return the points of a line that meet an error limit at their step and at all smaller steps.
 
-    The points of the line must be sorted by decreasing time step. The result is sorted by
-    increasing time step.
+    A point without errors does not meet the limit.
+
+    Parameters
+    ----------
+    points : iterable of Point
+        Points of all lines; those of a line are sorted by decreasing time step.
+    line : str
+        Name of the line.
+    quantity : str
+        Name of the error, for example `peak_drift`.
+    limit : float
+        Maximum error.
+
+    Returns
+    -------
+    list of Point
+        Points in the order of increasing time step.
     """
     of_line = [point for point in points if point.line == line]
     return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(of_line)))
@@ -693,7 +711,7 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
 
 
 def performance_ratios(costs: Array, is_reference: Sequence[bool]) -> Array:
-    """Return the ratio of each cost to the minimum cost of the reference solvers for its problem.
+    """Divide each cost by the minimum cost of the reference solvers for the same problem.
 
     The ratio is infinite if a solver does not solve the problem (r_M of Dolan and More 2002,
     section 2). It is 0 if the solver solves the problem, but no reference solver does.
@@ -704,6 +722,11 @@ def performance_ratios(costs: Array, is_reference: Sequence[bool]) -> Array:
         Costs; nan if a solver does not solve the problem.
     is_reference : sequence of bool
         True for each solver that is a reference solver, here the methods of tdint.
+
+    Returns
+    -------
+    ndarray, shape (problems, solvers)
+        Ratios.
     """
     is_unsolved = np.isnan(costs)
     minimum_cost = np.min(
@@ -762,6 +785,7 @@ class PerformanceProfile:
     @property
     def median(self) -> float:
         """Median ratio of the accepted problems; infinite if half of them are not solved."""
+        # The ratios of problems that the method does not accept are infinite, so they are last.
         return statistics.median(self.ratios[: self.taken]) if self.taken else math.inf
 
     @property

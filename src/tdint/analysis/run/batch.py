@@ -71,8 +71,8 @@ class Subject:
         return _parse_cached(self.method)
 
     def case(self, record: Record | None, scale: float = 1.0) -> Case:
-        """Return the case of the building under a ground motion times a factor, or with the ground
-        at rest.
+        """Return the case of the building under a ground motion times `scale`, or with the ground
+        at rest if `record` is None.
         """
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
         return Case(self.model, self.prepared, scaled, self.integrator)
@@ -91,14 +91,14 @@ RunOfMotion = tuple[int, float, Steps]
 """Number of a ground motion, its scale factor, and the time steps."""
 
 RunResult = tuple[Response | Collapse, int | None]
-"""Result of an individual run, and True or False (1, 0) if it came to rest; None if this was not
-requested.
+"""Result of an individual run, and 1 if free vibration decayed in the run, 0 if not, None if this
+was not requested.
 """
 
 
 @dataclass(frozen=True)
 class Outcomes:
-    """Results of runs as columns; nan and 0 for runs without a result.
+    """Results of runs as arrays over the runs; nan, and 0 steps, for runs without a result.
 
     Attributes
     ----------
@@ -126,9 +126,17 @@ class Outcomes:
 
     @classmethod
     def of(cls, building: Building, batch: BatchResult, to_rest: bool) -> Outcomes:
-        """Return the results of a compiled call; `to_rest` if the runs continue until rest.
+        """Convert the arrays of a compiled call to results.
 
-        If each run has its own building, the first axis of the arrays of `building` is the run.
+        Parameters
+        ----------
+        building : Building
+            Building of the runs. If each run has its own building, the first axis of its arrays is
+            the run.
+        batch : BatchResult
+            Arrays of the runs.
+        to_rest : bool
+            True if the runs continue until free vibration has decayed.
         """
         at_rest = (
             batch.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(batch.ends)
@@ -162,7 +170,16 @@ class Outcomes:
         self._put(i, None, np.nan, 0)
 
     def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
-        """Replace the results of run `i` by those of an individual run."""
+        """Replace the results of run `i` by those of an individual run.
+
+        Parameters
+        ----------
+        i : int
+            Index of the run.
+        attempt : callable
+            Function without arguments that integrates or evaluates the run. If it raises FailedRun,
+            the failure is recorded instead.
+        """
         try:
             result, at_rest = attempt()
         except FailedRun as failure:
@@ -216,11 +233,16 @@ def run_batch(
     history : bool, default False
         Keep the histories of runs that are integrated individually.
     integrate : callable, optional
-        Function that integrates the runs and returns a `BatchResult`; by default one compiled call
-        without histories.
+        Function without arguments that integrates the runs and returns a `BatchResult`; by default
+        one compiled call without histories.
     status_only : bool, default False
         Failures contain only the status, so that a failed run is not integrated again for the
         details of its message.
+
+    Returns
+    -------
+    Outcomes
+        Results in the order of `runs`.
 
     Raises
     ------
@@ -289,12 +311,18 @@ def run_sampled(
     motions : Motions
         Ground motions by their numbers.
     runs : sequence of (int, (int, float, Steps))
-        Number of the sample (building), and ground motion, scale factor and time steps, of each
-        run.
+        Index of the sampled building, and the number of the ground motion, scale factor and time
+        steps, of each run.
     drawn : DrawnBuildings
         Arrays of the sampled buildings.
     subjects : sequence of callable
-        Return the building of a sample, for runs that do not reach their end.
+        One function without arguments for each sample, which assembles its building. It is called
+        for runs that collapse or fail.
+
+    Returns
+    -------
+    Outcomes
+        Results in the order of `runs`.
 
     Raises
     ------
@@ -315,7 +343,7 @@ def run_sampled(
 def _evaluate(
     case: Case, steps: Steps, batch: BatchResult, i: int, *, to_rest: bool, history: bool
 ) -> RunResult:
-    """Return the result of run `i` of a batch as evaluated by its own case."""
+    """Return the result of run `i` of a batch as evaluated by `Case.review_batch_run`."""
     at_rest = int(batch.ends[i, AT_REST]) if to_rest else None
     return case.review_batch_run(steps, batch, i, history), at_rest
 
@@ -323,7 +351,7 @@ def _evaluate(
 def _integrate_individually(
     case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool
 ) -> RunResult:
-    """Integrate a run individually."""
+    """Integrate a run individually, with the options of `run_batch`."""
     at_rest = None
     if to_rest:
         steps, reached_rest = extend_to_rest(case, steps)
@@ -335,7 +363,7 @@ def _integrate_individually(
 
 
 def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
-    """Return the values of each sample by name.
+    """Expand the values of varied parameters to one value per sample for each name.
 
     Parameters
     ----------
@@ -343,6 +371,16 @@ def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
         Values by name: one value, or one value per sample.
     product : bool
         True for all combinations of the values, in which the last name varies fastest.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (samples,)
+        Values by name; all arrays have the same length.
+
+    Raises
+    ------
+    UsageError
+        A value is not a number, or the numbers of values are different.
     """
     arrays = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
     if product:

@@ -89,21 +89,21 @@ def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
 
 
 def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
-    """Return the peaks of all stories with the names of their quantities.
+    """Convert the peaks and final drifts of a time integration to a `StoryPeaks` object.
 
     Parameters
     ----------
     building : Building
-        Building; its heights are used for drift ratios.
-    peaks : ndarray
+        Building; its heights, yield drifts and dashpots are used.
+    peaks : ndarray, shape (2 PEAK_ROWS, n) or (runs, 2 PEAK_ROWS, n)
         Peaks in the rows of `Workspace.peaks`.
-    residual_drift : ndarray, shape (n,)
+    residual_drift : ndarray, shape (n,) or (runs, n)
         Drifts at the end of the run, m.
 
     Returns
     -------
     StoryPeaks
-        Peaks of the stories.
+        Arrays of shape (n,) or (runs, n) with one attribute for each quantity, in SI units.
     """
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
@@ -138,6 +138,7 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     # stiffness instead.
     is_usable = (slope > 0.0) & (slope < initial_stiffness)
     present_stiffness = np.where(is_usable, slope, initial_stiffness)
+    # The force that pulls a story to its position of rest is that of its law plus that of P-delta.
     distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present_stiffness
     rate = _drift_rates(building, space.state[rows.VELOCITY])
     displacement, velocity = (
@@ -149,19 +150,21 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
 
 
 def _drift_rates(building: Building, floors: Array) -> Array:
-    """Return the differences of a rate between the ends of each story.
+    """Subtract from the velocity or acceleration of each floor that of the floor below.
 
     Parameters
     ----------
     building : Building
-        Building; its row `LINK` is 1 for a story on the floor below it, 0 for one on the ground.
+        Building; its row `LINK` is 1 for a story on the floor below it, 0 for a story on the
+        ground.
     floors : ndarray, shape (n + 1,)
         Velocities or accelerations of the floors; the last entry is the ground.
 
     Returns
     -------
     ndarray, shape (n,)
-        Rate of the floor above each story minus the rate of the floor below it.
+        Rate of the floor above each story minus the rate of the floor below it; for a story on the
+        ground, the rate of its floor.
     """
     rates: Array = floors[:-1].copy()
     rates[1:] -= building.linear_terms[rows.LINK, 1:-1] * floors[:-2]
@@ -202,12 +205,14 @@ def interstep_peak_errors(
                 space.observer_state[rows.OBSERVED_ACCELERATION],
             )
         )
+        # Taylor series of second order, with absolute values of its terms.
         drift_change = late * velocity + 0.5 * late**2 * acceleration
-    reported, bounds = vars(stories), vars(stories)
+    reported = vars(stories)
     peaks_at_steps = space.peaks[: rows.PEAK_ROWS]
     peaks_between_steps = space.peaks[rows.PEAK_ROWS :]
-    # All peaks between time steps are 0 if the time steps resolve the motion. The bounds are then
-    # the reported peaks.
+    # If the time steps resolve the motion, all peaks between them are stored as 0. The bounds are
+    # then the reported peaks, and the possible excess is 0.
+    bounds = reported
     if peaks_between_steps.any():
         largest_peaks = np.maximum(peaks_between_steps, peaks_at_steps)
         bounds = story_values(building, largest_peaks, drift_change)
@@ -243,17 +248,17 @@ def energy_errors(totals: Array) -> Array:
 
 
 def named_energies(totals: Array) -> Energy:
-    """Return the energies of one run with the names of their terms.
+    """Convert the energies at the end of one run from an array to an `Energy` object.
 
     Parameters
     ----------
     totals : ndarray
-        Array that begins with the energies (J) in the order of `Workspace.totals`.
+        Array whose first entries are the energies (J) in the order of `Workspace.totals`.
 
     Returns
     -------
     Energy
-        Energies, J.
+        Energy terms at the end of the run, initial energy and reference energy, J.
     """
     terms = dict(zip(ENERGY_TERMS, totals[: rows.ENERGY_TERMS].tolist(), strict=True))
     initial, reference = totals[rows.ENERGY_INITIAL], totals[rows.ENERGY_REFERENCE]
@@ -290,6 +295,8 @@ def named_history(
     """
     n = building.stories
     table = space.history
+    # The time of a row is h times the number of time steps before it. The table of a chunk of the
+    # run continues after `rows_before` rows of earlier chunks.
     time = h * (
         space.steps_per_row
         * np.arange(space.rows_before, space.rows_before + len(table), dtype=np.float64)
@@ -319,15 +326,22 @@ _DISPLACEMENT_FIELD, _VELOCITY_FIELD, _ACCELERATION_FIELD, _SHEAR_FIELD = range(
 
 
 def _stored_field(field: int) -> FieldFunction:
-    """Return the function that reads a field, given by its position, from the history table."""
+    """Return a `FieldFunction` that reads one field from the history table.
+
+    Parameters
+    ----------
+    field : int
+        Position of the field in the history table, such as `_VELOCITY_FIELD`.
+    """
+    # A row of the table consists of the ground acceleration and n values of each field.
     return lambda building, forces, time, table: table[
         :, 1 + field * building.stories : 1 + (field + 1) * building.stories
     ]
 
 
 def _floor_difference(field: int) -> FieldFunction:
-    """Return the function that subtracts a field of the floor below each story from the field of
-    the floor above it.
+    """Return a `FieldFunction` that computes the difference of a field between the floors above and
+    below each story, such as the drift from the displacements.
 
     Parameters
     ----------
@@ -401,8 +415,8 @@ _LARGE_IMBALANCE = 0.01
 """Dimensionless. Energy error above which the result of a run includes a warning."""
 
 _PRODUCED_BY_METHOD = 1.0
-"""Dimensionless. Energy produced by the method divided by the input energy. From this value,
-exceeding the collapse drift is attributed to the method.
+"""Dimensionless. Energy produced by the method divided by the input energy, from which a drift
+above the collapse drift is attributed to the method, not to the building.
 """
 
 RUNAWAY = 100.0
@@ -467,8 +481,8 @@ class Case:
 
     @cached_property
     def plausibility_warnings(self) -> tuple[str, ...]:
-        """Warnings on unusual values of the building and the ground motion, which `tdint check`
-        prints, too.
+        """Warnings on unusual values of the building and the ground motion, except those that
+        reading the record has reported. `tdint check` prints the same warnings.
         """
         # Reading the record has already reported its warnings; do not repeat them.
         reported = self.record.warnings if self.record else ()
@@ -597,8 +611,10 @@ class Case:
             steps = replace(steps, count=round(collapse.time / steps.h))
             result = self._integrate(steps, history)
         error = named_energies(result.space.totals).error
-        # The negated comparison is also true if the error is nan.
+        # A negative error is energy produced by the method. The negated comparison is also true if
+        # the error is nan.
         if not -error < RUNAWAY and not self.allow_unstable:
+            # The error is 1 minus the ratio of all other energies to the input energy.
             reason = f"the final energy is {1.0 - error:.3g} times the input energy"
             raise self._divergence(steps, result.space, reason)
         return self._response(steps, result, collapse)
@@ -788,6 +804,8 @@ class Case:
         energy = named_energies(totals[rows.COLLAPSE_ENERGIES :])
         time, produced = collapse_step * steps.h, -energy.error
         is_physical = produced < _PRODUCED_BY_METHOD and collapse_step > 0
+        # A collapse at step 0 is due to the initial drifts. It is reported only for a run that
+        # reached its end, because a failed run is repeated up to its collapse.
         if is_physical or (code == 0 and (collapse_step == 0 or self.allow_unstable)):
             return Collapse(time, story, ended=code < 0, failed=failed)
         if code < 0:
@@ -835,13 +853,15 @@ class Case:
         is_complete = code == 0 and -named_energies(totals).error < RUNAWAY
         if is_complete and (collapse := self.recorded_collapse(steps, code, totals)):
             return collapse
+        # The repeated run must include the failed step. If the batch continued until rest, this
+        # step can be after the end of `steps`.
         reached = max(completed, int(totals[rows.STEPS_REACHED]) + 1)
         return self.integrate(replace(steps, count=max(reached, steps.count)), history)
 
     def failure_in_batch(self, steps: Steps, batch: BatchResult, i: int) -> FailedRun | None:
-        """Return the failure of a run of a batch without repeating the run, or None.
+        """Return the exception for a failed run of a batch without repeating the run.
 
-        The exception has a status and a short message, but no facts such as the time of the
+        The exception has a status and a short message, but no details such as the time of the
         failure. The result is None if the run collapsed or reached its end; `review_batch_run`
         evaluates such a run.
 
@@ -982,6 +1002,7 @@ class Case:
         i = int(amplitude.argmax())
         if amplitude[i] <= _VIBRATION_FRACTION * response.stories.peak_drift.max():
             return []
+        # Amplitudes are small: if the unit of the output is m, they are written in mm.
         unit, metres_per_unit = self.model.output_units.unit("m")
         drift = (
             f"{1e3 * amplitude[i]:.2g} mm"
@@ -1036,8 +1057,8 @@ def _imbalance_warnings(energy: Energy) -> list[str]:
 
 
 def _interstep_notes(response: Response) -> list[str]:
-    """Return the note that names the peaks that may be much larger between the time steps, if this
-    applies.
+    """Return a note that lists the peak quantities that may be much larger between time steps than
+    at them; empty if there are no such quantities.
     """
     quantities = {
         "drifts": "peak_drift",
@@ -1094,7 +1115,7 @@ def _runaway_story(space: Workspace) -> int:
     displacement = space.state[rows.DISPLACEMENT, :-1]
     is_finite = np.isfinite(displacement)
     if not is_finite.all():
-        return int(np.argmin(is_finite)) + 1
+        return int(np.argmin(is_finite)) + 1  # argmin returns the index of the first False
     # The displacement of the ground, below the first story, is 0.
     drift = np.diff(displacement, prepend=0.0)
     return int(np.argmax(np.abs(drift))) + 1

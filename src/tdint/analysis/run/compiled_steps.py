@@ -39,7 +39,9 @@ def validate_plugin_step(integrator: Integrator) -> None:
     """Execute the step of a plug-in in plain Python before its first compiled run.
 
     An invalid compiled step could write outside its arrays or lose the state of a story without an
-    error. The check is done one time for each version of its sources; the kernel cache records it.
+    error. The check is executed one time for each version of the sources of the plug-in: after it,
+    an empty file is written to the cache directory. Steps of tdint are not checked, nor any step if
+    the kernels run in plain Python.
 
     Raises
     ------
@@ -55,9 +57,11 @@ def validate_plugin_step(integrator: Integrator) -> None:
         folder = cache_subfolder("plugins")
         file = folder and folder / f"{digest(step.name)}-{integrator.method.name}"
         if file is None or not file.exists():
-            # Only plug-ins need the check.
+            # Imported here, because only plug-ins need the check.
             from tdint.methods.step_check import faults_of_step
 
+            # The check executes the step, which calls this function again. Add the step first, so
+            # that the nested call returns immediately.
             VALIDATED_STEPS.add(step)
             if faults := faults_of_step(integrator):
                 VALIDATED_STEPS.remove(step)
@@ -71,9 +75,13 @@ def validate_plugin_step(integrator: Integrator) -> None:
 
 
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
-    """Return the kernels of a time integration, those with the longest compilation first.
+    """Return the kernels of a time integration with their variant, in the order of decreasing time
+    of compilation.
 
-    Errors are those of `validate_plugin_step`.
+    Raises
+    ------
+    AnalysisError
+        The step of a plug-in is invalid (`validate_plugin_step`).
     """
     validate_plugin_step(integrator)
     return [
@@ -154,10 +162,14 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
 
 
 def _amplification(integrator: Integrator, building: Building, h: float) -> Array:
-    """Return the amplification matrices of the uncoupled oscillators of one building."""
+    """Return the amplification matrices of the uncoupled oscillators of one building, shape
+    (k, m, m).
+
+    Column j of a matrix is the state after one step from the value 1 in row j of the memory.
+    """
     memory = integrator.family.memory
     k = building.stories
-    forces = np.zeros((0, 4))
+    forces = np.zeros((0, 4))  # no forces on floors
     coefficients = integrator.coefficients(building, forces, h)
     step = integrator.family.step.variant(LINEAR_OSCILLATORS)
     validate_plugin_step(integrator)
@@ -170,8 +182,8 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     for column, row in enumerate(memory):
         state[:], law_state[:] = 0.0, 0.0
         state[row, :k] = 1.0
-        # Set the committed states of the springs for this motion. If the method does not store an
-        # acceleration, the acceleration follows from equilibrium.
+        # Set the committed states of the linear springs for this motion. If the acceleration is not
+        # part of the memory of the method, it follows from equilibrium for the unit mass.
         u, v = state[rows.DISPLACEMENT, :-1], state[rows.VELOCITY, :-1]
         law_state[rows.DRIFT, :-1], law_state[rows.FORCE, :-1], law_state[rows.SLOPE, :-1] = (
             u,
@@ -213,7 +225,8 @@ class Instability:
     h : float
         Time step, s.
     stable : callable
-        Returns True if all oscillators are stable with another time step.
+        Function that receives a time step, s, and returns True if all oscillators are stable with
+        it.
     """
 
     index: int
@@ -232,9 +245,10 @@ class Instability:
 def find_instability(
     integrator: Integrator, omega: Array, damping: Array, h: float
 ) -> Instability | None:
-    """Return the stiffest oscillator for which a time step is above the stability limit, or None.
+    """Return the stiffest oscillator that is unstable with a time step, or None if all are stable.
 
-    An unconditionally stable method is not measured.
+    An oscillator is unstable if the spectral radius of its measured amplification matrix is above
+    1. A method that declares no stability limit is not measured; the result is None.
 
     Parameters
     ----------
@@ -262,7 +276,15 @@ def find_instability(
 def largest_stable(stable: Callable[[float], bool], h: float) -> float:
     """Return the end of the first interval of stable time steps in (0, h], rounded down, s.
 
-    The interval is searched upward from 0 and bisected. The result is 0 if no step is stable.
+    The interval is searched upward from 0 in 200 equal steps, and its end is bisected. The result
+    is 0 if no step is stable.
+
+    Parameters
+    ----------
+    stable : callable
+        Function that receives a time step, s, and returns True if it is stable.
+    h : float
+        Upper end of the search, s.
     """
     low, high = 0.0, h
     # Some methods are unstable at intermediate time steps and stable again above them. Searching in

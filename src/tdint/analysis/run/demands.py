@@ -36,17 +36,21 @@ class LargestOfRuns(NamedTuple):
 
 @dataclass(frozen=True)
 class Demand(Quantity):
-    """Annotation of a demand field; `value` computes the story values from the peaks and the
-    heights.
+    """Definition of a demand: how it is computed from the peaks of the stories.
+
+    If the attribute `value` of the base class is a function, it computes the values of the stories
+    from their peaks and heights.
 
     Attributes
     ----------
     story : int or None
-        Index of the story of the demand; None for the maximum of all stories.
+        Index of the story of the demand, from 0, or -1 for the roof; None for the maximum of all
+        stories.
     place : str
-        Type of location: story or floor.
+        Type of location: "story" or "floor".
     of_stories : str
-        Quantity of the stories, if there is no `value`; by default the name of the demand.
+        Attribute of `StoryPeaks` that is used if there is no `value`; by default the name of the
+        demand.
     """
 
     story: int | None = None
@@ -59,22 +63,43 @@ class Demand(Quantity):
         return f"{self.called or self.name}_{self.place}"
 
     def of(self, stories: StoryPeaks) -> LargestOfRuns:
-        """Return the maximum of each run from peaks of shape (runs, n) or (n,); nan is ignored."""
+        """Compute the demand of each run and its location.
+
+        Parameters
+        ----------
+        stories : StoryPeaks
+            Peaks, shape (runs, n) or (n,); nan is ignored.
+
+        Returns
+        -------
+        LargestOfRuns
+            Demand in SI units, and story or floor from 1, shape (runs,).
+        """
         values = np.atleast_2d(self._story_values(stories, stories.height))
         if self.story is not None:
             value = values[:, self.story]
+            # The remainder converts the index -1 of the roof to n - 1.
             return LargestOfRuns(
                 value, np.where(np.isnan(value), 0, self.story % values.shape[1] + 1)
             )
+        # All values are positive or 0, so that -1 instead of nan is never the maximum.
         index = np.where(np.isnan(values), -1.0, values).argmax(axis=1)
         value = values[np.arange(len(values)), index]
         return LargestOfRuns(value, np.where(np.isnan(value), 0, index + 1))
 
     def error(self, stories: StoryPeaks, errors: StoryErrors) -> float:
-        """Return the estimated error of the demand in a run; nan if it is unknown.
+        """Return the estimated error of the demand of one run, in the unit of the demand.
 
-        Every story with a possible maximum within its error is considered; the result is the
-        largest error of these stories.
+        If errors are taken into account, the maximum may be in any story whose value plus its error
+        is at least the maximum. The result is the largest error of these stories; nan if no error
+        is known.
+
+        Parameters
+        ----------
+        stories : StoryPeaks
+            Peaks of the run, shape (n,).
+        errors : StoryErrors
+            Their estimated errors.
         """
         values, errors_of_stories = (
             self._story_values(source, stories.height) for source in (stories, errors)
@@ -206,7 +231,7 @@ quantities.
 
 
 def demands(stories: StoryPeaks) -> Demands[Largest]:
-    """Return the demands of the building."""
+    """Return the demands of a single run from its peaks, shape (n,)."""
     return Demands(**{demand.name: only(demand.of(stories)) for demand in DECLARED})
 
 
@@ -216,7 +241,7 @@ def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
 
 
 def only(demand: Any) -> Largest:
-    """Return the demand of a single run."""
+    """Return the only item of a `LargestOfRuns` as `Largest`; its location is None if it is 0."""
     return Largest(float(demand.value[0]), int(demand.place[0]) or None)
 
 
@@ -315,15 +340,31 @@ RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.kind is flo
 
 
 def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
-    """Return the fields of `RunValues` that follow from the demands, from peaks of shape
-    (runs, n).
+    """Return the columns of `RunValues` that are computed from the demands.
+
+    Parameters
+    ----------
+    stories : StoryPeaks
+        Peaks of the runs, shape (runs, n).
+
+    Returns
+    -------
+    dict of str to ndarray, shape (runs,)
+        Columns by name, SI units.
     """
     largest = demands_of_runs(stories)
     return {quantity.name: quantity.value(largest) for quantity in DEMANDED if quantity.value}
 
 
 def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]:
-    """Return the estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`."""
+    """Return the estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`.
+
+    Parameters
+    ----------
+    stories, errors : StoryPeaks, StoryErrors
+        Peaks of the run, shape (n,), and their estimated errors.
+    """
+    # The columns of `RunValues` read their values from demands. Here the demands are their errors.
     largest = Demands(
         **{demand.name: Largest(demand.error(stories, errors), None) for demand in DECLARED}
     )

@@ -77,8 +77,8 @@ _MIN_ORDER = 4
 """
 
 OF_DIFFERENCE = 4.0 / 3.0
-"""Dimensionless. Error divided by the difference from a run with half the time step, at second
-order: 1 / (1 - 2^-2).
+"""Dimensionless. Factor f of the error estimate at second order: error of a run divided by its
+difference from a run with half the time step, 1 / (1 - 2^-2).
 """
 
 COMMON = 0.2
@@ -100,11 +100,13 @@ class EstimateFactors:
     Attributes
     ----------
     difference : float
-        Error divided by the difference of the peaks, f.
+        Factor f on the difference of the peaks of the two runs.
     most : float
-        Maximum of the error by `COMMON` divided by the difference of the peaks.
+        Maximum of the error that follows from the mean of all stories (`COMMON`), divided by the
+        difference of the peaks.
     derivative_common : float
-        The factor that replaces `COMMON` for derivatives of peaks, for which there is no maximum.
+        Factor that replaces `COMMON` in the error estimate of derivatives, which has no such
+        maximum.
     """
 
     difference: float
@@ -131,23 +133,23 @@ of iterations and the errors between time steps that both runs have in common.
 """
 
 _LONG_STEP = 5
-"""Sampling intervals in a time step, from which the additional run uses the sampling interval
-instead of half the step. In such steps both runs can pass over the same contact, reversal or change
-of a branch; the difference of their peaks is then small although both are wrong. The additional run
-takes at most half of the steps of the run that estimates the errors of a run over single sampling
-intervals.
+"""Number of sampling intervals in a time step, from which the additional run uses the sampling
+interval as its time step instead of half the step. In such steps both runs can miss the same
+contact, reversal or branch change; the difference of their peaks is then small although both are
+wrong. The additional run then has half as many steps as the error estimate of a run with the
+sampling interval as its time step.
 """
 
 _LONG_OF_PERIOD, _SHORT_OF_PERIOD, _MOST_PARTS = 20, 50, 50
-"""Without a record: time steps in the first period below which the additional run uses steps of its
-own, the number of these steps in the first period, and their maximum number in a step. The reason
-is that for `_LONG_STEP`: with half of the step, 5 % of the true errors of `impulse4` in free
-vibration exceed twice the estimate if the step is a fifth or a tenth of the period (59 random
-buildings).
+"""Time steps of the additional run without a record. If the first period contains fewer than
+`_LONG_OF_PERIOD` steps of the run, the additional run has about `_SHORT_OF_PERIOD` steps in the
+first period, but at most `_MOST_PARTS` in a step of the run. Reason: with half of the step, 5 % of
+the true errors of `impulse4` in free vibration exceed twice the estimate if the step is a fifth or
+a tenth of the period (59 random buildings).
 """
 
 _SAME = 1e-9
-"""Relative tolerance for comparing time steps."""
+"""Dimensionless. Relative difference up to which time steps are considered equal."""
 
 _START, _START_HALVINGS = 2, 4
 """Number of time steps at the start of a building in motion that are repeated with shorter steps,
@@ -174,6 +176,11 @@ def run_with_error_estimate(
         Keep the response history.
     of_history : bool, default False
         Estimate the errors of the history also.
+
+    Returns
+    -------
+    Response
+        Response with the error estimate in `check`.
 
     Raises
     ------
@@ -211,9 +218,9 @@ def reference(case: Case) -> Case:
 
 
 def default_reference(case: Case) -> Case:
-    """Return the case with the method that estimates the errors of most methods.
+    """Return the same case with the method that estimates the errors of most methods.
 
-    The method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
+    This method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
     forces on floors.
     """
     is_own_reference = case.method.label == _EXACT and not case.model.excitation.forces
@@ -237,7 +244,7 @@ def reference_steps(case: Case, steps: Steps) -> Steps:
     """
     if case.record is not None:
         return shorter_steps(steps)
-    periods = steps.h * case.building.vibration.frequency(1) / (2.0 * math.pi)
+    periods = steps.h * case.building.vibration.frequency(1) / (2.0 * math.pi)  # h / T1
     if periods <= (1.0 + _SAME) / _LONG_OF_PERIOD:
         return finer(steps)
     parts = min(math.ceil(_SHORT_OF_PERIOD * periods), _MOST_PARTS)
@@ -274,11 +281,17 @@ def with_error_estimate(
         Result of the run.
     of_history : bool, default False
         Estimate the errors of the history also, if the response has a history.
+
+    Returns
+    -------
+    Response
+        Response with the error estimate in `check`, and further notes.
     """
     steps = replace(steps, count=response.steps)
     other = attempt(reference(case), reference_steps(case, steps))
     if isinstance(other, FailedRun):
         return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
+    # Both runs end at the same time, except for rounding, unless one of them collapsed earlier.
     if abs(other.steps * other.dt - response.steps * response.dt) > 0.5 * other.dt:
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
     check = ErrorEstimate.of(
@@ -362,18 +375,25 @@ def story_errors(
     response : Response or Shock
         Result with the peaks.
     other : Response or Shock
-        The same of the additional run.
+        Result of the additional run for the same time.
     by : EstimateFactors
         Factors of the terms of the estimate.
     start : StoryPeaks, optional
-        Result of `start_peaks`.
+        Peaks in the first steps of a building that moves at the start (`start_peaks`); None if the
+        building is at rest at the start.
     other_is_finer : bool, default True
-        The additional run has shorter time steps, so that it limits the possible excess of the
-        peaks between time steps.
+        True if the additional run has shorter time steps, so that it limits the possible excess of
+        the peaks between time steps.
+
+    Returns
+    -------
+    StoryErrors
+        Estimated absolute errors of all peaks, shape (n,), in the units of the peaks.
     """
 
     def errors(name: str) -> Array:
         """Return the errors of a quantity in each story (see the module docstring)."""
+        # Errors of residual drifts are related to peak drifts, because residual drifts can be 0.
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
         difference = np.abs(getattr(response.stories, name) - getattr(other.stories, name))
         extrapolated = by.difference * difference
@@ -397,7 +417,10 @@ def story_errors(
 
 
 def common(errors: Array, size: Array) -> Array:
-    """Return the root mean square over the stories of `errors` relative to `size`, times `size`."""
+    """Return `size` times the root mean square over the stories of `errors` / `size`.
+
+    This is the error of each story if all stories have the same relative error.
+    """
     # A story that did not move (size 0) does not contribute.
     has_moved = size > 0.0
     relative = np.divide(errors, size, out=np.zeros_like(errors), where=has_moved)
@@ -405,11 +428,11 @@ def common(errors: Array, size: Array) -> Array:
 
 
 def ended_at_rest(response: Response) -> Response:
-    """Return the response of a run until rest with the remaining motion in the errors of its
-    residual drifts.
+    """Add the amplitude of the remaining motion to the estimated errors of the residual drifts.
 
-    The residual drifts of this run are the drifts at rest, from which the drifts at its end differ
-    by the amplitude of the remaining motion.
+    A run until rest reports the drifts at its end as residual drifts. The true residual drifts, at
+    rest, differ from these by up to the amplitude of the remaining motion. A response without error
+    estimates is returned unchanged.
     """
     if response.check is None:
         return response
@@ -444,12 +467,13 @@ def _chunks_with_error(
     ratio: int,
     every: int = 1,
 ) -> Iterator[History]:
-    """Yield the chunks of a history with errors.
+    """Yield the chunks of a history with the estimated errors at each row.
 
     Parameters
     ----------
     chunks, other_chunks : callable
-        Functions that return the chunks of the history and of that of the additional run.
+        Functions that return the chunks of the history of the run and of the additional run, with
+        every N-th time step for the argument N.
     ratio : int
         Number of time steps of the additional run in one time step of the run.
     every : int, default 1
@@ -459,9 +483,8 @@ def _chunks_with_error(
 
 
 def _with_error(history: History, other: History) -> History:
-    """Return a history with its error, the true minus the computed value.
-
-    The history `other` at the same times is used as the true value.
+    """Return a history with its estimated errors: the values of `other`, the history of the
+    additional run at the same times, minus its own values.
     """
     errors = {
         field.name: getattr(other, field.name) - getattr(history, field.name)

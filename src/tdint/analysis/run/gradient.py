@@ -38,19 +38,28 @@ distance these values are 4e-4 and 0.7 %.
 
 
 def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
-    """Return derivatives at 0 of parabolas, and half the difference of the one-sided derivatives.
+    """Compute derivatives with respect to parameters from the results at two neighboring values.
 
-    Each parabola interpolates the value at 0 and the values at two offsets.
+    The derivative is that of the parabola through the result at the parameter value and the results
+    at the two neighbors.
 
     Parameters
     ----------
     base : ndarray, shape (runs, ...)
-        Values at 0.
+        Results at the parameter values.
     near : ndarray, shape (runs, parameters, 2, ...)
-        Values at the offsets.
+        Results at the two neighbors of each parameter value.
     offsets : ndarray, shape (runs, parameters, 2)
-        Offsets of the parameters from their values.
+        Neighbors minus the parameter value.
+
+    Returns
+    -------
+    derivative : ndarray, shape (runs, parameters, ...)
+        Derivatives at the parameter values.
+    kink : ndarray, shape (runs, parameters, ...)
+        Half the absolute difference of the two one-sided difference quotients.
     """
+    # Give the offsets the axes of the results, and separate the first from the second neighbors.
     first, second = np.moveaxis(offsets.reshape(offsets.shape + (1,) * (near.ndim - 3)), 2, 0)
     slope_1, slope_2 = (
         (near[:, :, side] - base[:, None]) / offset for side, offset in ((0, first), (1, second))
@@ -75,6 +84,11 @@ def slope_errors(derivatives: Array, others: Array, by: EstimateFactors) -> Arra
         The same derivatives with half the time step.
     by : EstimateFactors
         Factors for the method of the run.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+        Absolute errors in the units of the derivatives; nan if a derivative is not finite.
     """
     errors = by.difference * np.abs(derivatives - others)
     known = np.isfinite(errors)
@@ -122,14 +136,25 @@ def number_at(model: Model, name: str) -> float:
 
 
 def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
-    """Return two values near the value of a parameter.
+    """Return two values near the value of a parameter, at which runs are compared with it.
 
-    They are on both sides, or on one side if the other side is out of range.
+    The values are on both sides of the parameter value, or on the same side if the other side is
+    out of range. Their distance is `SIZE` times the parameter value.
+
+    Parameters
+    ----------
+    model : Model
+        Building.
+    name : str
+        Parameter, as in `vary` of `run_many`.
+    value : float
+        Parameter value, SI units.
 
     Raises
     ------
     UsageError
-        The value is 0 and the parameter has no natural scale.
+        The value is 0 and the parameter has no natural scale, or no neighbor is in the allowed
+        range.
     """
     size = SIZE * abs(value)
     changes = [] if name == SCALE else changes_of(model, name)
@@ -144,8 +169,8 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
             size = SIZE
         else:
             raise UsageError(
-                f"gradient: {name} is 0, so the size of a small change is not known; use a value "
-                "other than 0"
+                f"gradient: {name} of {model.name} is 0, so the size of a small change is not "
+                "known; use a value other than 0"
             )
 
     def is_allowed(number: float) -> bool:
@@ -162,7 +187,8 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
         if is_allowed(value + first) and is_allowed(value + second):
             return value + first, value + second
     raise UsageError(
-        f"gradient: {name} {value:.6g} cannot be changed to either side within its range"
+        f"gradient: {name} = {value:.6g} cannot be changed by {size:.2g} in either direction "
+        "within its allowed range; use another value, or omit this parameter"
     )
 
 
@@ -173,7 +199,7 @@ def neighbor_samples(
 ) -> tuple[dict[tuple[tuple[int, int], int, int], int], dict[str, Array]]:
     """Return samples in which one parameter at a time has a neighboring value.
 
-    The other parameters have the values of the original sample, or nan: the value of the model.
+    All other parameters have the values of the original sample, or nan for the value of the model.
 
     Parameters
     ----------
@@ -186,14 +212,14 @@ def neighbor_samples(
 
     Returns
     -------
-    dict
-        Index of the new sample, by the indices of building and sample, of the parameter, and of the
-        neighbor.
-    dict of str to ndarray
+    draws : dict of ((int, int), int, int) to int
+        Index of the new sample. The key contains the indices of building and original sample, the
+        index of the parameter, and the index of the neighbor (0 or 1).
+    columns : dict of str to ndarray, shape (new samples,)
         Values of each parameter of buildings in the new samples; without the factor on the record.
     """
     draws = {item: draw for draw, item in enumerate(product(near, range(len(names)), range(2)))}
-    origin = [draw for (_, draw), _, _ in draws]
+    origin = [draw for (_, draw), _, _ in draws]  # original sample of each new sample
     columns = {name: column[origin] for name, column in parameters.items()}
     columns |= {
         name: np.full(len(draws), math.nan)

@@ -134,12 +134,19 @@ class Runs(Tabular):
         return dataset
 
     def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
-        """Return the runs of a building by its index, and their peaks, shape (runs, stories).
+        """Return the indices of the runs of one building, and the peaks of these runs.
 
         Parameters
         ----------
         number : int
             Index of the building in `models`.
+
+        Returns
+        -------
+        runs : ndarray of int
+            Indices of the runs.
+        peaks : StoryPeaks
+            Peaks, shape (runs of this building, stories of this building), SI units.
         """
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
@@ -168,7 +175,7 @@ class Runs(Tabular):
 
         Returns
         -------
-        dict of tuple of str to tuple of LimitCheck
+        dict of (str, str) to tuple of LimitCheck
             Comparisons by the name of the building and the text of the level (`scale 0.5`, followed
             by the varied parameters); empty tuples without a completed run.
 
@@ -200,8 +207,16 @@ class Runs(Tabular):
         return checks
 
     def _suites(self) -> dict[tuple[int, str], NDArray[np.int64]]:
-        """Return the runs of each suite by the index of the building and the text of the level."""
+        """Return the runs of each suite (`limit_checks`).
+
+        Returns
+        -------
+        dict of (int, str) to ndarray of int
+            Indices of the runs, ascending, by the index of the building and the text of the level.
+        """
         varied = {name: values for name, values in self.varied.items() if name != "scale"}
+        # First group the runs by building, varied parameters and record, with increasing factors.
+        # The run with the factor of rank r in each group belongs to suite r.
         runs_of: dict[tuple[Any, ...], list[int]] = {}
         for run in sorted(range(len(self.model)), key=lambda run: abs(self.scale[run])):
             values = tuple(float(of_runs[run]) for of_runs in varied.values())
@@ -212,6 +227,8 @@ class Runs(Tabular):
         for (model, values, _), runs in runs_of.items():
             for rank, run in enumerate(runs, start=1):
                 suites.setdefault((model, values, rank), []).append(run)
+        # A suite is named by its factor if all its records have the same factor, otherwise by its
+        # rank.
         named = {}
         for (model, values, rank), runs in sorted(suites.items()):
             scales = set(self.scale[runs].tolist())
@@ -233,7 +250,13 @@ class Runs(Tabular):
 
 
 def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
-    """Return the requested quantities of the history without duplicates; all of them for True."""
+    """Return the names of the requested history quantities without duplicates; all for True.
+
+    Raises
+    ------
+    UsageError
+        A quantity is unknown.
+    """
     if isinstance(history, bool | np.bool_):
         return tuple(HISTORY_FIELDS) if history else ()
     names = (history,) if isinstance(history, str) else tuple(history)
@@ -249,16 +272,29 @@ def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
 def history_arrays(
     shape: tuple[int, int, int], kept: tuple[str, ...], out: Any
 ) -> dict[str, NDArray[np.floating[Any]]]:
-    """Return the arrays for the histories: those of the caller, or new arrays.
+    """Return the arrays for the histories: those of the caller, or new arrays of nan.
 
     Parameters
     ----------
     shape : tuple of int
-        Number of runs, of rows of the longest run, and of stories of the tallest building.
+        Number of runs, number of rows of the longest run, and number of stories of the tallest
+        building.
     kept : tuple of str
         Quantities.
-    out : object
-        Arrays of the caller, or None.
+    out : ndarray, mapping of str to ndarray, or None
+        Arrays of the caller; None allocates arrays.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Array of each quantity.
+
+    Raises
+    ------
+    UsageError
+        Arrays of the caller have other names, shapes or types than required.
+    AnalysisError
+        There is not enough memory for new arrays.
     """
     if out is None:
         needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
@@ -296,7 +332,18 @@ def history_arrays(
 def store_values(
     arrays: StoryValues | None, numbers: int | Sequence[int], values: StoryValues | None
 ) -> None:
-    """Write the values of runs to their rows."""
+    """Write the values of runs to their rows; values above the roof are not changed.
+
+    Parameters
+    ----------
+    arrays : StoryValues or None
+        Arrays of all runs, shape (all runs, stories of the tallest building), which are changed.
+        No effect if None.
+    numbers : int or sequence of int
+        Rows of the runs.
+    values : StoryValues or None
+        Values of the runs, shape (n,) or (runs, n). No effect if None.
+    """
     if arrays and values:
         for quantity in fields(arrays):
             run_values = getattr(values, quantity.name)
@@ -304,7 +351,11 @@ def store_values(
 
 
 def store_history(result: Runs, number: int, history: History | None) -> None:
-    """Write the history of an individual run; nan after its end, and if it has no result."""
+    """Write the history of an individual run to the row `number` of each history array.
+
+    The rest of the row, after the end of the run and above the roof, is nan; all of it if `history`
+    is None.
+    """
     for name, array in result.history.items():
         array[number] = math.nan
         if history:

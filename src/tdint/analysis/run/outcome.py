@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
-    """Return the function that reads a row of peaks."""
+    """Return the function of a `Quantity` that reads one row of the peaks of all stories."""
     return lambda building, peaks, end: peaks[..., row, :]
 
 
@@ -122,7 +122,22 @@ STORY_QUANTITIES = quantities(StoryValues)
 
 
 def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Array]:
-    """Return the quantities of all stories by their names."""
+    """Compute the quantities of all stories.
+
+    Parameters
+    ----------
+    building : Building
+        Building; its heights, yield drifts and dashpots are used.
+    peaks : ndarray, shape (..., PEAK_ROWS, n)
+        Peaks in the rows of `Workspace.peaks`.
+    end : ndarray, shape (..., n)
+        Drifts at the end of the run, m.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (..., n)
+        Values by the name of the quantity (`StoryValues`), SI units.
+    """
     return {
         quantity.name: quantity.value(building, peaks, end)
         for quantity in STORY_QUANTITIES
@@ -237,6 +252,8 @@ class Gradient(Tabular, StoryValues):
             Index of the run, from 0.
         """
         history = {name: array[number] for name, array in self.history.items()}
+        # Derivatives, kinks and errors have the same names. Without errors, the third result is
+        # None.
         peaks, kink, errors = (
             {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
             if source
@@ -304,7 +321,7 @@ class ErrorEstimate:
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
-        """Return the estimate for a run with the story of the maximum relative drift error.
+        """Return an error estimate after computing its maximum relative drift error and the story.
 
         Parameters
         ----------
@@ -316,6 +333,7 @@ class ErrorEstimate:
             Other attributes by name.
         """
         drift = stories.peak_drift
+        # A story without drift has the relative error 0.
         relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
         worst = int(np.argmax(relative))
         return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
@@ -373,7 +391,11 @@ class Energy(EnergyTerms[float]):
 
     @property
     def error(self) -> float:
-        """Imbalance divided by the maximum input energy; 0 for a run without energy."""
+        """Energy imbalance divided by the reference energy; 0 for a run without energy.
+
+        The imbalance is initial + input minus all other terms; it is negative if the method
+        produces energy.
+        """
         spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS if name != "input"])
         return (
             float((self.initial + self.input - spent) / self.reference)
@@ -495,12 +517,26 @@ class History(Tabular):
         steps : int
             Interval of the rows in time steps, N.
         """
+        # `_joined` applies a function to each array of the history, here a slice.
         thinned: History = _joined([self], lambda arrays: arrays[0][::steps])
         return thinned
 
 
 def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
-    """Concatenate nested records of arrays, or combine them with another function `join`."""
+    """Combine each array of nested dataclasses with the same array of the other dataclasses.
+
+    Parameters
+    ----------
+    parts : sequence
+        Dataclasses of one type with arrays, None or further dataclasses as fields.
+    join : callable
+        Function that combines a sequence of arrays to one array; by default, it concatenates them.
+
+    Returns
+    -------
+    dataclass
+        Dataclass of the same type with the combined arrays.
+    """
     if parts[0] is None:
         return None
     if isinstance(parts[0], np.ndarray):

@@ -161,7 +161,7 @@ def modes(model: AnyModel) -> Modes:
     return replace(result, damping=result.damping_ratios(building.damping_matrix()))
 
 
-# Keys of a model file that name files of the ground motion.
+# Keys of a model file with the names of files of the ground motion.
 _RECORD_KEYS = ("excitation.record", "excitation.record.file", "excitation.record.inventory")
 
 

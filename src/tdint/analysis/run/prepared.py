@@ -79,8 +79,16 @@ the code of the failed step.
 
 @dataclass(frozen=True)
 class IntegrationResult:
-    """Result of a time integration: arrays, 0 or the code of the failed step, and the duration of
-    the time loop, s, by `tdint.system.clock` and by the wall clock.
+    """Result of a time integration.
+
+    Attributes
+    ----------
+    space : Workspace
+        Arrays at the end of the time integration or after the failed step.
+    code : int
+        0, or the negative code of the step that failed.
+    seconds, wall : float
+        Duration of the time loop, s, by `tdint.system.clock` and by the wall clock.
     """
 
     space: Workspace
@@ -90,8 +98,16 @@ class IntegrationResult:
 
 
 class RunSpec(NamedTuple):
-    """One run of a batch: first sample and number of samples of its ground motion, scale factor,
-    and time steps.
+    """One run of a batch.
+
+    Attributes
+    ----------
+    start, size : int
+        First sample and number of samples of the ground motion in the concatenated samples.
+    scale : float
+        Factor on the ground motion.
+    steps : Steps
+        Time steps.
     """
 
     start: int
@@ -102,7 +118,13 @@ class RunSpec(NamedTuple):
 
 @dataclass(frozen=True)
 class Motions:
-    """Ground motions by their numbers, concatenated for compiled runs."""
+    """Ground motions whose samples are concatenated to one array for compiled runs.
+
+    Attributes
+    ----------
+    records : mapping of int to Record
+        Ground motions; the keys are arbitrary numbers of the caller.
+    """
 
     records: Mapping[int, Record]
 
@@ -130,13 +152,14 @@ class BatchResult:
     Attributes
     ----------
     peaks : ndarray, shape (runs, 2 PEAK_ROWS, n)
-        As `Workspace.peaks`.
+        Peaks of the stories in the rows of `Workspace.peaks`.
     drifts : ndarray, shape (runs, n)
         Drifts at the end, m.
     totals : ndarray, shape (runs, TOTALS_SIZE)
-        As `Workspace.totals`.
+        Energies and counts in the order of `Workspace.totals`.
     ends : ndarray, shape (runs, END_COLUMNS)
-        Columns of `tdint.kernels.time_loop.loop`: code, completed steps, 1 if at rest.
+        0 or the negative code of the failed step; number of completed steps; 1 if the building is
+        at rest.
     """
 
     peaks: Array
@@ -145,14 +168,14 @@ class BatchResult:
     ends: Array
 
     def part(self, first: int, last: int) -> BatchResult:
-        """Return the results of some runs as views of the arrays."""
+        """Return the results of the runs from `first` to `last` - 1 as views of the arrays."""
         return BatchResult(
             *(array[first:last] for array in (self.peaks, self.drifts, self.totals, self.ends))
         )
 
     @classmethod
     def empty(cls, runs: int, stories: int) -> BatchResult:
-        """Allocate results for a number of runs."""
+        """Return results of zeros for a number of runs and stories."""
         shapes = (2 * rows.PEAK_ROWS, stories), (stories,), (rows.TOTALS_SIZE,), (END_COLUMNS,)
         return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
@@ -230,7 +253,9 @@ class PreparedBuilding:
 
     @cached_property
     def variant(self) -> Variant:
-        """Variant of the kernels for the building."""
+        """Variant of the compiled kernels that contains the laws, damping and loads of the
+        building.
+        """
         return variant(self.building, self.forces)
 
     @cached_property
@@ -251,10 +276,10 @@ class PreparedBuilding:
         integrators : iterable of Integrator
             Methods.
         progress : callable
-            Called with the completed fraction, from 0 to 1.
+            Function that receives the completed fraction, from 0 to 1; by default no function.
         own_loops : bool, default False
-            True if loops compiled for all laws must not be used, because the times of methods are
-            compared.
+            True compiles loops for the laws of this building even if slower loops for all laws are
+            available, as needed when the times of methods are compared.
 
         Raises
         ------
@@ -269,7 +294,10 @@ class PreparedBuilding:
         )
 
     def coefficients(self, integrator: Integrator, h: float) -> Array:
-        """Return the coefficients of the method for this building and the time step h (s)."""
+        """Return the coefficients of the method for this building and the time step h (s).
+
+        The coefficients of the last `_MAX_COEFFICIENT_SETS` methods and time steps are cached.
+        """
         # A run that estimates errors can have the same label and other coefficients.
         method = integrator.method
         is_estimating = method.coefficients is method.estimating_coefficients
@@ -285,12 +313,13 @@ class PreparedBuilding:
         return coefficients
 
     def instability(self, integrator: Integrator, h: float) -> Instability | None:
-        """Return the stiffest mode of the initial state for which the time step h (s) is too long,
-        or None.
+        """Return the stiffest mode of the initial state for which the time step h (s) is above the
+        stability limit of the method, or None if the method is stable.
 
-        Modes are computed one time, and only for a method with a stability limit. The unconditional
-        stability of built-in methods is covered by tests; the stability of a plug-in is measured.
+        Results are cached. Stability is measured only for methods that declare a stability limit
+        (`find_instability`). The unconditional stability of built-in methods is covered by tests.
         """
+        # `CODE` contains an entry for each method of a plug-in.
         if (
             integrator.stability_limit == math.inf
             and f"method {integrator.method.name}" not in CODE
@@ -325,7 +354,13 @@ class PreparedBuilding:
             Ground acceleration at the samples, m/s^2; linear between samples and zero after the
             last sample. None means that the ground is at rest.
         history_rows : int, default 0
-            Number of steps of the history that is kept. `steps` must be a multiple of it.
+            Number of rows of the history after the row of t = 0. It must divide the number of
+            steps: with all steps every step is stored, with 0 no history.
+
+        Returns
+        -------
+        IntegrationResult
+            Arrays, code of a failed step, and duration.
 
         Raises
         ------
@@ -364,8 +399,8 @@ class PreparedBuilding:
         Yields
         ------
         Workspace
-            Arrays with a new history. `before` is the number of rows of the previous chunks. A
-            chunk in which the run fails is not yielded.
+            The same workspace for each chunk, with a new history array. Its `rows_before` is the
+            number of rows of the previous chunks. A chunk in which the run fails is not yielded.
 
         Raises
         ------
@@ -374,15 +409,17 @@ class PreparedBuilding:
         """
         # A chunk has a bounded size in memory and starts at the end of the previous chunk.
         width = history_width(self.building)
-        row_count = max(2, _CHUNK_BYTES // (8 * width))
+        row_count = max(2, _CHUNK_BYTES // (8 * width))  # 8 bytes for each value
         space = self._loaded_arrays(integrator, steps.h)
-        done, total = 0, steps.count // every + 1
+        # The first row of the history is the initial state, before the first step.
+        done, total_rows = 0, steps.count // every + 1
         while done < steps.count:
-            # `first_row` is the number of rows in the previous chunks.
+            # `first_row` is the number of rows in the previous chunks. The chunk ends with the last
+            # step before the first row of the next chunk.
             first_row = done // every + 1 if done else 0
             last = min((first_row + row_count) * every - 1, steps.count)
             space.steps_per_row, space.rows_before = every, first_row
-            space.history = np.zeros((min(row_count, total - first_row), width))
+            space.history = np.zeros((min(row_count, total_rows - first_row), width))
             loop = self.loop(integrator, steps.h, ground, space)
             if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
                 return
@@ -425,7 +462,8 @@ class PreparedBuilding:
             if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
-            # Reset the peaks, including those that some methods store in their scratch array.
+            # Reset the peaks. Some methods also store peaks in their scratch array; the number of
+            # the first row with these peaks is then not 0.
             space.peaks[:] = 0.0
             if first_row := int(space.step_status[rows.RUN_PEAKS]):
                 space.scratch[first_row : first_row + 2 * rows.PEAK_ROWS] = 0.0
@@ -453,6 +491,11 @@ class PreparedBuilding:
             Location of the ground motion in `samples`, scale factor and time steps of each run.
         criterion : RestCriterion
             Criterion for continuing with the ground at rest; by default, runs are not continued.
+
+        Returns
+        -------
+        BatchResult
+            Results in the order of `runs`.
 
         Raises
         ------
@@ -487,9 +530,15 @@ class PreparedBuilding:
         samples : ndarray
             Concatenated ground accelerations of all runs, m/s^2.
         runs : sequence of (int, RunSpec)
-            Number of the building, and ground motion, scale factor and time steps, of each run.
+            Index of the building in `drawn`, and ground motion, scale factor and time steps, of
+            each run.
         drawn : DrawnBuildings
             Sampled buildings. The coefficients of the method must not depend on their values.
+
+        Returns
+        -------
+        BatchResult
+            Results in the order of `runs`.
 
         Raises
         ------
@@ -518,6 +567,7 @@ class PreparedBuilding:
                 function = prepared._batch_function(integrator, h, samples, specs, space)
                 shared[key] = prepared, space, function
             prepared, space, integrate_runs = shared[key]
+            # The compiled function reads these arrays, so that it integrates the sampled building.
             for name in varied_arrays:
                 getattr(prepared.building, name)[...] = getattr(drawn, name)[sample]
             space.flags[rows.UNRESOLVED_MODES] = is_unresolved[sample]
@@ -601,6 +651,8 @@ class PreparedBuilding:
             criterion: RestCriterion = NO_FREE_VIBRATION,
         ) -> None:
             """Integrate the specified runs and write their results to `result`."""
+            # Columns: start, size and scale of the ground motion; number, per_sample and stride of
+            # the time steps.
             table = [
                 (*spec[:3], spec.steps.count, spec.steps.per_sample, spec.steps.stride)
                 for spec in specs
@@ -639,8 +691,13 @@ class PreparedBuilding:
         every : int
             Number of steps between two rows of a history.
         on_history : callable
-            Called with the index of a run and the completed rows of its history. The next run
-            overwrites these rows.
+            Function that receives the index of a run and the completed rows of its history (view,
+            shape (rows, width)). The next run overwrites these rows.
+
+        Returns
+        -------
+        BatchResult
+            Results in the order of `motions`; the column of rest is 1.
 
         Raises
         ------
@@ -674,15 +731,28 @@ class PreparedBuilding:
         return result
 
     def _loaded_arrays(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
-        """Load the kernels and return the arrays in the initial state for time steps of h (s)."""
+        """Check that the method supports the building, load the kernels, and return `arrays`."""
         if reason := unsupported_reason(integrator, self.building):
             raise AnalysisError(reason)
         self.compile([integrator])
         return self.arrays(integrator, h, row_count)
 
     def arrays(self, integrator: Integrator, h: float, row_count: int) -> Workspace:
-        """Return the arrays in the initial state for time steps of h (s) and a number of rows of
-        the history.
+        """Return the arrays of a time integration in the initial state.
+
+        Parameters
+        ----------
+        integrator : Integrator
+            Method.
+        h : float
+            Time step, s.
+        row_count : int
+            Number of rows of the history; 0 for no history.
+
+        Raises
+        ------
+        AnalysisError
+            A law or the method of a plug-in is invalid.
         """
         _verify_laws(self.building.law_parameters)
         validate_plugin_step(integrator)
@@ -693,8 +763,20 @@ class PreparedBuilding:
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
-        """Return the compiled time loop with its arguments. The loop continues from the state of
-        the arrays at the time of its call.
+        """Return a function that calls the compiled time loop with all arguments except the steps.
+
+        The loop continues from the state of the arrays at the time of its call, and changes them.
+
+        Parameters
+        ----------
+        integrator : Integrator
+            Method.
+        h : float
+            Time step, s.
+        ground : ndarray, shape (samples,)
+            Ground acceleration at the samples, m/s^2.
+        space : Workspace
+            Arrays from `arrays`.
         """
         building = self.building
         arrays = (
@@ -744,10 +826,10 @@ class PreparedBuilding:
         return integrate_steps
 
     def _integrate_interruptibly(self, loop: Loop, steps: Steps) -> int:
-        """Integrate the remaining steps in calls of about `_CALL_SECONDS` seconds.
+        """Integrate the steps after `steps.done` in calls of about `_CALL_SECONDS` seconds.
 
-        Python handles an interrupt (Ctrl-C) only between two calls. The result is 0 or the code of
-        the failed step.
+        Python handles an interrupt (Ctrl-C) only between two calls. The result is 0 or the negative
+        code of the failed step.
         """
         done = steps.done
         size = max(_FIRST_CALL_SIZE // (self.building.stories * (1 + len(self.building.modal))), 1)
@@ -767,8 +849,8 @@ class PreparedBuilding:
 
 
 def kernels_of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
-    """Return the kernels of a run of a model with all its tables, and of a cyclic test of its
-    stories.
+    """Return the kernels of a run of a model with all tables of its results, and those of a cyclic
+    test of its stories, each with the variant for the model.
     """
     prepared = PreparedBuilding.of(model)
     return [*kernels(integrator, prepared.variant), *_other_kernels(prepared, integrator)]

@@ -257,8 +257,9 @@ def run_case(
     case = validated_case(case)
     dt, duration = number_of(dt, "dt"), number_of(duration, "duration")
     tolerance = ratio_of(tolerance, "tolerance")
-    # First determine the time at rest by a run without history. Then run again up to this time, so
-    # that a time step for a tolerance is chosen over the complete duration.
+    # First determine the time at which free vibration has decayed, by a run without history. Then
+    # run again up to this time, so that a time step for a tolerance is chosen over the complete
+    # duration.
     if until_rest:
         steps, at_rest = extend_to_rest(case, case.steps(dt, duration))
         end = steps.count * steps.h

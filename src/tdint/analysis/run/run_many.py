@@ -283,7 +283,13 @@ def _run_each_method(arguments: dict[str, Any]) -> ResultList[Runs]:
     Parameters
     ----------
     arguments : dict
-        Arguments of `run_many`, of which `method` or `dt` is a list.
+        Arguments of `run_many` by name; `method` or `dt` is a list. Both are removed from the
+        dictionary.
+
+    Raises
+    ------
+    UsageError
+        `out` is specified: one array cannot store several results.
     """
     if arguments["out"] is not None:
         raise UsageError("run_many: out cannot be used with a list of methods or time steps")
@@ -306,15 +312,34 @@ def _requested(
 
     Parameters
     ----------
-    inputs, analysis, samples, kept, jobs
-        Arguments of `run_many`: models, records, scales, zip_records; method, dt, duration, check;
-        vary, product, errors; history, every, out; jobs.
+    inputs : tuple
+        Arguments models, records, scales and zip_records of `run_many`.
+    analysis : tuple
+        Arguments method, dt, duration and check.
+    samples : tuple
+        Arguments vary, product and errors.
+    kept : tuple
+        Arguments history, every and out.
+    jobs : int or None
+        Number of threads; None for the number of processors.
 
     Returns
     -------
-    tuple
-        Request, runs to integrate, result without values, number of threads, and the Parquet file
-        or None.
+    request : RunsRequest
+        Checked arguments.
+    plan : list of RunSpec
+        Runs to integrate; runs with an invalid sample are omitted.
+    result : Runs
+        Result with a row for each run, without values.
+    threads : int
+        Number of threads.
+    file : Path or None
+        Parquet file for the table of the runs.
+
+    Raises
+    ------
+    UsageError, ModelError, RecordError
+        As by `run_many`.
     """
     models, records, scales, zip_records = inputs
     method, dt, duration, check = analysis
@@ -412,6 +437,8 @@ def _integrate_plan(
 
     def integrate_part(part: Sequence[RunSpec]) -> int:
         """Integrate some runs, unless an interrupt has occurred, and return their number."""
+        # The semaphore counts the parts that are running; after an interrupt, the main thread waits
+        # for them.
         with running:
             if not stop.is_set():
                 _integrate_part(request, result, part)
@@ -433,7 +460,9 @@ def _integrate_plan(
 
 
 def _shape(request: RunsRequest, plan: Sequence[RunSpec], every: int) -> tuple[int, int, int]:
-    """Return the shape of the histories: runs, rows of the longest run, stories of the tallest."""
+    """Return the shape of the histories: number of runs, number of rows of the longest run, number
+    of stories of the tallest building.
+    """
     return len(plan), max(run.steps.count for run in plan) // every + 1, request.stories
 
 
@@ -443,7 +472,19 @@ def _empty_result(
     every: int,
     history: dict[str, NDArray[np.floating[Any]]],
 ) -> Runs:
-    """Return the result with arrays that each thread fills for its runs."""
+    """Return a result whose arrays contain nan, 0 or "interrupted" until threads fill their rows.
+
+    Parameters
+    ----------
+    request : RunsRequest
+        Checked arguments.
+    plan : sequence of RunSpec
+        All runs, one row for each.
+    every : int
+        Number of time steps between two rows of a history.
+    history : dict of str to ndarray
+        Arrays of the histories, shape (runs, rows, stories).
+    """
     peaks, errors, corrected = (
         {
             field.name: np.full((len(plan), request.stories), math.nan)
@@ -476,9 +517,10 @@ def _empty_result(
 
 
 def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec]) -> None:
-    """Integrate some runs in batches of one building and one time step, and write them to the
-    result.
+    """Integrate some runs in batches of one building and one time step, and write their results to
+    their rows of `result`.
     """
+    # `individual` is the sample of a run that needs its own assembled building, otherwise -1.
     for (model, _, individual), group in groupby(
         part,
         key=lambda run: (
@@ -541,7 +583,9 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
 def _integrate_with_histories(
     subject: Subject, request: RunsRequest, result: Runs, runs: Sequence[RunSpec]
 ) -> BatchResult:
-    """Integrate runs of one building with one time step and keep the requested histories."""
+    """Integrate runs of one building with one time step, and write the requested histories to
+    `result`.
+    """
     prepared, h = subject.prepared, runs[0].steps.h
     time = (
         result.every * h * np.arange(next(iter(result.history.values())).shape[1], dtype=np.float64)
@@ -555,7 +599,7 @@ def _integrate_with_histories(
     building, forces, n = prepared.building, prepared.forces, prepared.building.stories
 
     def on_history(i: int, rows: Array) -> None:
-        """Write the history of run `i`; nan after its end and above the roof."""
+        """Write the history of run `i`; nan after its end and for stories above its roof."""
         for array, compute in targets:
             history = array[runs[i].number]
             history[: len(rows), :n] = compute(building, forces, time[: len(rows)], rows)
@@ -575,13 +619,29 @@ def _integrate_with_histories(
 
 
 def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradient:
-    """Return the derivatives of an individual run, and of its history if it was kept."""
+    """Return the derivatives of the peaks of an individual run, and of its history if it was kept.
+
+    Parameters
+    ----------
+    case : Case
+        Building, ground motion and method of the run.
+    response : Response
+        Result of the run. Errors of the derivatives are estimated if it has error estimates.
+    names : sequence of str
+        Parameters, as in `vary` of `run_many`.
+
+    Raises
+    ------
+    UsageError
+        The case allows an unstable time step, or a parameter does not exist.
+    """
     if case.allow_unstable:
         raise UsageError(
             "gradient cannot be used with allow_unstable: results of an unstable time step have no "
             "derivative"
         )
     label, dt = case.method.label, response.dt
+    # Many runs require a record: without a ground motion, it is a record of zeros.
     record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
     subject = Subject(case.model, label)
     check = response.check is not None
@@ -609,8 +669,8 @@ def _gradient(
 ) -> Gradient:
     """Return the derivatives of completed runs, with error estimates if `request.check` is true.
 
-    The errors are those of the differences from a second set of runs with half the time step. Their
-    method is that of `default_reference`.
+    The errors are estimated by computing the derivatives again from a second set of runs with half
+    the time step. The method of these runs is that of `default_reference`.
 
     Parameters
     ----------
@@ -681,7 +741,7 @@ def _differentiated(
         Number of threads.
     """
     # Each building has its own parameter values in each sample, and two neighbors for each value.
-    # The keys are the indices of building and sample.
+    # The keys of both dictionaries are the indices of building and sample.
     numbers = dict[tuple[int, int], list[float]]()
     near = dict[tuple[int, int], list[tuple[float, float]]]()
     for key in dict.fromkeys((run.model, run.draw) for run in plan):
@@ -710,7 +770,10 @@ def _differentiated(
         return filled
 
     def differences(base: NDArray[Any], neighboring: NDArray[Any]) -> list[NDArray[Any]]:
-        """Return the derivatives of a quantity and the differences of its one-sided derivatives."""
+        """Return the derivatives of a quantity, and half the differences of its one-sided
+        derivatives (`slopes`), from its values `base` in the runs and `neighboring` in their
+        neighbors.
+        """
         neighbor_values = neighboring.reshape(*offsets.shape, *base.shape[1:])
         return [with_all_rows(array) for array in slopes(base[rows], neighbor_values, offsets)]
 
@@ -748,9 +811,16 @@ def _neighbor_runs(
         Values of the parameters, by the indices of building and sample.
     near : mapping
         Two neighbors of each value, by the same indices.
+
+    Returns
+    -------
+    request : RunsRequest
+        Request with the samples of the neighbors, without error estimates.
+    plan : list of RunSpec
+        Neighboring runs.
     """
     draws, columns = neighbor_samples(near, names, request.building_parameters)
-    # The scale is a number of the run, not of the building.
+    # A neighbor of the factor on the ground motion changes the scale of the run, not the building.
     neighbor_plan = list[RunSpec]()
     for run, i, side in combined(plan, range(len(names)), range(2)):
         key = run.model, run.draw

@@ -35,7 +35,7 @@ class ShockSequence:
     Attributes
     ----------
     records : tuple of Record
-        Ground motions of the events, with one sampling interval.
+        Ground motions of the events, all with the same sampling interval.
     starts : tuple of int
         Sample of the joined record at which each event starts.
     restless : tuple of int
@@ -80,6 +80,11 @@ def sequence_of(
         Time step of the runs that determine the time of rest, s; by default that of the model,
         otherwise the sampling interval.
 
+    Returns
+    -------
+    ShockSequence
+        Ground motions and the samples at which they start.
+
     Raises
     ------
     UsageError
@@ -88,7 +93,7 @@ def sequence_of(
     if not records:
         raise UsageError("a sequence must contain at least one record")
     shocks, starts, restless = at_one_interval(records), [0], []
-    steps = _steps(case, shocks[0], dt)
+    steps = _steps(case, shocks[0], dt)  # only the number of samples in a step is used
     for number, shock in enumerate(shocks[:-1], start=1):
         last = starts[-1] + shock.acceleration.size - 1
         if rest is not None:
@@ -98,6 +103,7 @@ def sequence_of(
             steps_to_rest, at_rest = extend_to_rest(
                 case.under(preceding), _steps(case, preceding, dt)
             )
+            # `per_sample` time steps cover `stride` samples.
             samples = math.ceil(
                 steps_to_rest.count * steps_to_rest.stride / steps_to_rest.per_sample
             )
@@ -172,7 +178,7 @@ def run_sequence(
 def event_responses(
     joined: Case, sequence: ShockSequence, steps: Steps, *, check: bool = False
 ) -> tuple[Shock, ...]:
-    """Return the peaks of each event of a sequence up to the end of `steps`.
+    """Integrate a sequence again, and return the peaks of each event that starts before its end.
 
     Parameters
     ----------
@@ -184,12 +190,17 @@ def event_responses(
         Time steps of the completed run.
     check : bool, default False
         Estimate the errors by one additional run.
+
+    Returns
+    -------
+    tuple of Shock
+        Response to each event.
     """
     shocks = _parts(joined, sequence, steps)
     if not check:
         return shocks
     others = _parts(reference(joined), sequence, reference_steps(joined, steps))
-    # Only the first event contains the start.
+    # A motion of the building at the start affects the error estimate of the first event only.
     starts = (start_peaks(joined, steps), *(None for _ in shocks[1:]))
     return tuple(
         replace(shock, errors=story_errors(shock, other, factors(joined.method), start=start))
@@ -200,7 +211,7 @@ def event_responses(
 
 
 def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, ...]:
-    """Integrate the joined case and return the peaks of each part between two starts of events."""
+    """Integrate the joined case in parts, one for each event, and return their peaks."""
     # The ground acceleration of an event starts to change at the sample before its first sample.
     firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
     building, dt = joined.building, sequence.records[0].dt
@@ -208,6 +219,7 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
     shocks = []
     for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False):
         stories = run_totals.story_peaks(building, space)
+        # Residual drifts are read at the end of the part, so that the last step is 0 s late.
         bound = run_totals.interstep_peak_errors(building, space, 0.0, stories)
         shocks.append(Shock(record, start * dt, stories, bound))
     return tuple(shocks)

@@ -133,14 +133,15 @@ def step_within(
     duration: float | None = None,
     largest: float = math.inf,
 ) -> float:
-    """Return the time step (s) that `choose_step` selects, limited to `largest` (s).
+    """Return the time step (s) that `choose_step` selects if no step may be longer than `largest`.
 
     Parameters
     ----------
     case, tolerance, dt, duration
         As for `choose_step`.
     largest : float
-        Maximum time step, s. The search starts at the first time step that is not longer.
+        Maximum time step, s; by default unlimited. The search starts at the first time step that is
+        not longer.
 
     Raises
     ------
@@ -208,6 +209,7 @@ class _Search:
         case.prepared.compile([case.method, reference(case).method])
         if dt is not None or case.model.analysis.dt is not None or case.record is None:
             return cls(case, tolerance, requested, 0)
+        # Without a requested time step, start with some sampling intervals of the record.
         power = _FIRST_POWER if tolerance >= _TIGHT else _FIRST_POWER_TIGHT
         return cls(case, tolerance, case.steps(2**power * requested.h, duration), power)
 
@@ -225,7 +227,9 @@ class _Search:
         )
 
     def run(self, level: int) -> Response | FailedRun:
-        """Return the response or the failure of a level; each level is run at most once."""
+        """Return the response or the failure of a level; it is cached, so each level runs only one
+        time.
+        """
         if level not in self.runs:
             self.runs[level] = attempt(self.case, self.steps(level))
             self.count += 1
@@ -247,6 +251,8 @@ class _Search:
             No level up to the last meets the tolerance, or the run of the last level failed.
         """
         is_reference = reference(self.case).method == self.case.method
+        # A run of the reference method (`impulse4`) is compared with the previous run, which has a
+        # longer time step; a run of another method with an additional run of the reference method.
         first = self._first_level(largest, is_reference)
         last = max(self.power + _MAX_HALVINGS, first)
         previous, level = first - 1, first
@@ -332,11 +338,15 @@ class _Search:
             observed = math.log2(self.errors[coarser] / error) / (level - coarser)
             order = min(max(observed, min_order), max_order)
         self.errors[level] = error
+        # At order p, each halving divides the error by 2^p.
         needed = math.ceil(math.log2(error / self.tolerance) / order)
         return min(max(needed, 1), _MAX_JUMP_OF_PAIRS if is_reference else _MAX_JUMP)
 
     def _with_coarser_run(self, previous: int, level: int) -> Response | FailedRun:
-        """Return the response of a level with errors from its difference to the previous level.
+        """Return the response of a level with errors estimated from its difference to the response
+        of the previous level.
+
+        The difference of the pair is added to `pairs`.
 
         Parameters
         ----------
@@ -379,11 +389,13 @@ class _Search:
         halvings : int
             Number of halvings between the two time steps.
         """
+        # Denominator of Richardson extrapolation at second order, r^2 - 1 with r = 2^halvings.
         richardson = 4.0**halvings - 1.0
         if not self.pairs:
             return _FIRST_PAIR / richardson
         earlier_difference, earlier_halvings = self.pairs[-1]
-        # Decrease of the differences over as many halvings as there are between the two runs.
+        # Convert the decrease of the differences since the earlier pair to the halvings of this
+        # pair.
         decrease = math.pow(
             earlier_difference / max(difference, float(np.finfo(float).tiny)),
             halvings / earlier_halvings,

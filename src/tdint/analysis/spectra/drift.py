@@ -28,10 +28,13 @@ from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import Quantity
 
-MAX_STORIES = 1000  # no building has more; the story height or the period is probably wrong
-MAX_BEAM_MODES = 20_000  # 160 kB per period; a larger number is requested only by mistake
+# Maximum number of stories. Buildings have fewer; the story height or the period is probably wrong.
+MAX_STORIES = 1000
+# Maximum number of modes of a beam, 160 kB per period. More are only requested by mistake.
+MAX_BEAM_MODES = 20_000
 
-# Modes up to this multiple of the fundamental frequency are evaluated within each radian.
+# Multiple of the fundamental frequency. Modes up to this frequency have omega h <= 1 for the time
+# step h, which the search for maxima within a step requires.
 _RESOLVED_FREQUENCY_RATIO = 20.0
 # Minimum number of modes of a beam. All modes with periods above half a sampling interval are
 # included in any case.
@@ -40,13 +43,13 @@ _MIN_BEAM_MODES = 64
 
 @dataclass(frozen=True)
 class HeightPeriod:
-    """The fundamental period of a building of height H, T = a H^b, with T in s and H in m.
+    """Relation of the fundamental period T (s) and the height H (m) of buildings, T = a H^b.
 
     The default, 0.0731 H^0.75, applies to moment frames of reinforced concrete and eccentrically
-    braced steel frames in the Uniform Building Code of 1997 (Ct 0.0731), and of eccentrically
+    braced steel frames in the Uniform Building Code of 1997 (Ct 0.0731), and to eccentrically
     braced and buckling-restrained steel frames in ASCE 7, table 12.8-2. Other rows of this table:
-    0.0724 H^0.8 (steel moment frames), 0.0466 H^0.9 (concrete moment frames), 0.0488 H^0.75 (all
-    others).
+    0.0724 H^0.8 (steel moment frames), 0.0466 H^0.9 (concrete moment frames), 0.0488 H^0.75 (other
+    systems).
 
     Attributes
     ----------
@@ -70,7 +73,7 @@ class HeightPeriod:
         Raises
         ------
         UsageError
-            A height that no number can hold.
+            A height is zero or exceeds the range of floating-point numbers.
         """
         with np.errstate(all="ignore"):
             height = np.asarray((period / self.a) ** (1.0 / self.b))
@@ -161,16 +164,18 @@ def drift_spectrum(
     damping : float
         Damping ratio of every mode, in [0, 1).
     stories : int, optional
-        Number of stories of every building, instead of one that follows from the height.
+        Number of stories of every building. By default, it follows from the height and
+        `story_height`.
     story_height : float
-        Without `stories`: the number of stories is the height over this (m), rounded, at least 1.
-        The stories share the height equally.
+        Approximate story height, m, if `stories` is None. The number of stories is the height of
+        the building divided by this value, rounded, at least 1. All stories have equal heights.
     height_period : HeightPeriod
-        The height that belongs to a period.
-    beam : bool
-        The continuous shear beam instead of stories: its drift at the base (Iwan 1997), with the
-        same damping ratio in all modes. Without damping that is Iwan's sum of waves, |v(t) - 2 v(t
-        - T/2) + 2 v(t - T) - ...| / (4 H / T).
+        Relation from which the height of a building follows from its period.
+    beam : bool, default False
+        True for the drift at the base of a continuous shear beam (Iwan 1997) instead of stories,
+        with the same damping ratio in all modes. Without damping, this is Iwan's sum of waves,
+        |v(t) - 2 v(t - T/2) + 2 v(t - T) - ...| / (4 H / T), with the ground velocity v, the
+        period T and the height H.
 
     Returns
     -------
@@ -180,9 +185,9 @@ def drift_spectrum(
     Raises
     ------
     UsageError
-        A number that is out of range.
+        A parameter is out of range.
     AnalysisError
-        Periods that are too short or, for a beam, too long for the record's sampling interval.
+        A period is too short or, for a beam, too long for the sampling interval of the record.
     """
     record, damping = record_of(record), damping_of(damping)
     periods = numbers_of(periods, "periods")
@@ -210,12 +215,26 @@ def drift_spectrum(
 def number_of_stories(
     heights: Array, stories: int | None, story_height: float
 ) -> NDArray[np.int64]:
-    """Return the numbers of stories of buildings with heights (m), or `stories` for all of them.
+    """Return the number of stories of each building.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (k,)
+        Heights of the buildings, m.
+    stories : int or None
+        Number of stories of all buildings; None to divide the heights by `story_height`.
+    story_height : float
+        Approximate story height, m.
+
+    Returns
+    -------
+    ndarray of int, shape (k,)
+        Numbers of stories.
 
     Raises
     ------
     UsageError
-        The story height is not positive, or there would be more than MAX_STORIES.
+        The story height is not positive, or a building would have more than MAX_STORIES.
     """
     if stories is None:
         if not 0.0 < story_height < math.inf:
@@ -318,15 +337,24 @@ class _Beam:
 
 
 def _beam_mode_count(period: float, dt: float) -> int:
-    """Return the number of modes of a beam with periods of at least half a sampling interval.
+    """Return the number of modes of a beam that are included, at least `_MIN_BEAM_MODES`.
 
-    Modes with shorter periods follow the ground acceleration statically.
+    All modes with periods of at least half a sampling interval are included. Modes with shorter
+    periods follow the ground acceleration statically (`_Beam.static`).
+
+    Parameters
+    ----------
+    period : float
+        Fundamental period, s.
+    dt : float
+        Sampling interval, s.
 
     Raises
     ------
     AnalysisError
-        More than MAX_BEAM_MODES.
+        More than MAX_BEAM_MODES modes are required.
     """
+    # The period of mode j is period / (2 j - 1).
     count = max(_MIN_BEAM_MODES, math.ceil(period / dt + 0.5))
     if count > MAX_BEAM_MODES:
         raise AnalysisError(
@@ -337,7 +365,22 @@ def _beam_mode_count(period: float, dt: float) -> int:
 
 
 def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: float) -> Array:
-    """Compute the results of the kernel for each building, shape (buildings, RESULTS)."""
+    """Compute the maximum drift and displacement of each building under a ground motion.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+    buildings : sequence of _Stories or _Beam
+        Buildings.
+    damping : float
+        Damping ratio of all modes.
+
+    Returns
+    -------
+    ndarray, shape (buildings, 3)
+        Maximum drift ratio, index of its story from 0, and maximum roof drift ratio.
+    """
     omegas = [building.omega for building in buildings]
     # Divide the sampling interval into parts, so that omega h <= 1 for the resolved modes.
     parts = [
@@ -355,6 +398,7 @@ def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: fl
     ground = record.acceleration.copy()
     results = np.empty((len(buildings), drifts.RESULTS))
     for building, p, table, result in zip(buildings, parts, tables, results, strict=True):
+        # The kernel processes BLOCK modes together. Modes of zeros complete the last block.
         padding = -table.shape[1] % drifts.BLOCK
         drifts.largest_drifts.compiled(
             ground,

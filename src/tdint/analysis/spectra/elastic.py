@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 Parts = NDArray[np.int64]
 
+# Value of `Quantity.shown` for columns that a table contains only if the user specified the option.
 _IF_REQUESTED = ("asked",)
 DampingRatio = Annotated[float, Quantity("1", "viscous damping ratio")]
 Periods = Annotated[Array, Quantity("s", "natural period", called="period")]
@@ -63,7 +64,10 @@ _ROUNDING = 1e-9  # relative; prevents rounding an integer quotient up to the ne
 
 
 def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -> Array:
-    """Return the exact recursion over one time step for linear oscillators.
+    """Return the coefficients of the exact solution over one time step for linear oscillators.
+
+    The solution is exact for a ground acceleration that is linear within the step (Nigam and
+    Jennings 1969).
 
     Parameters
     ----------
@@ -79,8 +83,11 @@ def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -
     Returns
     -------
     ndarray, shape (RECURSION_ROWS + more, k)
-        Rows of `tdint.kernels.oscillators.between_steps`, and the additional rows.
+        Coefficients in the rows of `tdint.kernels.oscillators.between_steps`, and additional rows
+        without values.
     """
+    # The coefficients are first computed for displacements u, h v (velocity v) and h^2 p (load p),
+    # and then converted to u, v and p.
     steps = oscillator(omega * h, np.full_like(omega, damping))
     table = np.empty((RECURSION_ROWS + more, omega.size))
     for row, first in ((0, A11), (1, A21)):
@@ -93,7 +100,7 @@ def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -
 
 
 def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "") -> None:
-    """Reject periods that are positive and shorter than `least` sampling intervals.
+    """Raise AnalysisError if a positive period is shorter than `least` sampling intervals.
 
     Parameters
     ----------
@@ -109,7 +116,7 @@ def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "")
     Raises
     ------
     AnalysisError
-        There is such a period.
+        A period is too short.
     """
     shortest = float(np.min(periods[periods > 0.0]))
     if shortest < least * dt:
@@ -128,10 +135,10 @@ class Maxima:
     name : str
         Name on the command line and in tables.
     parts : callable
-        Returns the number of parts of the sampling interval, shape (k,), for omega (rad/s, shape
-        (k,)) and the interval (s).
+        Function that receives omega (rad/s, shape (k,)) and the sampling interval (s). It returns
+        the number of parts, shape (k,), into which the interval is divided for each oscillator.
     between : bool
-        True if maxima between the endpoints of these parts are also found.
+        True if maxima between the endpoints of these parts are also included.
     description : str
         Description of the times at which maxima are evaluated, for messages.
     """
@@ -143,21 +150,24 @@ class Maxima:
 
 
 def _resolving(omega: Array, dt: float) -> Parts:
-    """Return numbers of parts for omega h <= 1, which the search between time steps requires.
+    """Return the number of parts of the interval dt (s) for each oscillator, so that omega h <= 1.
 
-    They are powers of two, so that many oscillators are integrated together.
+    The search for maxima within a part of length h requires this limit. The numbers are powers of
+    two, so that many oscillators have the same number and are integrated together.
     """
     return 2 ** np.ceil(np.log2(np.maximum(1.0, omega * dt * (1.0 - _ROUNDING)))).astype(np.int64)
 
 
 def _ten_per_period(omega: Array, dt: float) -> Parts:
-    """Return numbers of parts for at least `STEPS_PER_PERIOD` time steps per period."""
+    """Return the number of parts of the interval dt (s) for each oscillator, with at least
+    `STEPS_PER_PERIOD` parts in a period.
+    """
     periods = 2.0 * math.pi / omega
     return np.ceil(STEPS_PER_PERIOD * dt / periods * (1.0 - _ROUNDING)).astype(np.int64)
 
 
 def _undivided(omega: Array, dt: float) -> Parts:
-    """Return one part: the sampling interval."""
+    """Return the number 1 for each oscillator: the sampling interval is not divided."""
     return np.ones(omega.shape, dtype=np.int64)
 
 
@@ -179,7 +189,7 @@ MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
 
 
 def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxima) -> Array:
-    """Return maximum relative displacement (m), velocity (m/s) and absolute acceleration (m/s^2).
+    """Compute the maximum responses of linear oscillators to a ground motion.
 
     Parameters
     ----------
@@ -198,7 +208,8 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
     Returns
     -------
     ndarray, shape (3, k)
-        Maxima.
+        Maximum displacement (m) and velocity (m/s) relative to the ground, and maximum absolute
+        acceleration (m/s^2).
     """
     result = np.empty((spectra.PEAKS, omega.size))
     for indices, parts, table in groups(omega, damping, dt, maxima, _lanes):
@@ -228,8 +239,8 @@ def groups(
     maxima : Maxima
         Times at which maxima are evaluated, which determine the time step of each oscillator.
     lanes : callable
-        Function of the number of oscillators in a group. It returns the number of oscillators that
-        the kernel integrates together.
+        Function that receives the number of oscillators in a group, and returns the number of
+        oscillators that the kernel integrates together.
 
     Yields
     ------
@@ -243,6 +254,7 @@ def groups(
     """
     parts = maxima.parts(omega, dt)
     table = recursion_table(omega, dt / parts, damping, more=2)
+    # Coefficients of displacement and velocity in the absolute acceleration.
     table[spectra.BY_DISPLACEMENT] = omega**2
     table[spectra.BY_VELOCITY] = 2.0 * damping * omega
     for count in np.unique(parts).tolist():
@@ -253,10 +265,10 @@ def groups(
 
 
 def _lanes(count: int) -> int:
-    """Return the number of oscillators that the kernel integrates together.
+    """Return the number of oscillators that the kernel integrates together, if there are `count`.
 
-    It is a multiple of the number of values in a vector register of the processor. Several groups
-    of equal size are used if `count` oscillators exceed the maximum for one group.
+    The result is a multiple of the number of values in a vector register of the processor. More
+    than `_MAX_LANES` oscillators are divided into several parts of equal size.
     """
     group_count = -(-count // _MAX_LANES)  # rounded up
     return -(-count // (group_count * _REGISTER)) * _REGISTER
@@ -329,8 +341,16 @@ class Spectrum(Tabular):
 
 @dataclass(frozen=True)
 class SpectrumSettings:
-    """Computation of a spectrum: method (None for the exact solution), maxima, and interpolation
-    between samples.
+    """Settings for the computation of a spectrum.
+
+    Attributes
+    ----------
+    method : str or None
+        Method that integrates the oscillators; None for the exact solution.
+    maxima : Maxima
+        Times at which maxima are evaluated.
+    interpolation : Interpolation
+        Interpolation of the ground acceleration between its samples.
     """
 
     method: str | None
@@ -451,7 +471,21 @@ def spectrum(
 
 @dataclass(frozen=True)
 class OscillatorMotion:
-    """Motion of an oscillator under a record, at its samples; arrays of shape (samples,)."""
+    """Motion of an oscillator under a record, at its samples; arrays of shape (samples,).
+
+    Attributes
+    ----------
+    record : Record
+        Ground motion.
+    damping : float
+        Damping ratio.
+    periods : float
+        Natural period, s.
+    displacement, velocity : ndarray
+        Motion relative to the ground, m and m/s.
+    acceleration : ndarray
+        Absolute acceleration, m/s^2.
+    """
 
     record: Record
     damping: DampingRatio
@@ -544,7 +578,12 @@ def checked_periods(periods: Numbers) -> Array:
 def choose_settings(
     method: str | None, maxima: str | None, interpolation: str | None
 ) -> SpectrumSettings:
-    """Return the settings for the specified names; unspecified settings follow from the others.
+    """Check the options of a spectrum, and return its settings with defaults for missing options.
+
+    Parameters
+    ----------
+    method, maxima, interpolation : str or None
+        As in `spectrum`.
 
     Raises
     ------
@@ -574,7 +613,7 @@ def choose_settings(
 
 
 def _parse(method: str) -> Integrator:
-    """Return the method of a specification."""
+    """Parse a method specification, such as `hht:alpha=-0.1`."""
     # Imported here, because most spectra need no method.
     from tdint.methods.catalogue import parse
 
@@ -582,15 +621,40 @@ def _parse(method: str) -> Integrator:
 
 
 def _lookup(table: dict[str, Choice], name: str, quantity: str) -> Choice:
-    """Return the item of a table; raise UsageError for an unknown name of the quantity."""
+    """Return the item `name` of a table; raise UsageError if the table does not contain it.
+
+    `quantity` is the name of the option in the message.
+    """
     if name not in table:
         raise UsageError(f"{quantity} must be one of {', '.join(table)}, got {name!r}")
     return table[name]
 
 
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
-    """Return maxima of oscillators that are integrated simultaneously by a method of the
-    catalogue.
+    """Integrate oscillators together by a method with the sampling interval as time step.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+    omega : ndarray, shape (k,)
+        Natural circular frequencies, rad/s.
+    damping : float
+        Damping ratio.
+    method : str
+        Method specification.
+
+    Returns
+    -------
+    label : str
+        Name of the method with its parameters.
+    maxima : ndarray, shape (3, k)
+        As in `largest`.
+
+    Raises
+    ------
+    AnalysisError
+        The method is unstable or diverges with this time step.
     """
     # Imported here, because the import loads all methods, which most spectra do not need.
     from tdint.analysis.run.compiled_steps import find_instability
@@ -651,7 +715,15 @@ class FirstMode:
 
 
 def first_mode(building: Building, record: Record | None) -> FirstMode:
-    """Return the first mode, and Sa(T1) of a record."""
+    """Return the first mode of a building, and the pseudo-acceleration of a record at its period.
+
+    Parameters
+    ----------
+    building : Building
+        Building; the mode is that of its initial stiffness.
+    record : Record or None
+        Ground motion; None without ground motion.
+    """
     period, damping, sa = building.first_period, building.first_mode()[1], None
     if record is not None:
         # Sa is unknown (None) if the period is too short for the sampling interval of the record.

@@ -40,7 +40,14 @@ class FloorSpectrum(Tabular):
 
 
 def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
-    """Return the numbers of floors, from 1 at the bottom, for their names (numbers, or `roof`).
+    """Convert the names of floors to numbers without duplicates.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Numbers of floors, from 1 at the bottom, or `roof`.
+    stories : int
+        Number of stories of the building.
 
     Raises
     ------
@@ -49,6 +56,7 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
     """
     numbers = []
     for name in names:
+        # A name that is not a number becomes 0, which is rejected below.
         floor = (
             stories
             if name == ROOF
@@ -69,7 +77,14 @@ def floor_motion(response: Response, floor: int) -> Record:
 
     The station code of the record is the floor (F01, ..., F10 for ten floors), and its location
     code states that it is in SI units. The channel code is the code of the ground motion if this is
-    a code of an accelerometer.
+    a code of an accelerometer (its second letter is N), otherwise HNX.
+
+    Parameters
+    ----------
+    response : Response
+        Response with its history.
+    floor : int
+        Floor, from 1 at the bottom.
 
     Raises
     ------
@@ -106,17 +121,19 @@ def floor_spectra(
     periods: Numbers,
     damping: Numbers | Sequence[str] = (0.05,),
 ) -> tuple[FloorSpectrum, ...]:
-    """Compute elastic response spectra of floors, exact for floor motions that are linear between
-    the time steps of the run.
+    """Compute elastic response spectra of the absolute accelerations of floors.
+
+    The spectra are exact for floor accelerations that are linear between the time steps of the run.
 
     Parameters
     ----------
     response : Response
-        With its history.
-    floors : sequence of int
-        From 1 at the bottom, or `roof`.
+        Response with its history.
+    floors : sequence of int or str
+        Floors, from 1 at the bottom, or `roof`.
     periods : ndarray, shape (k,)
-        s; 0 gives the largest absolute acceleration of the floor at the steps.
+        Periods, s. At period 0, the result is the maximum absolute acceleration of the floor at the
+        time steps.
     damping : sequence of float
         Damping ratios.
 
@@ -128,7 +145,7 @@ def floor_spectra(
     Raises
     ------
     UsageError, AnalysisError
-        As `spectrum`.
+        As by `spectrum`; or the response has no history, or a floor does not exist.
     """
     numbers = floor_numbers([str(floor) for floor in floors], len(response.model.stories))
     motions = [(floor, floor_motion(response, floor)) for floor in numbers]

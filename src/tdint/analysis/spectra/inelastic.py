@@ -182,9 +182,11 @@ def constant_ductility(
         raise UsageError(
             f"ductilities must be numbers from 1 to {MOST_DUCTILE:g}, got {ductilities!r:.60}"
         )
+    # Columns of the results: yield displacement, maximum displacement and residual displacement, m.
     results = {target: np.zeros((len(oscillators), 3)) for target in sorted(set(ductilities))}
     for i, oscillator in enumerate(oscillators):
         ratio = 1.0
+        # Without an elastic displacement, all results remain 0.
         for target, result in results.items() if oscillator.elastic > 0.0 else ():
             # The ductility is a continuous function of the strength ratio, and is 1 at the ratio 1.
             # With decreasing ratio it therefore reaches the smaller targets first. Each search
@@ -245,8 +247,22 @@ def constant_strength(
 def _oscillators(
     record: AnyRecord, periods: Numbers, damping: float | str, hardening: float
 ) -> tuple[dict[str, Any], list[_Oscillator]]:
-    """Check the arguments and return them by field name of `InelasticSpectrum`, with the
-    oscillators."""
+    """Check the arguments of `constant_ductility` and `constant_strength`.
+
+    Returns
+    -------
+    arguments : dict
+        Checked arguments, by name of the field of `InelasticSpectrum`.
+    oscillators : list of _Oscillator
+        Oscillator of each period.
+
+    Raises
+    ------
+    UsageError
+        A parameter is out of range.
+    AnalysisError
+        A period is too short for the sampling interval of the record.
+    """
     record, damping = record_of(record), damping_of(damping)
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
@@ -275,8 +291,19 @@ def _spectrum(
     target: float | None,
     result: Array,
 ) -> InelasticSpectrum:
-    """Build a spectrum from `result`: one row per oscillator with yield displacement, maximum
-    displacement and residual displacement (m)."""
+    """Build a spectrum from the results of its oscillators.
+
+    Parameters
+    ----------
+    arguments : dict
+        Fields of `InelasticSpectrum` by name, as from `_oscillators`.
+    oscillators : sequence of _Oscillator
+        Oscillator of each period.
+    target : float or None
+        Requested ductility; None for a spectrum of constant strength.
+    result : ndarray, shape (k, 3)
+        Yield displacement, maximum displacement and residual displacement of each oscillator, m.
+    """
     yield_displacement, sd, residual = result.T
     return InelasticSpectrum(
         **arguments,
@@ -290,7 +317,19 @@ def _spectrum(
 
 @dataclass(frozen=True)
 class _Oscillator:
-    """Bilinear oscillator of unspecified strength under a ground motion."""
+    """Bilinear oscillator of unspecified strength under a ground motion.
+
+    Attributes
+    ----------
+    ground : ndarray, shape (samples,)
+        Ground acceleration, m/s^2.
+    dt : float
+        Sampling interval, s.
+    omega : float
+        Natural circular frequency of the initial stiffness, rad/s.
+    damping, hardening : float
+        Damping ratio, and ratio of the stiffness after yielding to the initial stiffness.
+    """
 
     ground: Array
     dt: float
@@ -299,7 +338,18 @@ class _Oscillator:
     hardening: float
 
     def response(self, yield_displacement: float) -> tuple[float, float]:
-        """Return the maximum and the residual displacement, m."""
+        """Integrate the oscillator with a yield displacement (m; inf for elastic response).
+
+        Returns
+        -------
+        tuple of float
+            Maximum absolute displacement and residual displacement, m.
+
+        Raises
+        ------
+        AnalysisError
+            The motion changes too often between elastic and plastic.
+        """
         results = np.empty(inelastic.RESULTS)
         code = inelastic.bilinear_response.compiled(
             self.ground,
@@ -324,7 +374,10 @@ class _Oscillator:
         return self.response(math.inf)[0]
 
     def ductility(self, ratio: float) -> float:
-        """Return the ductility for `ratio`, the strength divided by the elastic strength."""
+        """Return the ductility for a strength of `ratio` times the elastic strength.
+
+        Strengths are proportional to yield displacements, because the stiffness is the same.
+        """
         return self.response(ratio * self.elastic)[0] / (ratio * self.elastic)
 
 
@@ -332,13 +385,22 @@ class _Oscillator:
 
 
 def largest_ratio(ductility: Callable[[float], float], target: float, start: float = 1.0) -> float:
-    """Return the largest ratio, at most `start`, whose ductility equals `target`.
+    """Return the largest strength ratio, at most `start`, that leads to the ductility `target`.
 
-    The ductility is a continuous function of the ratio. It does not exceed the target at `start`
-    and grows without bound as the ratio approaches zero. The function is not monotone, so the
-    search descends from `start` in small steps to the first ratio that reaches the target. The
-    steps are refined where the ductility rises steeply. If the ductility approaches the target and
+    A strength ratio is the strength divided by the elastic strength. The ductility is a continuous
+    function of the ratio. It does not exceed the target at `start` and grows without bound as the
+    ratio approaches zero. The function is not monotone, so the search descends from `start` in
+    small steps to the first ratio that reaches the target. The steps are refined where the ductility rises steeply. If the ductility approaches the target and
     decreases again, the search computes its maximum.
+
+    Parameters
+    ----------
+    ductility : callable
+        Function that receives a strength ratio and returns the ductility.
+    target : float
+        Required ductility, at least 1.
+    start : float
+        Maximum strength ratio.
 
     Raises
     ------
@@ -358,7 +420,7 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
         """Return ln(ductility / target) for a logarithm of the ratio; 0, which ends the search, if
         it is within the tolerance."""
         value = values[x] if x in values else ductility(math.exp(x))
-        log = math.log(max(value, 0.1) / target)
+        log = math.log(max(value, 0.1) / target)  # the maximum avoids the logarithm of 0
         return 0.0 if abs(log) <= _DUCTILITY_TOLERANCE else log
 
     ends = sorted(values)
@@ -374,9 +436,22 @@ Point = tuple[float, float]
 def _bracket(
     ductility: Callable[[float], float], target: float, start: float
 ) -> tuple[Point, Point]:
-    """Return the first point from above that reaches the target, and a point of a larger ratio
-    that does not reach it."""
-    # `low`, `high` and `previous` are points of increasing ratio.
+    """Search downward from the strength ratio `start` for two points on both sides of the target.
+
+    Returns
+    -------
+    low : tuple of float
+        Strength ratio and ductility of the first point that reaches the target.
+    high : tuple of float
+        Point with a larger strength ratio and a ductility below the target.
+
+    Raises
+    ------
+    AnalysisError
+        No ratio above `_MIN_RATIO` reaches the target.
+    """
+    # The last three points of the search, in the order of increasing ratio, are `low`, `high` and
+    # `previous`. Rounding errors must not let the first point exceed the target.
     previous = high = (start, min(ductility(start), target))
     while high[1] < target:
         low = (high[0] * _STRENGTH_STEP, ductility(high[0] * _STRENGTH_STEP))
@@ -414,8 +489,24 @@ class _Reached(Exception):
 
 
 def _maximum(ductility: Callable[[float], float], target: float, low: float, high: float) -> Point:
-    """Return the point of maximum ductility between two ratios, or the first point that reaches
-    the target. The search is Brent's bounded minimization."""
+    """Search for the maximum ductility between two strength ratios by Brent's bounded minimization.
+
+    The search ends early at the first point that reaches the target.
+
+    Parameters
+    ----------
+    ductility : callable
+        Function that receives a strength ratio and returns the ductility.
+    target : float
+        Required ductility.
+    low, high : float
+        Strength ratios between which the maximum is searched.
+
+    Returns
+    -------
+    tuple of float
+        Strength ratio and ductility.
+    """
     from scipy.optimize import minimize_scalar
 
     def negative_ductility(ratio: float) -> float:

@@ -139,6 +139,8 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     factor = modes.mass @ modes.shapes  # modal participation factors
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
+    # A drift is the displacement of a floor minus that of the floor below. LINK is 0 for a story on
+    # the ground. A shear is the sum of the forces above, from the roof down.
     peaks = {
         "drift": displacement
         - building.linear_terms[rows.LINK, :-1] * np.roll(displacement, 1, axis=1),
@@ -154,7 +156,8 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     correlation = correlations(modes.omega, demand.damping or _DEFAULT_DAMPING)
     srss_names = ("drift", "shear", "displacement")
     combined = {f"{name}_srss": np.sqrt(np.sum(peaks[name] ** 2, axis=0)) for name in srss_names}
-    # If contributions of modes cancel, rounding errors can make the sum negative.
+    # CQC: sum over the modes i and k of peak i times correlation i k times peak k, for each story
+    # j. If contributions of modes cancel, rounding errors can make the sum negative.
     combined |= {
         f"{name}_cqc": np.sqrt(
             np.maximum(np.einsum("ij,ik,kj->j", values, correlation, values), 0.0)
@@ -186,6 +189,6 @@ def correlations(omega: Array, damping: float) -> Array:
     ndarray, shape (n, n)
         Coefficient of each pair of modes, from 0 to 1.
     """
-    r = omega[None, :] / omega[:, None]
+    r = omega[None, :] / omega[:, None]  # ratio of the frequencies of each pair of modes
     numerator = 8.0 * damping**2 * (1.0 + r) * r**1.5
     return np.asarray(numerator / ((1.0 - r**2) ** 2 + 4.0 * damping**2 * r * (1.0 + r) ** 2))

@@ -146,6 +146,7 @@ def rotated_spectrum(
         periods=periods,
         percentiles=tuple(percentiles),
         psa=np.percentile(psa, percentiles, axis=1),
+        # The components are the directions 0 and 90 degrees, of ANGLES directions up to 180.
         geometric_mean=np.sqrt(psa[:, 0] * psa[:, rotation.ANGLES // 2]),
         angle=np.argmax(psa, axis=1) * (180.0 / rotation.ANGLES),
         maxima=settings.maxima.name,

@@ -81,7 +81,21 @@ s."""
 
 
 def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
-    """Return the two-period design spectrum (ASCE 7-10, 7-16, 11.4), multiplied by a factor."""
+    """Return the two-period design spectrum of ASCE 7-10 and 7-16 (section 11.4).
+
+    Parameters
+    ----------
+    parameters : mapping of str to str
+        Texts of `sds` and `sd1` (design accelerations at short periods and at 1 s, g) and `tl`
+        (long-period transition period, s).
+    factor : float
+        Factor on the spectrum.
+
+    Raises
+    ------
+    UsageError
+        A parameter is invalid.
+    """
     sds, sd1, tl = (parse_positive(key, parameters[key]) for key in ("sds", "sd1", "tl"))
     if sds > _MAX_SDS:
         raise UsageError(
@@ -96,6 +110,7 @@ def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
     def curve(periods: Array) -> Array:
         """Return the pseudo-accelerations at periods, m/s^2."""
         t = np.maximum(periods, t0)  # avoids a division by 0
+        # Constant acceleration, constant velocity and constant displacement; g.
         shape = np.where(t <= ts, sds, np.where(t <= tl, sd1 / t, sd1 * tl / t**2))
         return (
             factor
@@ -107,9 +122,23 @@ def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
 
 
 def _ec8(parameters: Texts) -> DesignSpectrum:
-    """Return the elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or the
-    values of a National Annex. Type 1 extends to 10 s; from TE on it follows the displacements of
-    eq. A.2."""
+    """Return the elastic spectrum Se of Eurocode 8 (EN 1998-1:2004, 3.2.2.2).
+
+    A spectrum of type 1 extends to 10 s; from the period TE on it follows the displacements of
+    eq. A.2 (Annex A). A spectrum of type 2 extends to 4 s.
+
+    Parameters
+    ----------
+    parameters : mapping of str to str
+        Texts of `type` (1 or 2), `soil` (A to E), `ag` (peak ground acceleration with its unit) and
+        `damping` (ratio, 5 % by default); and `s` (soil factor), `tb`, `tc` and `td` (corner
+        periods, s) of a National Annex, by default the recommended values.
+
+    Raises
+    ------
+    UsageError
+        A parameter is invalid.
+    """
     soils = _EC8_PARAMETERS.get(parameters["type"])
     if soils is None:
         raise UsageError(f"type must be 1 or 2, got {parameters['type']!r}")
@@ -136,7 +165,10 @@ def _ec8(parameters: Texts) -> DesignSpectrum:
     def curve(periods: Array) -> Array:
         """Return the pseudo-accelerations at periods, m/s^2."""
         t = np.maximum(periods, tb)  # avoids a division by 0
+        # Branches of constant acceleration, velocity and displacement, relative to ag S.
         shape = plateau * np.where(t <= tc, 1.0, np.where(t <= td, tc / t, tc * td / t**2))
+        # Displacement of eq. A.2 relative to ag S: it decreases between TE and TF to that of the
+        # ground.
         displacement = (
             0.025 * tc * td * (plateau + np.clip((t - te) / (_TF - te), 0.0, 1.0) * (1.0 - plateau))
         )
@@ -276,7 +308,8 @@ class TargetSpectrum:
     def at(self, periods: ArrayLike) -> Array:
         """Return the pseudo-accelerations at periods (s), m/s^2, shape (k,).
 
-        A formula is defined from period 0, where its value is the peak ground acceleration.
+        The formula of a code also applies to periods below `self.periods`, down to 0, where its
+        value is the peak ground acceleration. A table is interpolated.
 
         Parameters
         ----------
@@ -303,12 +336,17 @@ class TargetSpectrum:
 
 
 def read_target(source: str) -> TargetSpectrum:
-    """Read a target spectrum: a design spectrum specified by name and parameters, a multi-period
-    spectrum of ASCE 7-22 in a file of the USGS service (`asce7-22:FILE`, `mcer-22:FILE`), or a CSV
-    file with a column of periods (`period_s`, `T (s)`) and a column of accelerations (`sa_g`,
-    `psa_m_s2`, `Sa (g)`).
+    """Read a target spectrum from a file, or compute it from the formula of a code.
 
-    The points exclude period 0 because a logarithmic axis cannot show it.
+    The points exclude period 0, because a logarithmic axis cannot show it.
+
+    Parameters
+    ----------
+    source : str
+        Name and parameters of a design spectrum (`ec8:type=1,soil=B,ag=0.25g`); a multi-period
+        spectrum of ASCE 7-22 in a file of the USGS service (`asce7-22:FILE`, `mcer-22:FILE`); or a
+        CSV file with a column of periods (`period_s`, `T (s)`) and a column of accelerations
+        (`sa_g`, `psa_m_s2`, `Sa (g)`).
 
     Raises
     ------
@@ -342,7 +380,10 @@ def read_target(source: str) -> TargetSpectrum:
 
 
 def _name_and_parameters(source: str) -> tuple[str, str] | None:
-    """Return the name and the parameters of a design spectrum; None for a file of points."""
+    """Split `name:parameters` of a design spectrum; return None if the source is a file of points.
+
+    The second text is empty if there are no parameters.
+    """
     match = _NAME_PATTERN.fullmatch(source.strip())
     if match is None or (match[2] is None and match[1].lower() not in CODES):
         return None
@@ -354,7 +395,10 @@ _DAMPED = ",damping="
 
 
 def source_of(targets: Sequence[TargetSpectrum]) -> str:
-    """Return the source of the targets, without the damping ratio if there are several targets."""
+    """Return the text with which a user specified one or several targets (`read_targets`).
+
+    Several targets of a code differ in their damping ratio, which is removed.
+    """
     source = targets[0].source
     return source if len(targets) == 1 else source.partition(_DAMPED)[0]
 
@@ -369,6 +413,11 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
         single ratio any source of `read_target`.
     dampings : sequence of float
         Damping ratios.
+
+    Returns
+    -------
+    tuple of TargetSpectrum
+        Spectrum for each damping ratio.
 
     Raises
     ------
@@ -463,7 +512,7 @@ def _number(value: Any) -> float:
 
 
 def _with_damping(table: CsvTable, damping: float) -> CsvTable:
-    """Return a table with only the rows of a damping ratio."""
+    """Return a table with only those rows that have a damping ratio in the column `damping`."""
     has_ratio = _has_damping(table.source, np.array(table.numbers("damping")), damping, ModelError)
     return replace(table, rows=tuple(compress(table.rows, has_ratio)))
 
@@ -471,7 +520,7 @@ def _with_damping(table: CsvTable, damping: float) -> CsvTable:
 def _has_damping(
     source: str | Path, ratios: Array, damping: float, error: type[TdintError]
 ) -> NDArray[np.bool_]:
-    """Return True for the rows of a file with a damping ratio.
+    """Return True for each row of a file that has the required damping ratio.
 
     Parameters
     ----------
@@ -492,7 +541,20 @@ def _has_damping(
 
 
 def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
-    """Return the spectrum of a table of periods and accelerations, with its damping ratio."""
+    """Return the target spectrum of a table of periods and accelerations.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Table with one column of periods and one column of accelerations.
+    damping : float or None
+        Damping ratio of the spectrum; None if unknown.
+
+    Raises
+    ------
+    ModelError
+        A column is missing, or its values are invalid.
+    """
     # Find the columns of periods and accelerations with their units. Columns of
     # pseudo-acceleration take precedence over other accelerations.
     columns = [(name, *name_and_units(name)) for name in table.header]
@@ -578,8 +640,20 @@ class PublishedSpectrum:
     input: Input
 
     def at(self, periods: Array, log_log: bool) -> Array:
-        """Return the values at periods (s): the values of the file or, if `log_log`, values
-        interpolated linearly between the logarithms.
+        """Return the spectral values at given periods.
+
+        Parameters
+        ----------
+        periods : ndarray, shape (k,)
+            Periods, s.
+        log_log : bool
+            True to interpolate linearly between the logarithms of periods and values, if a period
+            is not in the file.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            Values in SI units.
 
         Raises
         ------
@@ -727,7 +801,17 @@ def read_published(
 def differences(
     spectra: Sequence[Spectrum], published: PublishedSpectrum, log_log: bool
 ) -> list[SpectrumDifference]:
-    """Compare computed spectra with a published spectrum."""
+    """Compare computed spectra with a published spectrum.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Computed spectra.
+    published : PublishedSpectrum
+        Published spectrum.
+    log_log : bool
+        As in `PublishedSpectrum.at`.
+    """
     return [
         SpectrumDifference(spectrum, published, published.at(spectrum.periods, log_log))
         for spectrum in spectra
@@ -735,7 +819,29 @@ def differences(
 
 
 def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
-    """Return the quantity and the values (SI units) of the selected column."""
+    """Return the quantity and the values of a column of a published spectrum.
+
+    Parameters
+    ----------
+    table : NamedTable
+        Table of the file.
+    column : str or None
+        Name of the column; None for the only column of a spectral quantity.
+
+    Returns
+    -------
+    quantity : str
+        Key of `QUANTITIES`.
+    values : ndarray
+        Values in SI units.
+
+    Raises
+    ------
+    RecordError
+        The column is missing, or its name has no valid units.
+    UsageError
+        There are several columns of spectra, and `column` is None.
+    """
     columns = {
         text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES
     }
