@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 
 class AnyTrace(Protocol):
-    """Trace of ObsPy."""
+    """Trace of ObsPy, or an object with the same attribute."""
 
     stats: Any
 
 
 class AnyStream(Protocol):
-    """Stream of ObsPy."""
+    """Stream of ObsPy, or an object with the same attribute."""
 
     traces: Any
 
@@ -86,13 +86,22 @@ def record_of(argument: Any) -> Record:
 
 
 def model_record(model: Model) -> Record | None:
-    """Return the processed and scaled ground motion of a model; None if it has no record."""
+    """Read, process and scale the ground motion that a model specifies; None without a record.
+
+    Raises
+    ------
+    RecordError
+        The record cannot be read.
+    UsageError
+        Its units or processing steps are invalid.
+    """
     source = model.excitation.record
     if source is None:
         return None
     from tdint.ground_motion.reading.read import read_record
 
-    # Units stated for names of files must match this file; `records_of` checks this.
+    # If the model maps file names to units, `records_of` raises an error unless the mapping applies
+    # to this file.
     if isinstance(source.choice.units, Mapping):
         from tdint.ground_motion.reading.suites import records_of
 
@@ -146,12 +155,19 @@ def motion_of(argument: Any) -> Record | Horizontals:
 
 
 def number_of(argument: Any, name: str) -> float | None:
-    """Return a number, or None.
+    """Convert an argument to a float; None is returned unchanged.
+
+    Parameters
+    ----------
+    argument : object
+        Argument.
+    name : str
+        Name of the argument in messages.
 
     Raises
     ------
     UsageError
-        The argument is neither a number nor None.
+        The argument is neither a number nor None; texts of numbers are not accepted.
     """
     if argument is None:
         return None
@@ -201,7 +217,14 @@ def between(
 
 
 def ratio_of(argument: Any, name: str) -> float | None:
-    """Return a number; a text such as `0.1%` is a ratio, and None is returned unchanged.
+    """Convert a number or a text such as `0.1%` to a float; None is returned unchanged.
+
+    Parameters
+    ----------
+    argument : object
+        Argument.
+    name : str
+        Name of the argument in messages.
 
     Raises
     ------
@@ -212,17 +235,23 @@ def ratio_of(argument: Any, name: str) -> float | None:
 
 
 def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
-    """Return a number or a sequence of numbers as an array with one axis.
+    """Convert a number or a sequence of numbers to an array with one axis.
+
+    Parameters
+    ----------
+    argument : object
+        Argument.
+    name : str
+        Name of the argument in messages.
 
     Raises
     ------
     UsageError
         The argument contains an item that is not a number or is masked, or it has several axes.
     """
+    # Invalid arguments become an array with two axes, which is rejected below.
     try:
-        has_masked_entry = np.any(
-            getattr(argument, "mask", False)
-        )  # a masked entry is not a number
+        has_masked_entry = np.any(getattr(argument, "mask", False))
         numbers = (
             np.empty((0, 0))
             if has_masked_entry
@@ -238,7 +267,7 @@ def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
 
 
 def damping_of(argument: Any) -> float:
-    """Return a damping ratio from 0 to less than 1; a text such as `5%` is permitted.
+    """Convert a number or a text such as `5%` to a damping ratio from 0 to less than 1.
 
     Raises
     ------
@@ -252,7 +281,7 @@ def damping_of(argument: Any) -> float:
 
 
 def drift_of(argument: Any) -> DriftSize:
-    """Return a drift from a text, such as `2%`, `20mm` or `4dy` (yield drifts), or a drift ratio.
+    """Convert a text such as `2%`, `20mm` or `4dy` (yield drifts), or a drift ratio, to a drift.
 
     Raises
     ------
@@ -270,7 +299,7 @@ def is_list(argument: Any) -> bool:
 
 
 def _type_name(argument: Any) -> str:
-    """Return the type of an argument for messages."""
+    """Return the type of an argument for messages, such as `None` or `a list`."""
     return "None" if argument is None else f"a {type(argument).__name__}"
 
 
@@ -289,10 +318,16 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
         Value to be checked in the context.
     samples : sequence of int
         Number of the sample of each value.
+
+    Raises
+    ------
+    UsageError
+        The check fails; its message is extended by the number of the sample.
     """
     try:
         yield
     except UsageError as error:
+        # nan is not equal to itself, so the second condition finds the sample of an invalid nan.
         position = next(
             i
             for i, checked_value in enumerate(numbers)
@@ -302,7 +337,20 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
 
 
 def as_sequence(argument: Any, name: str) -> Sequence[Any]:
-    """Return the argument as a sequence, or raise UsageError if it is empty."""
+    """Return a list or tuple as a list, and any other argument as a list with one item.
+
+    Parameters
+    ----------
+    argument : object
+        Argument.
+    name : str
+        Name of the argument in messages.
+
+    Raises
+    ------
+    UsageError
+        The list is empty.
+    """
     items = list(argument) if isinstance(argument, list | tuple) else [argument]
     if not items:
         raise UsageError(f"{name} must contain at least one item, got an empty sequence")

@@ -90,7 +90,7 @@ class Event:
     notes, warnings : tuple of str
         Assumptions and changes of the readers.
     inputs : tuple of Input
-        Files of the recordings, without repetition.
+        Files of the recordings with their checksums, without repetition.
     """
 
     recording: Recording
@@ -118,6 +118,7 @@ class Event:
         floors = []
         for (number, _), signals in zip(recording.floors, floor_signals, strict=True):
             floor_signal = _floor_signal(signals, f"floor {number}", notes)
+            # Times are relative to the first sample of the mean motion of the base.
             first = _start_offset(floor_signal, base_signals[0], notes) - base_start
             last = first + (floor_signal.samples.size - 1) * floor_signal.dt
             if first >= base.duration or last <= 0.0:
@@ -181,7 +182,7 @@ class Event:
         return self.filtered(displacement, "displacement")
 
     def window(self, recorded: Array, label: str) -> slice:
-        """Return the range of samples that are in the window of the comparison and in a recording.
+        """Return the samples that are in the time window of the comparison and in a recording.
 
         Parameters
         ----------
@@ -190,6 +191,11 @@ class Event:
         label : str
             Name of the recording in error messages.
 
+        Returns
+        -------
+        slice
+            Range of the samples of the base.
+
         Raises
         ------
         RecordError
@@ -197,6 +203,8 @@ class Event:
         """
         start, end = self.recording.window or (0.0, self.base.duration)
         available_samples = np.flatnonzero(np.isfinite(recorded))
+        # A recording without samples leads to an empty range, which is rejected below. The value
+        # 1e-6 allows for rounding errors of the times, in samples.
         first = max(
             math.ceil(start / self.base.dt - 1e-6),
             int(available_samples[0]) if available_samples.size else self.count,
@@ -254,13 +262,19 @@ def _base_motion(
     source : str
         File that describes the recording.
     notes : dict
-        Notes, to which changes of the signals are added.
+        Notes as keys, to which changes of the signals are added.
 
     Returns
     -------
-    tuple
-        Ground motion over the common time of the sensors, and the start of this time after the
-        first sample of the first sensor, s.
+    record : Record
+        Ground motion over the common time of the sensors.
+    common_start : float
+        Start of this time after the first sample of the first sensor, s.
+
+    Raises
+    ------
+    RecordError
+        The recordings of the sensors do not overlap in time.
     """
     accelerations = []
     for signal in signals:
@@ -329,13 +343,19 @@ def _mean_signal(
     label : str
         Name of the signals in messages.
     notes : dict
-        Notes, to which assumptions about the clocks are added.
+        Notes as keys, to which assumptions about the clocks are added.
 
     Returns
     -------
-    tuple
-        Mean with the properties of the first signal, and the start of the common time after the
-        first sample of the first signal, s.
+    mean : Signal
+        Mean with the properties of the first signal, at its sampling interval.
+    common_start : float
+        Start of the common time after the first sample of the first signal, s.
+
+    Raises
+    ------
+    RecordError
+        Fewer than 10 samples are in the common time.
     """
     first_signal = signals[0]
     starts = [_start_offset(signal, first_signal, notes) for signal in signals]
@@ -380,7 +400,9 @@ def _with_label(signal: Signal, texts: Sequence[str]) -> list[str]:
 _LONGEST_SHIFT = 10.0
 """Maximum shift, s; a larger difference of clocks is not a matter of synchronization."""
 
-_ROUNDING = 1e-6  # relative error of a time step; steps in files are written with six digits
+# Relative difference up to which a time step equals the sampling interval, because intervals in
+# files are written with six digits
+_ROUNDING = 1e-6
 
 _CORRELATION_GAIN = 0.05
 """Increase of the correlation above which a displacement is reported as probably absolute."""
@@ -393,6 +415,7 @@ _MAX_STEPS_PER_INTERVAL = (
     64  # maximum number of steps per sampling interval for short periods (six halvings)
 )
 
+# A limit r of the peak ratio also limits the inverse: the ratio must be between r and 1 / r.
 _REQUIREMENTS: dict[str, tuple[Callable[[float, float], bool], str]] = {
     "correlation": (lambda value, limit: value >= limit, "at least {limit:g}"),
     "peak_ratio": (
@@ -674,7 +697,20 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
 
 
 def computed_floors(response: Response, event: Event) -> list[Array]:
-    """Return the motions of the recorded floors at the times of the base, in the band.
+    """Return the computed motions of the recorded floors, in the frequency band of the comparison.
+
+    Parameters
+    ----------
+    response : Response
+        Response with its history, with one or several time steps in a sampling interval.
+    event : Event
+        Recorded event.
+
+    Returns
+    -------
+    list of ndarray, shape (count,)
+        Absolute acceleration (m/s^2) or displacement relative to the base (m) of each recorded
+        floor, at the sampling times of the base.
 
     Raises
     ------
@@ -702,16 +738,21 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
 def compared_floors(
     event: Event, computed: Sequence[Array], shift: float
 ) -> tuple[FloorComparison, ...]:
-    """Return the compared floors over the times at which both motions are available.
+    """Combine the computed and the recorded motion of each floor, for times at which both exist.
 
     Parameters
     ----------
     event : Event
         Recorded event.
-    computed : sequence of ndarray
-        Motions of the recorded floors.
+    computed : sequence of ndarray, shape (count,)
+        Computed motions of the recorded floors, as from `computed_floors`.
     shift : float
-        Shift of the recordings, s.
+        Shift of the recordings to later times, s.
+
+    Raises
+    ------
+    RecordError
+        A recording has too few samples in the window of the comparison.
     """
     comparisons = []
     time = np.arange(event.count, dtype=np.float64) * event.base.dt
@@ -764,6 +805,7 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
     best_lag = int(np.argmax(correlation_sum)) - max_lag
 
     def negative_sum(lag: float) -> float:
+        """Return the negative sum of the correlations for a shift of `lag` samples."""
         return -sum(compared.correlation for compared in compared_floors(event, computed, lag * dt))
 
     bounds = (best_lag - 1.0, best_lag + 1.0)
@@ -776,7 +818,7 @@ def _ratio(numerator: float, denominator: float) -> float:
 
 
 def parse_requirement(text: str) -> tuple[str, float]:
-    """Return name and limit of a requirement such as `correlation=0.9`.
+    """Parse a requirement such as `correlation=0.9`, and return its name and its limit.
 
     Raises
     ------

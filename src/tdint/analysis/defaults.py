@@ -22,7 +22,8 @@ STORY_HEIGHT = 3.5
 """Height of a story, m, if neither the height nor the number of stories is given."""
 
 HEIGHT_PERIOD = (0.0731, 0.75)
-"""Default coefficients a and b of the period-height relation T = a H^b (s, m)."""
+"""Default coefficients a and b of the relation T = a H^b between the fundamental period T (s) and
+the height H (m)."""
 
 
 QUANTITIES = {

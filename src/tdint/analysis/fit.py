@@ -97,7 +97,19 @@ class FittedValue:
 
 @dataclass(frozen=True)
 class Fit:
-    """Model fitted to an event, with its values, the number of runs, and notes."""
+    """Result of a fit.
+
+    Attributes
+    ----------
+    model : Model
+        Model with the fitted values.
+    values : tuple of FittedValue
+        Values before and after the fit.
+    runs : int
+        Number of runs.
+    notes : tuple of str
+        Notes on values that are poorly determined or on a bound.
+    """
 
     model: Model
     values: tuple[FittedValue, ...]
@@ -147,7 +159,12 @@ def fit(
         Values to be fitted, from `FITTED`: the stiffness of each story (yield forces do not
         change), or one factor on all stiffnesses; and the values of `damping` of the model.
     progress : callable
-        Callback with the number of completed runs.
+        Function that receives the number of completed runs; by default no function.
+
+    Returns
+    -------
+    Fit
+        Model with the fitted values, and their standard errors.
 
     Raises
     ------
@@ -258,7 +275,19 @@ def _notes(values: Sequence[FittedValue], relative_errors: Iterable[float]) -> l
 
 
 class _Problem:
-    """Differences between an event and the model as functions of the logarithms of the values."""
+    """Differences between an event and the model as functions of the logarithms of the values.
+
+    Logarithms are used because the values are positive and have different magnitudes.
+
+    Attributes
+    ----------
+    event : Event
+        Recorded event.
+    free_values : sequence of _FreeValue
+        Values to be fitted.
+    runs : int
+        Number of runs so far.
+    """
 
     def __init__(
         self,
@@ -303,13 +332,17 @@ class _Problem:
             return None
 
     def determine_shift(self, logarithms: Array) -> None:
-        """Determine the shift of the recordings with fitted values, if the shift is automatic."""
+        """Update the time shift of the recordings for the given values, if the shift is automatic.
+
+        The shift is not changed if the run has no result.
+        """
         computed = self.computed(logarithms) if self._has_automatic_shift else None
         if computed is not None:
             self._shift = compare.best_shift(self.event, computed)
 
     def history_differences(self, logarithms: Array) -> Array:
-        """Return the differences between computed and recorded histories, all floors in a row.
+        """Return the differences between computed and recorded histories, concatenated over the
+        floors.
 
         They are scaled so that the sum of their squares is the mean over the floors of
         |computed - recorded|^2 / |recorded|^2. If the run has no result, the sum of squares is
@@ -331,9 +364,11 @@ class _Problem:
         )
 
     def spectral_differences(self, logarithms: Array) -> Array:
-        """Return the differences between computed and recorded spectra, all floors in a row.
+        """Return the differences between computed and recorded spectra, concatenated over the
+        floors, shape (floors * _FREQUENCIES,).
 
-        A difference is that of the logarithms of the smoothed Fourier amplitudes at a frequency.
+        Each entry is the difference of the logarithms of the smoothed Fourier amplitudes at one
+        frequency.
         """
         computed = self.computed(logarithms)
         if computed is None:
@@ -428,6 +463,7 @@ def _start_values(
             for scanned_point in scanned_points
         ]
     )
+    # A local minimum is not larger than its two neighbors, or than one neighbor at an end.
     minima = [i for i in range(costs.size) if costs[i] == costs[max(0, i - 1) : i + 2].min()]
     return [
         model_logarithms,
@@ -454,6 +490,8 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
         Range of the frequencies, Hz; None for all frequencies that the samples resolve.
     """
     low, high = band or (0.0, math.inf)
+    # The limit 0.4 / dt is slightly below the Nyquist frequency 0.5 / dt, because the average at a
+    # frequency includes higher frequencies.
     low, high = max(low, _LOWEST_CYCLES / (samples.size * dt)), min(high, 0.4 / dt)
     power = np.abs(np.fft.rfft(samples)) ** 2
     frequency = np.fft.rfftfreq(samples.size, dt)
@@ -462,11 +500,13 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
         [[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(frequency))]
     )
     centers = np.geomspace(low, high, _FREQUENCIES)
+    # The band around a frequency f extends from f exp(-_BANDWIDTH) to f exp(_BANDWIDTH).
     upper, lower = centers * math.exp(_BANDWIDTH), centers * math.exp(-_BANDWIDTH)
     mean_power = (
         np.interp(upper, frequency, cumulative_power)
         - np.interp(lower, frequency, cumulative_power)
     ) / (upper - lower)
+    # Half the logarithm of the power is the logarithm of the amplitude. The maximum avoids log(0).
     return np.asarray(0.5 * np.log(np.maximum(mean_power, np.finfo(float).tiny)))
 
 
@@ -487,6 +527,7 @@ def _standard_errors(solution: object) -> Array:
     with np.errstate(divide="ignore"):
         variances = np.where(is_determined, variance / singular_values**2, 0.0)
     errors = np.sqrt(np.sum(directions**2 * variances[:, None], axis=0))
+    # A value with a component in a direction that is not determined is not determined either.
     return np.where(np.sum(directions[~is_determined] ** 2, axis=0) > 1e-6, math.inf, errors)
 
 
@@ -523,6 +564,7 @@ def _free_values(model: Model, names: Sequence[str]) -> list[_FreeValue]:
         story_stiffnesses = [_stiffness(model, i) for i in range(len(model.stories))]
 
         def set_factor(model: Model, factor: float) -> Model:
+            """Return a copy of the model with all initial stiffnesses multiplied by a factor."""
             for story in story_stiffnesses:
                 model = story.set_in(model, factor * story.start)
             return model
@@ -553,6 +595,7 @@ def _stiffness(model: Model, i: int) -> _FreeValue:
         )
 
     def set_stiffness(model: Model, stiffness: float) -> Model:
+        """Return a copy of the model with another stiffness (N/m) of story `i`."""
         stories = list(model.stories)
         stories[i] = replace(stories[i], stiffness=stiffness)
         return replace(model, stories=tuple(stories))
@@ -591,6 +634,8 @@ def _damping(damping: Damping) -> list[_FreeValue]:
     modes = (
         damping.modes if isinstance(damping, RayleighRatio) else range(1, len(damping.ratios) + 1)
     )
+    # A single modal ratio applies to all modes. A ratio of 0 is raised to the lower bound, because
+    # its logarithm is fitted.
     if isinstance(damping, ModalDamping) and len(damping.ratios) == 1:
         return [
             _FreeValue(

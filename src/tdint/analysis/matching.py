@@ -42,16 +42,17 @@ _FIRST_PERIODS = 130
 """Number of periods that are matched in the first stage."""
 
 _STAGES, _MAX_ROUNDS = 4, (12, 6, 6, 8, 8)
-"""Maximum number of further stages, for each of which the periods with the largest misfits are
-added; and maximum number of rounds of each stage, the first included."""
+"""`_STAGES` is the maximum number of stages after the first. Each of these stages also matches the
+periods with the largest misfits of the previous stage. `_MAX_ROUNDS` is the maximum number of
+rounds of each stage, including the first."""
 
 _FIGURE_PERIODS, _SHORTEST_RESOLVED = 200, 5.0
-"""Number of periods of a figure; shortest period of a figure in sampling intervals, below which the
-motion between samples determines the spectrum."""
+"""Number of periods of a figure, and shortest period of a figure in sampling intervals. At shorter
+periods the spectrum depends on the interpolation of the motion between samples."""
 
 _MEAN_WEIGHT = 4.0
-"""Weight of the mean misfit in the sum by which the best motion is selected. The weight of the
-maximum misfit is 1; it is about four times as large as the mean misfit."""
+"""Weight of the mean misfit in the score by which the best motion is selected (`_score`). The
+maximum misfit has the weight 1, because it is about four times as large as the mean misfit."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -318,12 +319,14 @@ def match_suite(
     scaled_psa = [
         abs(factor) * unscaled_psa for factor, unscaled_psa in zip(factors, seed_psa, strict=True)
     ]
+    # Each scaled spectrum is multiplied by this ratio, so that the mean equals the target.
     ratio = target_psa / np.mean(scaled_psa, axis=0)
     stages = _STAGES + 1
     matches: list[Match] = []
     with progress_reporter(progress, len(seeds) * stages, "stage") as report_progress:
 
         def report_stage(completed: int) -> None:
+            """Report the number of completed stages of all motions, from that of this motion."""
             report_progress(len(matches) * stages + completed, len(seeds) * stages)
 
         for seed, psa_of_seed, unscaled_psa in zip(seeds, scaled_psa, seed_psa, strict=True):
@@ -357,7 +360,13 @@ class _MatchTarget:
         periods: tuple[float, float],
         damping: float | Sequence[float],
     ) -> _MatchTarget:
-        """Check the arguments `target`, `periods` and `damping` of `match` and combine them."""
+        """Check the arguments `target`, `periods` and `damping` of `match` and combine them.
+
+        Raises
+        ------
+        ModelError, UsageError
+            An argument is invalid, or a target does not cover the range of periods.
+        """
         ratios: Any = damping if is_list(damping) else [damping]
         dampings = tuple(map(damping_of, ratios))
         if not dampings or len(set(dampings)) < len(dampings):
@@ -449,7 +458,12 @@ def _match_seed(
     seed_spectra : ndarray, shape (damping ratios, CHECKED)
         Spectra of the seed, m/s^2.
     report_stage : callable
-        Receives the number of completed stages of this motion.
+        Function that receives the number of completed stages of this motion.
+
+    Returns
+    -------
+    Match
+        Result for the first damping ratio; `Match.further` contains the remaining ratios.
     """
     checked, dampings = match_target.checked, match_target.dampings
     target_psa = match_target.at(checked)
@@ -483,7 +497,7 @@ def _solve_stages(
     scaled_seed: Array,
     report_stage: Callable[[int], None],
 ) -> tuple[Array, float]:
-    """Return the samples of the best motion of all stages, and its score.
+    """Match a seed in several stages, and return the best motion of all stages.
 
     The first stage matches few periods. Each further stage adds the periods with the largest
     misfits, until all misfits are small.
@@ -497,7 +511,14 @@ def _solve_stages(
     scaled_seed : ndarray, shape (components, n)
         Samples of the scaled seed, m/s^2.
     report_stage : callable
-        Receives the number of completed stages of this motion.
+        Function that receives the number of completed stages of this motion.
+
+    Returns
+    -------
+    samples : ndarray, shape (components, n)
+        Samples of the best motion, m/s^2.
+    score : float
+        Its `_score`.
     """
     checked, dampings = match_target.checked, match_target.dampings
     target_psa = match_target.at(checked)
@@ -539,7 +560,7 @@ def _solve_stages(
 
 
 def _score(misfit: Array) -> float:
-    """Return the number that is smallest for the best motion: maximum misfit, and mean misfit."""
+    """Return the score of a motion: maximum plus weighted mean absolute misfit; small is good."""
     return float(np.max(misfit) + _MEAN_WEIGHT * np.mean(misfit))
 
 

@@ -28,36 +28,37 @@ SMALL_MISFIT = 0.008
 """Misfit below which a period is not added and no further stage is started."""
 
 _CONTROLLED_FRACTION, _MAX_EXTREMES = 0.8, 3.0
-"""Fraction of the target above which extremes are controlled, and maximum mean number of controlled
-extremes per period. Extremes above the target are controlled beyond this number."""
+"""An extreme of a response has an equation in the quadratic program ("is controlled") if it exceeds
+the first number times the target. The second number is the maximum mean number of such extremes per
+period; extremes above the target are also controlled if there are more of them."""
 
 _MAX_EXTREMES_ABOVE = 6.0
-"""Maximum mean number of controlled extremes per period, those above the target included; the
-largest are controlled. Long stationary motions have more than 30 per period above the target at
+"""Maximum mean number of controlled extremes per period, including the extremes above the target;
+the largest are controlled. Long stationary motions have more than 30 per period above the target at
 first, and the matrix of their products would need gigabytes."""
 
 _MAX_RELATIVE_CHANGE, _STEPWISE_MISFIT = 0.3, 0.1
-"""Maximum relative change of a response in a round, and misfit below which rounds add to the
-change."""
+"""Maximum relative change of a response in a round. Maximum misfit below which a round adds to the
+change of the previous rounds instead of computing the complete change again."""
 
 _INITIAL_DAMPING, _REFINEMENT_DAMPING, _MIN_DAMPING = 1e-2, 1e-4, 1e-6
-"""Levenberg-Marquardt damping relative to the diagonal of the Gram matrix: initial, for refinement,
-and minimum."""
+"""Levenberg-Marquardt damping, relative to the diagonal of the Gram matrix (the scalar products of
+the rows): initial value, value for rounds that add to the change, and minimum."""
 
 _ENVELOPE_WINDOW = 2.0
 """Half width of the window of the envelope, s."""
 
 _ROW_DAMPING_LIMITS = 0.03, 10.0
-"""Limits of the relative damping of a row in added changes. Rows with a larger misfit have less
-damping."""
+"""Minimum and maximum factor on the damping of a row in rounds that add to the change. Rows with a
+larger misfit have a smaller factor."""
 
 _POWERS = 2.0, 4.0
-"""Exponents of |ln(response / target)| in the sum to be reduced: far from the target, and for added
-changes."""
+"""Exponents of |ln(response / target)| in the sum that a round must reduce: for rounds that compute
+the complete change, and for rounds that add to the change."""
 
 _DECAYED = 1e-6
-"""Amplitude of a free vibration, relative to its start, after which it is not stored. The rows are
-in single precision, 6e-8."""
+"""Amplitude relative to the start of a free vibration, below which the vibration is not stored. The
+precision of the rows is 6e-8 (single precision)."""
 
 _OSCILLATORS_AT_A_TIME = 16
 """Number of oscillators whose free vibrations are filtered at a time: 60 MB at 60 000 samples."""
@@ -73,13 +74,16 @@ _MAX_DAMPING_INCREASES = 6
 """Maximum number of times that the damping of a step is increased, by a factor of four each."""
 
 _ORDER, _CORNER_FREQUENCY = 8, 1.0
-"""Order of the band-pass filter; frequency (Hz) below which changes have a larger weight, because
-they cause large ground displacements."""
+"""Order of the band-pass filter, and frequency (Hz) below which the filter reduces changes, because
+they would cause large ground displacements."""
 
 
 @dataclass(frozen=True)
 class SparseRows:
-    """Sparse rows of a matrix over the samples of all components.
+    """Matrix with one row for each equation and one column for each sample of each component.
+
+    The part of a row for a component is the product of `directions` and of the values `lines`,
+    which extend over only some of the samples.
 
     Attributes
     ----------
@@ -132,9 +136,12 @@ class SparseRows:
         return result
 
     def times(self, samples: NDArray[np.float32]) -> Array:
-        """Return the scalar product of each row with a change, shape (rows,).
+        """Return the product of this matrix and a vector, shape (rows,).
 
-        `samples` is the change of all components in a row, shape (components * size,).
+        Parameters
+        ----------
+        samples : ndarray, shape (components * size,)
+            Vector: the samples of the first component, followed by those of the second.
         """
         changes = samples.reshape(-1, self.size)
         result = np.empty(len(self.lines))
@@ -144,7 +151,10 @@ class SparseRows:
         return result
 
     def sum(self, multipliers: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the sum of the rows times multipliers, shape (components * size,)."""
+        """Return the sum of the rows times their multipliers, shape (components * size,).
+
+        This is the product of the transpose of the matrix and the multipliers, shape (rows,).
+        """
         result = np.zeros((self.directions.shape[1], self.size), np.float32)
         factors = (multipliers[:, None] * self.directions).astype(np.float32)
         for row_start, row_values, factor in zip(self.starts, self.lines, factors, strict=True):
@@ -210,12 +220,18 @@ class _QuadraticProgram:
     def refine(self, damping: float) -> Array:
         """Select the extremes that must equal the target, and return the damping of each row.
 
-        Rows with a larger difference from the target have less damping. `is_equality` is changed.
+        Rows with a larger difference from the target have less damping. The attribute `is_equality`
+        is changed.
 
         Parameters
         ----------
         damping : float
-            Damping of the step, a factor on the damping of each row.
+            Damping of the round, which is multiplied by the returned factors.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Factor on the damping for each row.
         """
         # Differences below 0.01 % are not relevant.
         absolute_shortfall = np.abs(self.shortfall) + 1e-4
@@ -233,7 +249,7 @@ class _QuadraticProgram:
         return np.asarray(row_damping)
 
     def multipliers(self, required_change: Array, damping: Array) -> NDArray[np.float32]:
-        """Return the multipliers of the rows without their scale factors.
+        """Solve the quadratic program, and return the multipliers of the unscaled rows.
 
         Parameters
         ----------
@@ -318,7 +334,8 @@ class MatchingProblem:
         from scipy.fft import irfft, next_fast_len
 
         sample_count = scaled_seed.shape[1]
-        # Recursion of the oscillators. Extremes need 4 pi substeps per period.
+        # Recursion of the oscillators. The extremes of one component require omega h <= 0.5, at
+        # least 4 pi substeps in a period; those of two components require half this substep.
         omega = 2.0 * np.pi / periods
         substeps = len(scaled_seed) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
         table = recursion_table(omega, dt / substeps, damping, 2)
@@ -329,12 +346,13 @@ class MatchingProblem:
         low_frequency, high_frequency = 0.6 / np.max(periods), min(1.5 / np.min(periods), 0.45 / dt)
         filter_reach = int(3.0 / low_frequency / dt)
         size = next_fast_len(sample_count + 2 * filter_reach, real=True)
-        f = np.maximum(np.fft.rfftfreq(size, dt), 1e-12)
+        f = np.maximum(np.fft.rfftfreq(size, dt), 1e-12)  # avoids a division by 0
         band = np.minimum(f / _CORNER_FREQUENCY, 1.0) / np.sqrt(
             (1.0 + (low_frequency / f) ** _ORDER) * (1.0 + (f / high_frequency) ** _ORDER)
         )
         band[0] = 0.0
-        # Derivatives of the final velocity and displacement with respect to the samples
+        # A sample a changes the final velocity by a dt, and the final displacement by a dt times
+        # the remaining time.
         remaining = np.arange(sample_count - 1, -1, -1.0)
         end_derivatives = np.stack([np.full(sample_count, dt), dt * dt * remaining])
         # Impulse response and free vibrations after the filter, in reversed order of time
@@ -362,7 +380,7 @@ class MatchingProblem:
         )
 
     def filtered(self, rows: Array) -> Array:
-        """Return rows of samples after the band-pass filter."""
+        """Apply the band-pass filter to the samples along the last axis."""
         from scipy.fft import irfft, rfft
 
         return np.asarray(
@@ -381,11 +399,14 @@ class MatchingProblem:
 
         Returns
         -------
-        tuple of ndarray
-            Extremes (one per column; rows OSCILLATOR, TIME and, from VALUE on, the response to each
-            component). Maxima (one per oscillator; row 0: value, row 1: column of the extremes, or
-            a negative number if the maximum is not an extreme above the level).
+        extremes : ndarray, shape (VALUE + components, extremes)
+            One column for each extreme: index of the oscillator (row OSCILLATOR), time in s (TIME)
+            and, from row VALUE on, the response to each component in m/s^2.
+        maxima : ndarray, shape (2, oscillators)
+            Maximum of each oscillator in m/s^2, and its column in `extremes`, or a negative number
+            if the maximum is not an extreme above the level.
         """
+        # There is memory for 400 extremes per oscillator; the kernel returns their number.
         found_extremes, maxima = (
             np.empty((VALUE + len(samples), 400 * level.size)),
             np.empty((2, level.size)),
@@ -398,7 +419,7 @@ class MatchingProblem:
         return found_extremes[:, :count], maxima
 
     def rows(self, oscillator: NDArray[np.int64], when: Array, directions: Array) -> SparseRows:
-        """Return derivatives of extremes with respect to the samples of all components.
+        """Compute the derivatives of extremes with respect to the samples of all components.
 
         The derivatives include the band-pass filter and the envelope. The last rows are the
         derivatives of the final velocity and displacement of each component. A sample changes the
@@ -416,11 +437,16 @@ class MatchingProblem:
             Time of each extreme, s.
         directions : ndarray, shape (components, extremes)
             Unit vector of each extreme over the components.
+
+        Returns
+        -------
+        SparseRows
+            One row for each extreme, relative to its target; then two rows for each component.
         """
         # Factors of the four parts of each row: free vibration and the two samples at the extreme
         sample_before = np.minimum((when / self.dt).astype(int), self.envelope.size - 2)
         factors_of_rows = self._factors_of_rows(oscillator, when - self.dt * sample_before)
-        # Rows of the extremes
+        # Rows of the extremes, times the envelope
         starts, lines = [], list[NDArray[np.float32]]()
         envelope = self.envelope.astype(np.float32)
         for k, row_factors, sample_of_extreme in zip(
@@ -460,6 +486,7 @@ class MatchingProblem:
         time_after_sample : ndarray
             Time of each extreme after the sample before it, s.
         """
+        # Circular frequency w, damping ratio z
         w, z, dt = self.omega[oscillator], self.damping[oscillator], self.dt
         # Response x to a ramp, x'' + 2 z w x' + w^2 x = -t / dt from rest: the particular solution
         # -t / (dt w^2) + constant, minus the free vibration with the same initial displacement and
@@ -489,10 +516,10 @@ class MatchingProblem:
     def _row(
         self, oscillator: int, factors: NDArray[np.float32], sample_of_extreme: int
     ) -> tuple[int, NDArray[np.float32]]:
-        """Return the first sample of a row, and its values before the envelope.
+        """Compute the derivatives of one extreme with respect to the samples, without the envelope.
 
         The row extends from the decay of the vibration before the extreme to the reach of the
-        filter after it, where the stored vibration ends.
+        filter after it, where the stored vibration ends. All other derivatives are zero.
 
         Parameters
         ----------
@@ -502,13 +529,20 @@ class MatchingProblem:
             Factors of the parts, see `_factors_of_rows`.
         sample_of_extreme : int
             Number of the sample before the extreme.
+
+        Returns
+        -------
+        row_start : int
+            Number of the first sample of the row.
+        row_values : ndarray
+            Derivatives with respect to this sample and the following samples.
         """
         sample_count = self.envelope.size
         vibration = self.free_vibrations[oscillator]
         row_start = max(sample_of_extreme + 1 + self.filter_reach - vibration.shape[1], 0)
         row_end = min(sample_count, sample_of_extreme + 1 + self.filter_reach)
         row_size = row_end - row_start
-        # Free vibration
+        # Free vibration: stored in reversed order of time, so that it is read forward here.
         first_vibration = vibration.shape[1] - self.filter_reach - 1 - sample_of_extreme + row_start
         row_values = factors[:2] @ vibration[:, first_vibration : first_vibration + row_size]
         # The two samples next to the extreme
@@ -538,9 +572,16 @@ class MatchingProblem:
 
         Returns
         -------
-        tuple
-            Oscillator, time, direction over the components, relative difference from the target,
-            and True for equality with the target (False for an upper limit).
+        oscillator : ndarray of int, shape (equations,)
+            Oscillator of each equation.
+        when : ndarray, shape (equations,)
+            Time of the extremum, s.
+        directions : ndarray, shape (components, equations)
+            Unit vector of the extremum over the components.
+        shortfall : ndarray, shape (equations,)
+            1 minus the ratio of the extremum to the target; positive if it is below the target.
+        is_equality : ndarray of bool, shape (equations,)
+            True for equality with the target, False for an upper limit.
         """
         oscillator, values = found_extremes[OSCILLATOR].astype(int), found_extremes[VALUE:]
         magnitude = np.linalg.norm(values, axis=0)
@@ -551,6 +592,9 @@ class MatchingProblem:
         is_equality[maxima[1, has_maximum].astype(int)] = True
         relative_magnitude = np.where(is_equality, np.inf, magnitude / self.wanted[oscillator])
         sorted_magnitudes = np.sort(relative_magnitude)
+        # `cut` is the level of relative magnitude with `_MAX_EXTREMES` extremes per period above it
+        # and `cut_above` that with `_MAX_EXTREMES_ABOVE`. The first level is limited to the range
+        # from `_CONTROLLED_FRACTION` to 1 (the target), but must not be below the second level.
         cut, cut_above = (
             sorted_magnitudes[-min(int(count * self.omega.size), relative_magnitude.size)]
             for count in (_MAX_EXTREMES, _MAX_EXTREMES_ABOVE)
@@ -559,6 +603,7 @@ class MatchingProblem:
         controlled = np.flatnonzero(is_equality | (relative_magnitude >= cut))
         oscillator, is_equality = oscillator[controlled], is_equality[controlled]
         shortfall = 1.0 - magnitude[controlled] / self.wanted[oscillator]
+        # Limit the required changes of a round. An extreme below its limit requires no change.
         shortfall = np.where(
             is_equality | (shortfall < 0.0),
             np.clip(shortfall, -_MAX_RELATIVE_CHANGE, _MAX_RELATIVE_CHANGE),
@@ -575,7 +620,7 @@ class MatchingProblem:
     def rounds(
         self, samples: Array, row_sum: NDArray[np.float32], max_rounds: int, *, is_first_stage: bool
     ) -> tuple[Array, NDArray[np.float32]]:
-        """Return the samples of the best round, and the sum of rows that forms their change.
+        """Reduce the misfit of a motion in several rounds, and return the best motion.
 
         Each round solves a quadratic program. Its damping (Levenberg-Marquardt) is increased until
         the misfit decreases. The rounds end early if the misfit is small.
@@ -589,7 +634,15 @@ class MatchingProblem:
         max_rounds : int
             Maximum number of rounds.
         is_first_stage : bool
-            True in the first stage.
+            True in the first stage, whose first rounds compute the complete change from the seed.
+            False if all rounds add to the change.
+
+        Returns
+        -------
+        samples : ndarray, shape (components, n)
+            Samples with the smallest maximum misfit, m/s^2.
+        row_sum : ndarray, shape (components * n,)
+            Sum of the rows times multipliers that forms their change.
         """
         is_stepwise = not is_first_stage
         damping = _INITIAL_DAMPING if is_first_stage else _REFINEMENT_DAMPING
@@ -609,7 +662,8 @@ class MatchingProblem:
             if not is_stepwise and is_near:
                 is_stepwise, damping = True, min(damping, _REFINEMENT_DAMPING)
                 state = replace(state, merit=self.merits(state.maxima, is_stepwise)[0])
-            # Required change of the rows, and relative damping of each row
+            # A complete change must also contain the change of the previous rounds, which it
+            # replaces.
             required_change = quadratic_program.shortfall
             row_damping = np.ones(required_change.size)
             if is_stepwise:
@@ -631,6 +685,7 @@ class MatchingProblem:
                     break
                 damping *= 4.0
             state = changed_state
+            # If the first damping was sufficient, the next round starts with less.
             if damping == first_damping:
                 damping = max(damping / 5.0, _MIN_DAMPING)
             if state.misfit < best_state.misfit:
@@ -659,8 +714,8 @@ class MatchingProblem:
 
     @cached_property
     def _component_end_derivatives(self) -> Array:
-        """Derivatives of the final velocity and displacement of each component, two rows for each
-        component, with respect to the samples of all components."""
+        """Derivatives of the final velocity (s) and displacement (s^2) of each component with
+        respect to the samples of all components, shape (2 components, components * n)."""
         return np.asarray(np.kron(np.eye(len(self.scaled_seed)), self.end_derivatives))
 
     def _quadratic_program(self, state: _MotionState) -> _QuadraticProgram:
@@ -684,14 +739,21 @@ class MatchingProblem:
         return _QuadraticProgram(rows, gram, scales, shortfall, is_equality, oscillator)
 
     def merits(self, maxima: Array, is_stepwise: bool) -> tuple[float, float]:
-        """Return the sum of powers of |ln(maximum / target)|, and the maximum misfit.
+        """Compare the maximum responses of all oscillators with their targets.
 
         Parameters
         ----------
-        maxima : ndarray
+        maxima : ndarray, shape (2, oscillators)
             Maximum of each oscillator in row 0, m/s^2.
         is_stepwise : bool
-            True if rounds add to the change; selects the exponent.
+            True if rounds add to the change, which selects the exponent from `_POWERS`.
+
+        Returns
+        -------
+        merit : float
+            Sum of powers of |ln(maximum / target)|, which a round must reduce.
+        misfit : float
+            Maximum of |maximum / target - 1|.
         """
         ratio = maxima[0] / self.wanted
         return float(np.sum(np.abs(np.log(ratio)) ** _POWERS[is_stepwise])), float(
@@ -746,7 +808,7 @@ def _free_vibrations(
     """
     from scipy.fft import irfft, rfft
 
-    sample_count = int(sample_order[0]) + 1
+    sample_count = int(sample_order[0]) + 1  # the first entry is the index of the last sample
     exponent = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
     stored_samples = np.minimum(
         np.log(1.0 / _DECAYED) / (damping * omega * dt), sample_count - 1
@@ -796,6 +858,7 @@ def _exchange_equalities(
     scales : ndarray
         Scale factor of each row.
     """
+    # An exchange changes the solution, so the selection is repeated one time.
     for _ in range(2):
         remaining_shortfall = (
             shortfall - gram @ program(gram, shortfall, is_equality, damping)
@@ -820,11 +883,12 @@ def _exchange_equalities(
 
 
 def program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:
-    """Return the multipliers l that minimize l' (G + diag(damping)) l / 2 - shortfall' l.
+    """Solve the quadratic program of one round.
 
-    G is `gram`. Multipliers of inequalities (upper limits) must not be positive. A primal-dual
-    active set method is used: inequalities with a positive multiplier become inactive, violated
-    inequalities become active.
+    The multipliers l minimize l' (G + diag(damping)) l / 2 - shortfall' l, where G is `gram`.
+    Multipliers of inequalities (upper limits) must not be positive. A primal-dual active set method
+    is used: inequalities with a positive multiplier become inactive, violated inequalities become
+    active.
 
     Parameters
     ----------
@@ -836,6 +900,11 @@ def program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -
         True for equalities, False for inequalities.
     damping : ndarray, shape (n,)
         Damping of each row.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Multipliers.
     """
     from scipy.linalg import cho_factor, cho_solve
 
@@ -848,6 +917,7 @@ def program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -
         try:
             factors = cho_factor(active_gram, check_finite=False)
         except np.linalg.LinAlgError:
+            # The matrix is not positive definite because of rounding: increase the damping.
             damping = np.maximum(10.0 * damping, 1e-5)
             continue
         multipliers[:] = 0.0
@@ -857,12 +927,22 @@ def program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -
         if not is_leaving.any() and not is_joining.any():
             return multipliers
         is_active = (is_active & ~is_leaving) | is_joining
+    # The active set has not converged: omit the inadmissible multipliers.
     multipliers[~is_equality] = np.minimum(multipliers[~is_equality], 0.0)
     return multipliers
 
 
 def check_peaks(problem: MatchingProblem, seed: GroundMotion, samples: Array) -> None:
     """Raise an error if most oscillators have no maximum before the end of the motion.
+
+    Parameters
+    ----------
+    problem : MatchingProblem
+        Oscillators and their targets.
+    seed : Record or Horizontals
+        Motion, for its name in the message.
+    samples : ndarray, shape (components, n)
+        Samples of the scaled motion, m/s^2.
 
     Raises
     ------

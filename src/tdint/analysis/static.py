@@ -47,7 +47,8 @@ MAX_CYCLE_POINTS = 2_000_000
 memory."""
 
 _ROUNDING = 1e-13
-"""Dissipated energy of a cycle, over the energy stored in it, that is only a rounding error."""
+"""Dimensionless. Dissipated energy of a cycle divided by its maximum stored energy, below which the
+dissipated energy is a rounding error and reported as 0."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,8 @@ class Cycle:
     def damping_ratio(self) -> float:
         """Equivalent viscous damping ratio E_D / (4 pi E_S0); nan without positive stiffness.
 
-        E_S0 = secant stiffness amplitude^2 / 2 (Chopra 2012, section 3.9).
+        E_D is the energy dissipated in the cycle, and E_S0 the strain energy at the amplitude,
+        secant stiffness times amplitude^2 / 2 (Chopra 2012, section 3.9).
         """
         strain_energy = 0.5 * self.secant_stiffness * self.amplitude**2
         return (
@@ -176,7 +178,7 @@ class CyclicTest(Tabular):
 
     @property
     def cycles(self) -> tuple[Cycle, ...]:
-        """All cycles of the test."""
+        """Results of all cycles of the test, in order; empty for a path without cycles."""
         if self.points is None:
             return ()
         path, points = self.path, self.points
@@ -271,6 +273,11 @@ def path_test(
     in_yield_drifts : bool
         True if the drifts are multiples of the yield drift; default False.
 
+    Returns
+    -------
+    CyclicTest
+        Forces and energies at the drifts.
+
     Raises
     ------
     UsageError
@@ -297,7 +304,7 @@ def path_test(
 def _test(
     model: Model, building: Building, story: int, drifts: Array, points: int | None
 ) -> CyclicTest:
-    """Return the result of a test along a path.
+    """Impose a path of drifts on the law of one story, and return the result of the test.
 
     Parameters
     ----------
@@ -333,9 +340,16 @@ def _check_story(model: Model, story: int) -> None:
 
 
 def amplitude(size: DriftSize, building: Building, story: int) -> float:
-    """Return the drift of one story (from 1) in m for a size in any unit.
+    """Convert a drift of one story to m.
 
-    Sizes are lengths, drift ratios (multiples of the story height) or multiples of the yield drift.
+    Parameters
+    ----------
+    size : DriftSize
+        Length, drift ratio (multiple of the story height) or multiple of the yield drift.
+    building : Building
+        Building, for heights and yield drifts.
+    story : int
+        Number of the story, from 1.
 
     Raises
     ------
@@ -382,7 +396,16 @@ def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
 
 
 def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
-    """Return the response of a story's law (from 1) along drifts (m), in straight lines from rest.
+    """Compute the forces of the law of one story along a path of drifts that starts at rest.
+
+    Parameters
+    ----------
+    building : Building
+        Building.
+    story : int
+        Number of the story, from 1.
+    drifts : ndarray, shape (points,)
+        Drifts, m. The path between two drifts is a straight line.
 
     Raises
     ------
@@ -411,7 +434,12 @@ COLUMN = "drift_m"
 
 
 def read_drift_path(source: str) -> list[float]:
-    """Read the column `drift_m` of a CSV file; `-` is standard input, other columns are ignored.
+    """Read the drifts (m) in the column `drift_m` of a CSV file; other columns are ignored.
+
+    Parameters
+    ----------
+    source : str
+        File; `-` is standard input.
 
     Raises
     ------
@@ -439,8 +467,8 @@ _MAX_ITERATIONS = 60  # maximum; Newton needs up to ten, and 60 bisections reach
 # The usual drift step of the controlling story is the difference of the roof displacement between
 # two rows, divided by this number
 _STEPS_PER_ROW = 8
-# Maximum number of steps per row; the roof displacement is almost constant if the other stories
-# unload as fast as the controlling story is loaded
+# Maximum number of steps per row. Without it, the path would not end if the roof displacement is
+# constant, because the other stories unload as fast as the controlling story is loaded
 _MAX_STEPS_PER_ROW = 4000
 # Maximum error of the area below the curve in one step, over the area of a rectangle that encloses
 # the curve; a curve with ten yield points then has seven correct digits
@@ -524,7 +552,14 @@ class Pushover(Tabular):
 
 
 def _triangular(building: Building) -> Array:
-    """Return the triangular pattern: mass times height above the ground."""
+    """Return the triangular pattern of forces, mass times height of the floor above the ground
+    (kg m), shape (n,).
+
+    Raises
+    ------
+    UsageError
+        A story has no height.
+    """
     if np.isnan(building.height_contributions).any():
         raise UsageError(
             "the triangular pattern requires the height of every story; add heights or use another "
@@ -588,6 +623,7 @@ def pushover(
     forces = PATTERNS[pattern](building)
     forces /= forces.sum()
     chain = _Chain(building, forces)
+    # The first row is the initial state.
     drift_rows, base_shears, ended = [np.zeros(building.stories)], [0.0], ""
     reached_points = 0  # number of the requested points that the roof displacement has reached
     while reached_points < points and not ended:
@@ -635,7 +671,7 @@ def _target(size: DriftSize, building: Building) -> float:
 
 
 class _Chain:
-    """State of all stories along the path of a pushover.
+    """State of all stories along the path of a pushover; `push` advances it.
 
     Attributes
     ----------
@@ -654,6 +690,7 @@ class _Chain:
     """
 
     def __init__(self, building: Building, forces: Array) -> None:
+        # The shear of a story is the sum of the forces above, from the roof down.
         self.shear_fraction = np.cumsum(forces[::-1])[::-1]
         self.stories = [_Story(building, i) for i in range(building.stories)]
         self.drift = np.zeros(building.stories)
@@ -764,6 +801,8 @@ class _Chain:
             State at the end of the step.
         """
         drift_change, shear_change = drift - self.drift, base_shear - self.base_shear
+        # Error of the base shear times change of the roof displacement, plus error of the roof
+        # displacement times change of the base shear.
         predicted_shear_change = (
             tangents[controlling] * drift_change[controlling] / self.shear_fraction[controlling]
         )
@@ -776,7 +815,7 @@ class _Chain:
     def _find_state(
         self, excess: Excess, controlling: int, drift_step: float, drift: Array, base_shear: float
     ) -> tuple[Array, float]:
-        """Return the drifts and the base shear within a step at which the excess is zero.
+        """Find the state within a step at which a quantity has its required value.
 
         The Illinois algorithm is used (Dowell and Jarratt 1971). The excess is negative at the
         present state and positive at the end of the step.
@@ -791,6 +830,13 @@ class _Chain:
             Step of the drift of the controlling story, m.
         drift, base_shear : ndarray, float
             State at the end of the step.
+
+        Returns
+        -------
+        drift : ndarray, shape (n,)
+            Drifts of the stories, m.
+        base_shear : float
+            Base shear, N.
         """
         lower, upper = 0.0, drift_step
         lower_excess, upper_excess = excess(self.drift, self.base_shear), excess(drift, base_shear)
@@ -831,7 +877,7 @@ class _Chain:
         return drift, base_shear
 
     def _accept(self, controlling: int, drift: Array, base_shear: float) -> None:
-        """Advance all stories to a new state, and update the maximum base shear.
+        """Advance all stories to a new state, and update the path and the maximum base shear.
 
         Parameters
         ----------
@@ -865,7 +911,15 @@ class _Chain:
 
 
 class _Story:
-    """One story with P-delta, with the reversals of its drift from rest to the present state."""
+    """One story with P-delta, with the reversals of its drift from rest to the present state.
+
+    Attributes
+    ----------
+    drift, force : float
+        Present drift, m, and force including P-delta, N.
+    tangent, initial_tangent : float
+        Present and initial stiffness including P-delta, N/m.
+    """
 
     def __init__(self, building: Building, i: int) -> None:
         self._building, self._number = building, i + 1
@@ -894,6 +948,7 @@ class _Story:
             return
         self.force, self.tangent = self.response_at(drift)
         self._maximum_force = max(self._maximum_force, abs(self.force))
+        # The present drift is a reversal if the story now moves in the opposite direction.
         if (drift - self.drift) * (self.drift - self._reversals[-1]) < 0.0:
             self._reversals.append(self.drift)
         self.drift = drift
@@ -920,6 +975,7 @@ class _Story:
             residual = force - trial_force
             if abs(residual) <= tolerance:
                 return drift
+            # True if the force is not reached yet, in the direction of motion
             if (residual > 0.0) == is_loading:
                 if tangent <= 0.0:
                     return None

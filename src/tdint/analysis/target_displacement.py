@@ -108,7 +108,7 @@ class TargetDisplacement(Tabular):
 
 
 class TargetDisplacements(ResultList[TargetDisplacement]):
-    """Target displacements of both methods."""
+    """Target displacements by N2 (first item) and by the coefficient method (second item)."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,9 @@ class _PushoverCurve:
 
     @classmethod
     def of(cls, pushed: Pushover) -> _PushoverCurve:
-        """Select the states in which the roof displacement exceeds all previous values."""
+        """Return the curve of a pushover without states in which the roof displacement does not
+        exceed all previous values.
+        """
         drift, shear = pushed.way
         roof = drift.sum(axis=1)
         is_increasing = roof > np.maximum.accumulate(np.concatenate(([-math.inf], roof[:-1])))
@@ -144,9 +146,10 @@ class _PushoverCurve:
     def idealized_to(self, displacement: float) -> float:
         """Return the roof displacement (m) up to which the curve is idealized.
 
-        It is the given displacement, limited to the range from the end of the first straight line
-        to the peak of the curve.
+        It is the argument `displacement` (m), limited to the range from the end of the first
+        straight line to the peak of the curve.
         """
+        # True for points on the straight line through the origin and the first point.
         is_elastic = (
             self.shear[1:]
             >= (1.0 - _YIELD_TOLERANCE) * self.shear[1] / self.roof[1] * self.roof[1:]
@@ -245,6 +248,7 @@ def target_displacements(
         raise UsageError(f"mass_factor must be above 0 and at most 1, got {mass_factor!r}")
     demand = read_target(target) if isinstance(target, str) else target
     building, curve = assemble(replace(pushed.model, damping=None)), _PushoverCurve.of(pushed)
+    # The displacement shape of the equivalent oscillator is 1 at the roof.
     shape = pushed.forces / building.mass
     shape /= shape[-1]
     mass = float(building.mass @ shape)
@@ -290,9 +294,11 @@ def _n2(
     mass, participation : float
         Mass of the equivalent oscillator, kg, and participation factor.
     roof : float
-        Roof displacement, m.
+        Roof displacement up to which the curve is idealized, m.
     """
     roof = curve.idealized_to(roof)
+    # Forces and displacements of the equivalent oscillator are those of the building divided by the
+    # participation factor. Numbers in parentheses are equations of the annex.
     yield_strength = curve.maximum_shear(roof) / participation
     oscillator_displacement = roof / participation
     area = curve.response_at(roof)[1] / participation**2
@@ -340,9 +346,10 @@ def _coefficients(
     mass_factor : float
         Factor C_m.
     roof : float
-        Roof displacement, m.
+        Roof displacement up to which the curve is idealized, m.
     """
     roof = curve.idealized_to(roof)
+    # Numbers in parentheses are equations of ASCE 41-17.
     modes = building.modes()
     strength, yield_displacement = _two_lines(curve, roof)
     initial_stiffness = float(curve.shear[1] / curve.roof[1])
@@ -364,13 +371,25 @@ def _coefficients(
 
 
 def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
-    """Return base shear (N) and roof displacement (m) at yield of the idealized curve.
+    """Idealize a pushover curve by two lines, and return the point at which the lines meet (yield).
 
-    The idealized curve consists of two lines: a secant, which intersects the curve at 0.6 of the
-    yield force, and a line from the yield point to the curve at the displacement `roof`. The area
-    below the two lines equals the area below the curve. If several yield forces satisfy this
-    condition, the smallest is returned. (If the curve hardens after a yield, the secant becomes
-    flatter, and the areas can be equal again at a larger force.)
+    The first line is a secant from the origin, which intersects the curve at 0.6 of the yield
+    force. The second line ends on the curve at the displacement `roof`. The area below the two
+    lines equals the area below the curve. If several yield forces satisfy this condition, the
+    smallest is returned. (If the curve hardens after a yield, the secant becomes flatter, and the
+    areas can be equal again at a larger force.)
+
+    Parameters
+    ----------
+    curve : _PushoverCurve
+        Pushover curve.
+    roof : float
+        Roof displacement up to which the curve is idealized, m.
+
+    Returns
+    -------
+    tuple of float
+        Base shear (N) and roof displacement (m) at yield.
     """
     end_shear, area = curve.response_at(roof)
     maximum_shear = curve.maximum_shear(roof)
@@ -399,6 +418,7 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
         forces * roof + end_shear * (roof - yield_displacements)
     ) / 2.0 - area
     sign_changes = np.flatnonzero((area_at_start < 0.0) & (area_at_end >= 0.0))
+    # The curve yields only if its area exceeds that of the triangle below a straight line.
     if sign_changes.size and area > (1.0 + _YIELD_TOLERANCE) * end_shear * roof / 2.0:
         crossing = sign_changes[0]
         fraction = -area_at_start[crossing] / (area_at_end[crossing] - area_at_start[crossing])
@@ -438,7 +458,8 @@ def _solve(
     curve : _PushoverCurve
         Pushover curve.
     idealize : callable
-        Function of a roof displacement, m: the idealization of the curve up to it.
+        Function that receives a roof displacement, m, and returns the idealization of the curve up
+        to this displacement.
 
     Raises
     ------
@@ -462,6 +483,7 @@ def _solve(
             f"the target displacement ({method}) exceeds the curve: about {displacement:.4g} m at "
             f"the roof, but the curve reaches {previous:.4g} m{reason}"
         )
+    # `previous` equals `roof` if the first point of the curve already exceeds the result.
     root = previous
     if previous != roof:
         _, root = bisect_interval(

@@ -39,6 +39,8 @@ FINER = 64
 class Fault:
     """Criterion by which a method fails a problem: the judged quantity is outside its bounds.
 
+    The judged quantity is an energy ratio or an error (`HardProblem.by_energy`).
+
     Attributes
     ----------
     name : str
@@ -52,7 +54,7 @@ class Fault:
     high: float = math.inf
 
     def found(self, value: float) -> bool:
-        """Return True if `value` is outside the bounds."""
+        """Return True if the judged quantity `value` is nan or outside the bounds."""
         return not self.low <= value <= self.high
 
 
@@ -73,9 +75,9 @@ class HardProblem:
     energy_scale : float
         Maximum energy of the exact motion, J; the initial energy for free vibration.
     error_of : str
-        Description of `error`.
+        Description of the error that `error` returns, with its unit.
     error : callable
-        Function of a history that returns the error.
+        Function of a history that returns the error as a number.
     faults : tuple of Fault
         Criteria for the judged quantity.
     by_energy : bool
@@ -97,8 +99,10 @@ class HardProblem:
 
 
 def _energy_bounds(tolerance: float) -> tuple[Fault, Fault]:
-    """Return the failure criteria of a free vibration without damping, in which the energy must be
-    constant within the relative tolerance `tolerance`."""
+    """Return the failure criteria of a free vibration without damping.
+
+    The ratio of the energy to the initial energy must be 1 within `tolerance`.
+    """
     return Fault("gains energy", high=1.0 + tolerance), Fault("loses energy", low=1.0 - tolerance)
 
 
@@ -371,8 +375,12 @@ def _stiff_pair() -> HardProblem:
         return np.asarray(_kinetic(history, (_HALF_MASS, _HALF_MASS)) + 0.5 * springs)
 
     def error(history: History) -> float:
-        """Return the maximum error in the second half of the force in the joint, divided by its
-        amplitude."""
+        """Return the maximum error of the force in the joint in the second half of the motion,
+        divided by the amplitude of the force.
+
+        The exact force is `joint_force` times the displacement in m, which is computed by the
+        method.
+        """
         return _second_half(history, history.shear[:, 1] / joint_force - history.displacement[:, 0])
 
     return HardProblem(
@@ -753,6 +761,7 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
         completed = round(ended.time / dt)
         verdict = _VERDICT_OF_STATUS[ended.status]
         return replace(trial, outcome=outcome, verdict=verdict, time=ended.time, steps=completed)
+    # The run reached its end.
     history = ended.history
     assert history is not None
     ratios = problem.energy(history) / problem.energy_scale
@@ -764,6 +773,7 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
     return replace(
         trial,
         outcome=outcome,
+        # From rest, the initial energy is 0, and the minimum ratio is not informative.
         energy_ratio_min=min_ratio if ratios[0] > 0.0 else math.nan,
         energy_ratio_max=max_ratio,
         error=error,

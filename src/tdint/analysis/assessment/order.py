@@ -131,6 +131,10 @@ class OrderProblem:
     frequency_ratio : float
         Ratio of the circular frequency of the load to that of the oscillator; nan for a load
         without a frequency.
+    prepared : PreparedBuilding
+        Oscillator with its force and its initial state.
+    ground : ndarray, shape (samples,)
+        Ground acceleration, m/s^2; a single zero without a record.
     exact : ndarray, shape (3, samples)
         Displacement (m), velocity (m/s) and acceleration (m/s^2) at the ends of the coarsest steps.
     stride : int
@@ -237,6 +241,7 @@ def order_problem(
         The load or law is unknown, the frequency ratio is out of range, the stride is invalid, or
         a stride above 1 is specified for a load other than `record`.
     """
+    # The bits of `stride` and `stride - 1` have no 1 in common only if `stride` is a power of 2.
     if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
         raise UsageError(
             "stride must be a power of 2, so that a halved time step is a whole number of "
@@ -262,7 +267,8 @@ def order_problem(
     building = assemble(simple_model("oscillator", [story]))
     ground = _sampled_motion(stride) if load == "record" else np.zeros(1)
     if load == "record" and law == "linear":
-        # Compute the exact motion of the linear oscillator at the samples.
+        # Compute the exact motion of the linear oscillator at the samples. A step maps (u, h v) and
+        # the loads h^2 p at its start and end to (u, h v) at its end.
         h = COARSEST / stride
         step = oscillator(np.array([_OMEGA * h]), np.array([_XI]))[0]
         states = np.empty((2, ground.size))
@@ -282,6 +288,20 @@ def observed_order(
     integrator: Integrator, problem: OrderProblem, halvings: int = OBSERVED_HALVINGS
 ) -> ObservedOrder:
     """Measure the order of a method for a problem with time steps 0.02 s / 2^j, j = 0 .. halvings.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Method.
+    problem : OrderProblem
+        Oscillator with its load and exact motion.
+    halvings : int
+        Number of times that the largest time step is halved.
+
+    Returns
+    -------
+    ObservedOrder
+        Errors for each time step.
 
     Raises
     ------
@@ -307,6 +327,8 @@ def observed_order(
     for parts in map(int, all_parts):
         # The exact motion is relative to the ground, at the ends of the coarsest steps.
         history = _integrate(integrator, problem, parts, _COARSE_STEPS)[1][::parts]
+        # Columns of the history: ground acceleration, displacement, velocity, and absolute
+        # acceleration of the oscillator.
         motion = history[:, 1:4].T
         motion[2] -= history[:, 0]
         stored_error = math.nan
@@ -331,8 +353,20 @@ def observed_order(
 def _integrate(
     integrator: Integrator, problem: OrderProblem, parts: int, count: int
 ) -> tuple[float, Array]:
-    """Integrate the problem and return the acceleration stored by the method at the end, and the
-    history."""
+    """Integrate a problem with the time step `COARSEST` / `parts` over `count` coarsest steps.
+
+    Returns
+    -------
+    acceleration : float
+        Acceleration at the end of the run that the method stores in its state, m/s^2.
+    history : ndarray
+        Table of the response history, one row for each time step and the start.
+
+    Raises
+    ------
+    AnalysisError
+        The run fails.
+    """
     # A time step is `stride / parts` sampling intervals; the fraction is passed in lowest terms.
     divisor = math.gcd(parts, problem.stride)
     steps = Steps(COARSEST / parts, parts * count, parts // divisor, problem.stride // divisor)
@@ -365,14 +399,29 @@ def _sampled_motion(stride: int) -> Array:
 
 
 def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) -> Array:
-    """Compute the motion at the samples by SciPy's DOP853 with a tolerance of 1e-13, restarted at
-    each sample of a record."""
+    """Compute the motion of the oscillator by SciPy's DOP853 with a tolerance of 1e-13.
+
+    Parameters
+    ----------
+    load, law, ratio, stride
+        Attributes of `OrderProblem`: load, law, frequency ratio and stride.
+    ground : ndarray, shape (samples,)
+        Ground acceleration, m/s^2; used for the load `record`.
+
+    Returns
+    -------
+    ndarray, shape (3, samples)
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) relative to the ground at
+        intervals of 0.02 s / stride.
+    """
     from scipy.integrate import solve_ivp
 
     coefficients = STORY_LAWS[law].parameters or (_OMEGA**2,)
     times = COARSEST / stride * np.arange(_COARSE_STEPS * stride + 1)
 
     def acceleration(t: float, u: float, v: float) -> float:
+        """Return the acceleration of the unit mass relative to the ground at time t, m/s^2."""
+        # The force of the spring is the sum of c_j u^(j + 1).
         resistance = u * sum(c * u**j for j, c in enumerate(coefficients))
         driving = _AMPLITUDE * math.cos(ratio * _OMEGA * t) if load == "harmonic" else 0.0
         if load == "record":
@@ -441,9 +490,16 @@ def check_method(integrator: Integrator) -> MethodCheck:
     integrator : Integrator
         The method. Its step function is first executed in plain Python, where array bounds are
         checked, and then compiled.
+
+    Returns
+    -------
+    MethodCheck
+        Measured properties, and differences from the declared properties. If the step fails, the
+        properties are nan, and the faults describe the failure.
     """
     yielding: dict[str, str] = {}
-    VALIDATED_STEPS.add(integrator.family.step)  # This function validates the step itself.
+    # The following lines validate the step. Mark it, so that a run does not validate it again.
+    VALIDATED_STEPS.add(integrator.family.step)
     try:
         integrate_in_python("linear", integrator, 1)
         yielding = {} if integrator.family.linear_only else faults_with_yielding(integrator)
@@ -502,13 +558,15 @@ def check_law(model: Model, story: int) -> list[str]:
     name = model.stories[story - 1].law.name
     try:
         faults = _branch_faults(model, story)
-    except AnalysisError as error:  # the cyclic test below would fail without a clear message
+    except AnalysisError as error:
+        # The cyclic test below would fail with a less clear message.
         return [str(error)]
     has_height = model.stories[story - 1].height is not None
     path = cyclic_test(
         model, story, ["0.5%", "1%", "2%"] if has_height else ["5mm", "10mm", "20mm"], points=2000
     ).path
-    # The work done must equal the sum of the stored and the dissipated energy.
+    # The work done must equal the sum of the stored and the dissipated energy. The work is
+    # integrated by the trapezoidal rule.
     step, mean = np.diff(path.drift), 0.5 * (path.shear[1:] + path.shear[:-1])
     work = np.append(0.0, np.cumsum(mean * step))
     energy = path.strain_energy + path.hysteretic_energy
@@ -525,10 +583,22 @@ def check_law(model: Model, story: int) -> list[str]:
 
 
 def _branch_faults(model: Model, story: int) -> list[str]:
-    """Return the differences between the declared and actual branches and curvature of the
-    hysteresis model of a story.
+    """Compare the branches and the curvature that a hysteresis model declares with those of its
+    force.
 
     The model is executed in plain Python with checks of array bounds (`path_faults`).
+
+    Parameters
+    ----------
+    model : Model
+        Building.
+    story : int
+        Story with the hysteresis model, from 1.
+
+    Returns
+    -------
+    list of str
+        One message for each difference.
 
     Raises
     ------

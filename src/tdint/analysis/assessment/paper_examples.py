@@ -52,7 +52,9 @@ FINER = 8
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 
-_SLOW = 1e-6  # rad per time step; over such a small angle a sine is linear within 1e-13
+# Rad per time step. A harmonic force with this small angle per step represents a linear change of
+# the force: the sine is linear within 1e-13.
+_SLOW = 1e-6
 
 
 @dataclass(frozen=True)
@@ -251,7 +253,7 @@ def examples() -> Mapping[int, Example]:
 
 
 def exact_steps(example: Example, dt: float) -> int:
-    """Return the number of time steps of the exact solution of the paper in one time step dt.
+    """Return the number of time steps of the exact solution of the paper in one time step dt (s).
 
     The time step of that solution is `Example.exact_dt` if it divides dt, otherwise it is smaller.
     """
@@ -293,8 +295,22 @@ def reference(
 
 
 def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
-    """Return the maximum difference of displacements, m, between the finer reference and a
-    reference by another method."""
+    """Return the maximum difference of displacements, m, between two references.
+
+    The first is the finer reference, rk5 with the time step dt / `FINER`. The second is computed by
+    another method with the time step dt / finer.
+
+    Parameters
+    ----------
+    example : Example
+        The example.
+    dt : float
+        Time step at which the references are compared, s.
+    method : str
+        Specification of the other method.
+    finer : int
+        Number of time steps of the other method in dt.
+    """
     other = reference(example, dt, method, finer)
     return float(np.max(np.abs(reference(example, dt).displacement - other.displacement)))
 
@@ -302,8 +318,22 @@ def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
 def run_example(
     example: Example, dt: float, integrators: Sequence[Integrator]
 ) -> Iterator[ExampleRun]:
-    """Run methods and their variants on an example, and yield their results with both
-    references."""
+    """Run methods and their variants on an example.
+
+    Parameters
+    ----------
+    example : Example
+        The example.
+    dt : float
+        Time step, s.
+    integrators : sequence of Integrator
+        Methods. If a method has `VARIANTS`, they are run also.
+
+    Yields
+    ------
+    ExampleRun
+        Result of a method or variant, with both references.
+    """
     paper, finer = reference(example, dt, EXACT, exact_steps(example, dt)), reference(example, dt)
     unknown = np.full_like(finer.displacement, math.nan)
     for integrator in integrators:
@@ -355,12 +385,17 @@ def _load(model: Model, times: Array) -> Array:
 
 
 def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotion]:
-    """Return a solver for methods whose only memory is displacement and velocity, with the load
-    sampled at the ends of the time steps.
+    """Return a function that integrates an example with a load that is sampled at the time steps.
 
-    If `hold`, the load is constant in each time step and equal to its value at the start of the
-    step; otherwise it is linear. Each time step is a separate integration with constant forces and
-    slow sines.
+    The function applies to methods that store only displacement and velocity from step to step,
+    because each time step is a separate integration. It receives the example, the time step (s) and
+    the method, and returns the motion.
+
+    Parameters
+    ----------
+    hold : bool
+        True if the load is constant in each time step and equal to its value at the start of the
+        step. False if the load is linear between the time steps.
     """
 
     def solve(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
@@ -395,6 +430,8 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
             )
             if result.code < 0:
                 raise AnalysisError(f"{integrator.label} diverged with dt {dt:.6g} s")
+            # The rows of the history are the start and the end of the step. After the ground
+            # acceleration, they contain displacements, velocities and accelerations.
             motion[:, j] = result.space.history[0, 1 : 1 + 3 * n].reshape(3, n)
             state = result.space.history[1, 1 : 1 + 2 * n].reshape(2, n)
         return ExampleMotion(times[:-1], *motion)

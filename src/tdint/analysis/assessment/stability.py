@@ -241,8 +241,10 @@ def _track_principal_root(
     guess = np.exp((-damping + np.emath.sqrt(damping**2 - 1.0)) * first)
     principal, spurious = np.empty(len(roots), dtype=np.complex128), np.zeros(len(roots))
     for index, candidates in enumerate(roots):
+        # Reflect roots of the lower half plane: of a conjugate pair, the upper root is tracked.
         upper = np.where(candidates.imag < 0.0, candidates.conj(), candidates)
         nearest = np.argsort(np.abs(upper - guess))
+        # The root found here is the estimate for the next time step.
         principal[index] = guess = upper[nearest[0]]
         # The two principal roots are a conjugate pair, and all other roots are spurious. If the
         # principal root is real, its partner cannot be identified, and the result is nan.
@@ -369,8 +371,9 @@ _LEVELS = 10.0 ** np.arange(2.0, 8.0)
 """Values of omega h from which the power of the growth in one step is determined."""
 
 _SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0
-"""Factors from 1 to 2 on each level of omega h, spread by the golden ratio. With one value alone,
-the response of the step might be zero by chance, because it may contain a sine of omega h."""
+"""Factors from 1 to 2 on each value of `_LEVELS`, spread by the golden ratio. With a single value
+of omega h, the response of the step might be zero by chance, because it may contain a sine of
+omega h."""
 
 _LARGER = 0.25  # minimum difference of powers that are considered different
 _NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
@@ -409,10 +412,12 @@ class Overshoot(Tabular):
         One of `LAWS`.
     displacement, velocity : ndarray
         u / U and v / V, where U and V are the maxima of the exact undamped motion, so that the
-        exact values are between -1 and 1. nan after a response that grew without bound.
+        exact values are between -1 and 1. Values are nan after the response has grown without
+        bound.
     displacement_power, velocity_power : float
-        p in u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p for omega h to infinity; -inf if the value
-        after the step is 0. The exact motion has `EXACT_POWERS`. nan for a nonlinear law.
+        Exponents p that describe the growth in the first step of length h for omega h to infinity,
+        u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p; -inf if the value after the step is 0. The
+        exponents of the exact motion are `EXACT_POWERS`. nan for a nonlinear law.
     """
 
     method: str
@@ -530,6 +535,7 @@ def overshoot(
         return _nonlinear_overshoot(method, start, dt_over_t, steps, damping, law)
     omega_h = 2.0 * math.pi * dt_over_t
     u, hv = _first_steps(method, start, np.array([omega_h]), steps, damping)[:, :, 0]
+    # The exact amplitude of u is the root of the sum of squares of u(0) and v(0) / omega.
     amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)
     motion = u / amplitude, hv / (omega_h * amplitude)
     powers = _growth_powers(method, start, damping)
@@ -554,6 +560,7 @@ def _growth_powers(method: Integrator, start: str, damping: float) -> list[float
         Powers of omega h in the displacement u and in h v, where v is the velocity; -inf if the
         response is 0 except for rounding.
     """
+    # Shape (levels, 2): maxima of u and h v over the factors `_SPREAD` of each level.
     maxima = np.array(
         [
             np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)
@@ -700,4 +707,5 @@ def _integrate(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> 
     if result.code < 0:
         # The rows after the failure were not written; they still contain zeros.
         history[1:][~history[1:].any(axis=1)] = math.nan
+    # The first column of the history is the ground acceleration.
     return np.array([history[:, 1 : 1 + n], history[:, 1 + n : 1 + 2 * n]])

@@ -390,8 +390,9 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
     A strength ratio is the strength divided by the elastic strength. The ductility is a continuous
     function of the ratio. It does not exceed the target at `start` and grows without bound as the
     ratio approaches zero. The function is not monotone, so the search descends from `start` in
-    small steps to the first ratio that reaches the target. The steps are refined where the ductility rises steeply. If the ductility approaches the target and
-    decreases again, the search computes its maximum.
+    small steps to the first ratio that reaches the target. The steps are refined where the
+    ductility rises steeply. If the ductility approaches the target and decreases again, the search
+    computes its maximum.
 
     Parameters
     ----------
