@@ -367,11 +367,11 @@ def test_program_of_plugin_is_charted(leapfrog):
         (lambda problem: problem.nothing, "AttributeError: "),
         (
             lambda problem: (np.arange(3.0), np.zeros((3, 1))),
-            "ValueError: returns times (3,) and displacements (3, 1)",
+            "ValueError: returns times of shape (3,) and displacements of shape (3, 1)",
         ),
         (
             lambda problem: (0.01 * np.arange(3.0), np.zeros((3, 10))),
-            "ValueError: ends at 0.02 s, before the last",
+            "ValueError: returns times that end at 0.02 s, before the last",
         ),
         (lambda problem: (0.003 * np.arange(3.0), np.zeros((3, 10))), "UsageError: "),
         (
