@@ -132,7 +132,7 @@ def test_a_story_that_becomes_unstable_by_p_delta_causes_a_warning(folder, tdint
         (several, 1e6),
         ((*single, "--output-units", "kip,in"), kip_in),
     ):
-        message = f": story 1: {weight / unit:.4g} of {stiffness / unit:.4g}"
+        message = f": story 1: {weight / unit:.4g} and {stiffness / unit:.4g}"
         assert message in tdint("run", "falls.yaml", *arguments).stderr, arguments
     Path("stands.yaml").write_text(text % 0.07)
     assert "P-delta reduces" not in tdint("run", "stands.yaml", *single).stderr

@@ -35,10 +35,11 @@ class _OptionalFields:
         return {name: value for name, value in values.items() if value not in (None, ())}
 
     def __bool__(self) -> bool:
+        """Return True if at least one field is set."""
         return bool(self._set_fields())
 
     def over(self, other: Self) -> Self:
-        """Return the fields set here, and the fields of `other` for all fields not set here.
+        """Return a copy of `other` with the fields that are set in this object.
 
         Parameters
         ----------
@@ -75,6 +76,7 @@ class TextLayout(_OptionalFields):
     skip_lines: int | None = None
 
     def __post_init__(self) -> None:
+        """Validate the values, and convert the columns to a tuple of texts."""
         step: Any = self.step
         is_number = isinstance(step, Real) and not isinstance(step, bool)
         if step is not None and not (is_number and math.isfinite(step) and step > 0.0):
@@ -98,8 +100,8 @@ class TextLayout(_OptionalFields):
             )
 
     def check_format(self, name: str) -> None:
-        """Raise RecordError if columns or lines are specified for a file of the format `name`,
-        which is not a text table.
+        """Raise RecordError if the layout specifies columns or lines to skip, because a file of the
+        format `name` is not a text table.
 
         Parameters
         ----------
@@ -198,6 +200,11 @@ class RecordChoice:
 def parse_trim(text: str) -> tuple[float | None, float | None]:
     """Parse the bounds of a trim from `START:END`, s; either bound may be omitted.
 
+    Returns
+    -------
+    tuple of two (float or None)
+        Start and end, s from the first sample; None for an omitted bound.
+
     Raises
     ------
     UsageError
@@ -214,6 +221,11 @@ def parse_pad(text: str) -> tuple[float, float]:
     """Parse the durations of zeros before and after a record from `BEFORE:AFTER`, s, or from one
     number for both.
 
+    Returns
+    -------
+    tuple of float
+        Durations before and after the record, s.
+
     Raises
     ------
     UsageError
@@ -227,7 +239,8 @@ def parse_pad(text: str) -> tuple[float, float]:
 
 
 def _problems(steps: Processing) -> Iterator[str]:
-    """Yield an error message for each invalid value."""
+    """Yield an error message for each invalid value of the processing steps and for each invalid
+    combination of values."""
     for name in ("highpass", "lowpass", "resample"):
         value = getattr(steps, name)
         if value is not None and not 0.0 < value < math.inf:
@@ -246,6 +259,7 @@ def _problems(steps: Processing) -> Iterator[str]:
         end = math.inf if steps.trim[1] is None else steps.trim[1]
         if not 0.0 <= start < end or steps.trim == (None, None):
             yield "trim must be START:END in seconds from the first sample with START below END"
+    # One of the two durations may be zero, but not both.
     if steps.pad is not None and not (min(steps.pad) >= 0.0 < sum(steps.pad) < math.inf):
         yield f"pad must be a positive number of seconds, got {steps.pad[0]:g}:{steps.pad[1]:g}"
     if steps.filter_order is not None and steps.filter_order not in range(1, MAX_FILTER_ORDER + 1):

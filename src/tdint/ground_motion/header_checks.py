@@ -42,7 +42,20 @@ programs compute in single precision."""
 
 
 def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
-    """Return the stated number of samples, and the floating-point values of the header.
+    """Return the number of samples that a SAC header states, and the floating-point values of the
+    header.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+
+    Returns
+    -------
+    count : int
+        Stated number of samples.
+    values : tuple of 70 floats
+        Floating-point values of the header in the order of the file.
 
     Raises
     ------
@@ -50,6 +63,7 @@ def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
         A longitude is out of range. ObsPy reduces longitudes to -180..180 degrees by repeated
         subtraction of 360 degrees, which does not terminate for values above 1e30.
     """
+    # The version of the header is a small number only in the right byte order. A word has 4 bytes.
     order = "<" if 0 <= struct.unpack_from("<i", data, 4 * _VERSION)[0] <= 20 else ">"
     values = struct.unpack_from(f"{order}70f", data)
     for index in _LONGITUDES:
@@ -61,8 +75,18 @@ def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
 
 
 def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> list[Statement]:
-    """Return statements of the number of samples, the time of the last sample, and the minimum,
-    maximum and mean sample."""
+    """Return the values in the header of a SAC file with the same values computed from its samples.
+
+    The values are the number of samples, the time of the last sample, and the minimum, maximum and
+    mean sample. A value that the header does not state is omitted.
+
+    Parameters
+    ----------
+    header : tuple of (int, tuple of float)
+        Result of `look_at_sac`.
+    traces : list of obspy.Trace
+        The only trace of the file.
+    """
     (trace,) = traces
     size = len(trace.data)
     count, values = header
@@ -110,7 +134,13 @@ _CM6_LAST = re.compile(rb"[-+0-9A-T]")
 
 
 def look_at_gse(data: bytes) -> list[int]:
-    """Check the compressed data of all sections; return the numbers of samples in their headers.
+    """Check the compressed data of all sections of a GSE file; return the number of samples that
+    the header of each section states.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
 
     Raises
     ------
@@ -118,6 +148,7 @@ def look_at_gse(data: bytes) -> list[int]:
         A section is cut off or corrupt, or its number of samples differs from its header.
     """
     counts = []
+    # A section starts with a header line WID1 or WID2, by the version of the format.
     for section in re.split(rb"^(?=WID[12])", data, flags=re.MULTILINE):
         if section[:3] != b"WID":
             continue
@@ -137,7 +168,10 @@ def look_at_gse(data: bytes) -> list[int]:
 
 
 def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
-    """Return statements of the numbers of samples and of the checksums, compared by ObsPy.
+    """Return the stated and the read number of samples of each section of a GSE file.
+
+    A statement of equal numbers is added for the checksum of each section, because ObsPy has
+    already compared the checksums.
 
     Parameters
     ----------
@@ -147,14 +181,13 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
         Traces of the file.
     """
     return [
-        *_of_sections(counts, traces, "sections"),
+        *_section_statements(counts, traces, "sections"),
         *(Statement(CHECKSUM, 0.0, 0.0) for _ in counts),
     ]
 
 
-def _of_sections(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
-    """Return a statement of the number of samples of each section; `name` is the plural name of
-    sections in error messages.
+def _section_statements(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
+    """Return the stated and the read number of samples of each section of a file.
 
     Parameters
     ----------
@@ -162,6 +195,13 @@ def _of_sections(counts: list[int], traces: list[Any], name: str) -> list[Statem
         Number of samples stated for each section.
     traces : list of obspy.Trace
         Traces of the file, one per section.
+    name : str
+        Plural name of the sections in the error message.
+
+    Raises
+    ------
+    Damaged
+        The numbers of sections and of traces differ.
     """
     if len(counts) != len(traces):
         raise Damaged(f"it has {len(counts)} {name}, but {len(traces)} could be read")
@@ -172,7 +212,7 @@ def _of_sections(counts: list[int], traces: list[Any], name: str) -> list[Statem
 
 
 def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:
-    """Check that the compressed samples of a section are complete.
+    """Check that the compressed samples (CM6) of a section of a GSE file are complete.
 
     Parameters
     ----------
@@ -198,9 +238,12 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
     samples = b"".join(line.strip() for line in lines[begins[0] + 1 : ends[0]])
     if not _CM6.fullmatch(samples):
         raise Damaged("the compressed data contain an invalid character")
-    got = len(_CM6_LAST.findall(samples))
-    if got != count:
-        raise Damaged(f"its header states {pluralize(count, 'sample')}, the section has {got}")
+    # Each sample has exactly one last character.
+    sample_count = len(_CM6_LAST.findall(samples))
+    if sample_count != count:
+        raise Damaged(
+            f"its header states {pluralize(count, 'sample')}, the section has {sample_count}"
+        )
 
 
 # Text formats: SLIST and TSPAIR (web services), and K-NET.
@@ -215,13 +258,14 @@ _OFFSET = 1e-3
 """Fraction of the peak; change of the peak due to a different method for the zero offset."""
 
 
-def _counts(data: bytes) -> list[int]:
-    """Return the numbers of samples stated in all section headers."""
+def _timeseries_counts(data: bytes) -> list[int]:
+    """Return the number of samples that each section header (TIMESERIES) of a SLIST or TSPAIR file
+    states; `data` is the content of the file."""
     return [int(count) for count in _TIMESERIES.findall(data)]
 
 
 def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
-    """Return a statement of the number of samples of each section.
+    """Return the stated and the read number of samples of each section of a SLIST or TSPAIR file.
 
     Parameters
     ----------
@@ -230,11 +274,25 @@ def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statemen
     traces : list of obspy.Trace
         Traces of the file.
     """
-    return _of_sections(counts, traces, "headers of channels")
+    return _section_statements(counts, traces, "headers of channels")
 
 
 def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
-    """Return statements of the number of samples and of the peak without the zero offset, gal."""
+    """Return the stated and the computed number of samples and peak (gal, without the zero offset)
+    of each trace of a K-NET file.
+
+    Parameters
+    ----------
+    _ : None
+        Not used; K-NET has no check before reading.
+    traces : list of obspy.Trace
+        Traces of the file, with the header in `stats.knet`.
+
+    Raises
+    ------
+    Damaged
+        A header is incomplete, or its duration or sampling rate is invalid.
+    """
     statements = []
     for trace in traces:
         header = trace.stats.get("knet")
@@ -280,8 +338,8 @@ CHECKS = {
     "SAC": Check(sac_statements, look_at_sac),
     "GSE1": Check(gse_statements, look_at_gse),
     "GSE2": Check(gse_statements, look_at_gse),
-    "SLIST": Check(timeseries_statements, _counts),
-    "TSPAIR": Check(timeseries_statements, _counts),
+    "SLIST": Check(timeseries_statements, _timeseries_counts),
+    "TSPAIR": Check(timeseries_statements, _timeseries_counts),
     "KNET": Check(knet_statements),
 }
 """Checks of ObsPy formats that are common, or with readers that crash or do not terminate for a

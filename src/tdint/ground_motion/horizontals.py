@@ -56,6 +56,7 @@ class SingleHorizontal(RecordError):
     """
 
     def __init__(self, file: str, component: str) -> None:
+        """Create the error with its message; the parameters are the attributes of the class."""
         self.file, self.component = file, component
         name = component or "without a name"
         super().__init__(

@@ -202,9 +202,10 @@ def integrate(record: Record) -> Motion:
     time = h * a[i] / (a[i] - a[i + 1])
     pgv = max(_largest(velocity), _largest(velocity[i] + 0.5 * a[i] * time))
 
-    # The displacement may have its maximum at a zero of the velocity, which is a quadratic function
-    # of time between samples. The roots are computed by the formula without cancellation. A root
-    # that does not exist is nan or infinite, and is excluded by the comparison with h.
+    # The displacement may have its maximum at a zero of the velocity v + start t + slope t^2 / 2,
+    # where v is the velocity at the sample and t the time after it. Both roots are computed from q,
+    # which avoids cancellation. A root that does not exist is nan or infinite, and is excluded by
+    # the comparison with h.
     start, slope = a[:-1], np.diff(a) / h
     with np.errstate(divide="ignore", invalid="ignore"):
         discriminant = start * start - 2.0 * slope * velocity[:-1]
@@ -381,6 +382,7 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
     """
     a, b = record.acceleration[:-1], record.acceleration[1:]
     low, high = np.minimum(a, b), np.maximum(a, b)
+    # The value 1 avoids a division by zero in intervals with a constant acceleration.
     change = np.where(high > low, high - low, 1.0)
 
     def integral_from_zero(value: Array) -> Array:

@@ -16,10 +16,10 @@ from tdint.system import unnamed_file
 _LONGEST = 300
 """Characters; maximum length of a message, because ObsPy may quote an entire file."""
 
-_DRAWING = "obspy.imaging.source"
+_DRAWING = "obspy.imaging.source"  # module that plots earthquakes; tdint does not use it
 
-# Warnings about code instead of a file. The plugins of ObsPy are imported late and may use
-# deprecated Python features.
+# These warnings are about code, not about a file. They occur while files are read, because the
+# plugins of ObsPy are imported late and may use deprecated Python features.
 _ABOUT_CODE = (
     DeprecationWarning,
     PendingDeprecationWarning,
@@ -51,10 +51,13 @@ def _postponed_import(name: str) -> Iterator[None]:
         return
 
     def importing_function(function: str) -> Any:
+        """Return a function that imports the module and calls its function of this name."""
+        # Python also requests names such as __path__, which the placeholder does not have.
         if function.startswith("__"):
             raise AttributeError(function)
         return lambda *args, **kwargs: getattr(import_module(name), function)(*args, **kwargs)
 
+    # Python calls __getattr__ of a module for names that the module does not contain.
     placeholder = ModuleType(name)
     placeholder.__dict__["__getattr__"] = importing_function
     sys.modules[name] = placeholder
@@ -123,10 +126,16 @@ def _callback_errors() -> Iterator[list[str]]:
 @contextmanager
 def _printed_by_c() -> Iterator[list[str]]:
     """Capture standard error at the level of the operating system, because libgse2 and evalresp
-    print to it directly."""
+    print to it directly.
+
+    Yields
+    ------
+    list of str
+        Empty inside the block; after the block, the printed lines that are not blank.
+    """
     lines: list[str] = []
     try:
-        saved = os.dup(2)
+        saved = os.dup(2)  # 2 is the file descriptor of standard error
     except OSError:  # The process has no standard error.
         yield lines
         return
@@ -146,7 +155,8 @@ def _printed_by_c() -> Iterator[list[str]]:
 
 
 def _spool() -> IO[bytes]:
-    """Open a file without a name, in memory if there is no directory for temporary files."""
+    """Open a file without a name for captured text, in memory if there is no directory for
+    temporary files."""
     from tempfile import TemporaryFile  # imported late: only a few formats need it
 
     try:

@@ -129,7 +129,7 @@ def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
 
 
 def check_step(dt: float) -> None:
-    """Raise Damaged if a sampling interval, s, is outside the range of recorders."""
+    """Raise Damaged if a sampling interval `dt`, s, is outside the range of recorders."""
     if not SHORTEST_STEP <= dt <= LONGEST_STEP:
         raise Damaged(
             f"its header states a sampling interval of {dt:g} s; recorders have {SHORTEST_STEP:g} "
@@ -174,7 +174,8 @@ def most_samples(frames: bytes, version: int, order: str = ">") -> int:
     frame_bytes = 4 * _WORDS_PER_FRAME
     word_count = len(frames) // frame_bytes * _WORDS_PER_FRAME  # words in complete frames
     words = np.frombuffer(frames, f"{order}u4", word_count).astype(np.uint32)
-    # The first word of a frame contains a code of two bits for each of the 16 words.
+    # The first word of a frame contains a code of two bits for each of the 16 words; the code of
+    # the first word is in the two highest bits.
     shifts = np.arange(30, -2, -2, dtype=np.uint32)
     codes = ((words[::_WORDS_PER_FRAME, None] >> shifts) & 3).astype(np.int64)
     # The word of the codes contains no differences. The first frame also contains the first and
@@ -523,6 +524,8 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
             f"{where} has no blockette 1000, which states its length and encoding; the record "
             "cannot be checked"
         )
+    # Bytes 4 to 6 of blockette 1000 are the code of the encoding, the byte order (1 for big-endian)
+    # and the exponent of the record length.
     position = chain[_DATA_ONLY]
     encoding, big, exponent = data[position + 4 : position + 7]
     if exponent not in _LENGTH_EXPONENTS:

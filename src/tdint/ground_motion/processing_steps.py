@@ -61,24 +61,46 @@ class Interpolation:
     words: str
 
 
-def _straight(record: Record, shortest: float) -> tuple[Array, float]:
-    """Return the samples of a record; `shortest` has no effect."""
+def _samples_of_record(record: Record, shortest_period: float) -> tuple[Array, float]:
+    """Return a copy of the samples (m/s^2, shape (samples,)) and the sampling interval (s) of
+    a record. This is `Interpolation.resample` for linear interpolation; the shortest period of the
+    oscillators has no effect."""
     return record.acceleration.copy(), record.dt
 
 
-def _band_limited(record: Record, shortest: float) -> tuple[Array, float]:
-    """Return points of the band-limited motion of a record for linear interpolation."""
-    part_count = _POINTS * math.ceil(max(1.0, record.dt / shortest))
+def _band_limited_points(record: Record, shortest_period: float) -> tuple[Array, float]:
+    """Return points of the band-limited motion of a record for linear interpolation.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+    shortest_period : float
+        Shortest period of the oscillators, s. The interval of the points is at most 1/16 of this
+        period.
+
+    Returns
+    -------
+    points : ndarray, shape (points,)
+        Accelerations, m/s^2.
+    dt : float
+        Interval of the points, s.
+    """
+    part_count = _POINTS * math.ceil(max(1.0, record.dt / shortest_period))
     return band_limited(record.acceleration, part_count, for_lines=True), record.dt / part_count
 
 
 def _band_limited_peak(record: Record) -> float:
-    """Return the maximum absolute value of the parabolas through each three successive points."""
+    """Return the peak ground acceleration of the band-limited motion of a record, m/s^2.
+
+    It is the maximum absolute value of the parabolas through each three successive points.
+    """
     points = band_limited(record.acceleration, _POINTS)
-    before, here, after = points[:-2], points[1:-1], points[2:]
-    slope, bend = 0.5 * (after - before), after - 2.0 * here + before
-    inside = np.abs(slope) < np.abs(bend)
-    vertices = here[inside] - 0.5 * slope[inside] ** 2 / bend[inside]
+    before, middle, after = points[:-2], points[1:-1], points[2:]
+    # The parabola is middle + slope x + bend x^2 / 2, where x is -1, 0 and 1 at the three points.
+    slope, bend = 0.5 * (after - before), after - 2.0 * middle + before
+    has_vertex = np.abs(slope) < np.abs(bend)  # the vertex at x = -slope / bend is between them
+    vertices = middle[has_vertex] - 0.5 * slope[has_vertex] ** 2 / bend[has_vertex]
     return float(max(np.max(np.abs(points)), np.max(np.abs(vertices), initial=0.0)))
 
 
@@ -97,21 +119,27 @@ def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Arra
     Returns
     -------
     ndarray, shape ((n - 1) parts + 1,)
+        Motion from the first to the last sample, in the unit of the samples.
     """
     from scipy.fft import next_fast_len
 
+    # The Fourier transform is periodic. Zeros for at least the duration of the record separate its
+    # end from the next period.
     size = 2 * next_fast_len(samples.size, real=True)  # even, with no prime factors above 5
     spectrum = np.fft.rfft(samples, size)
-    spectrum[-1] *= 0.5  # the Nyquist frequency now has a separate negative frequency
+    # In the longer transform below, this frequency has a separate negative frequency.
+    spectrum[-1] *= 0.5
     if for_lines:
+        # Linear interpolation multiplies the amplitude by sinc(f h)^2, where f is the frequency
+        # and h the interval of the points; f h is index / (size parts).
         spectrum /= np.sinc(np.arange(spectrum.size) / (size * parts)) ** 2
     return parts * np.fft.irfft(spectrum, size * parts)[: (samples.size - 1) * parts + 1]
 
 
-LINEAR = Interpolation("linear", _straight, attrgetter("pga"), "straight lines")
+LINEAR = Interpolation("linear", _samples_of_record, attrgetter("pga"), "straight lines")
 BAND_LIMITED = Interpolation(
     "band-limited",
-    _band_limited,
+    _band_limited_points,
     _band_limited_peak,
     "free of frequencies above half its sampling rate",
 )
@@ -152,10 +180,16 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
     # For a longer interval, the sinc is stretched to remove frequencies above the new Nyquist
     # frequency.
     stretch = max(1.0, new / dt)
+    # The transition band then ends at the new Nyquist frequency, which is 1 here.
     cutoff = 1.0 - 0.5 * _TRANSITION if new > dt else 1.0
+    # Half the number of weights, by the formula of Kaiser (1974): (A - 7.95) / (2.285 w), where A
+    # is the attenuation in dB and w the width of the transition band in radians per sample.
     half = math.ceil(stretch * (_ATTENUATION - 7.95) / (2.0 * 2.285 * math.pi * _TRANSITION))
+    # The two small numbers keep a last sample that rounding would otherwise remove.
     count = math.floor((samples.size - 1) * dt / new * (1.0 + 1e-12) + 1e-9) + 1
     padded = np.pad(samples, half)
+    # A new sample is a weighted sum of the old samples with these indices relative to the last old
+    # sample before the new sample.
     taps = np.arange(1 - half, half + 1)
     result = np.empty(count)
     rows = max(1, _AT_ONCE // taps.size)
@@ -223,14 +257,21 @@ def process(
         raise UsageError(
             f"process requires a Record, as returned by read_record, got {record!r:.60}"
         )
-    both = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
+    durations = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
     return processed(
-        record, Processing(trim, baseline, both, highpass, lowpass, filter_order, resample)
+        record, Processing(trim, baseline, durations, highpass, lowpass, filter_order, resample)
     )
 
 
 def processed(record: Record, steps: Processing) -> Record:
-    """Return the record after all steps; without steps, the same object.
+    """Return a record after the requested processing steps; without steps, the same object.
+
+    Parameters
+    ----------
+    record : Record
+        Record to process; it is not changed.
+    steps : Processing
+        Processing steps.
 
     Raises
     ------
@@ -257,10 +298,13 @@ def _label(record: Record) -> str:
     return f"{record.source}: {record.id}" if record.id.strip(".") else record.source
 
 
-def _done(
+def _replace_samples(
     record: Record, samples: Array, note: str, *, dt: float | None = None, later: float = 0.0
 ) -> Record:
-    """Return a record after a processing step.
+    """Return a record with the samples that result from a processing step.
+
+    The step is added to the notes and to the processing steps of the record. The peak velocity and
+    displacement in the file are removed, because they belong to the unprocessed record.
 
     Parameters
     ----------
@@ -326,7 +370,9 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
             f"{record.dt:g} s, got {start:g}:{end:g} s"
         )
     note = f"trimmed to the part from {first * record.dt:.6g} to {last * record.dt:.6g} s"
-    return _done(record, record.acceleration[first : last + 1], note, later=first * record.dt)
+    return _replace_samples(
+        record, record.acceleration[first : last + 1], note, later=first * record.dt
+    )
 
 
 def remove_baseline(record: Record, shape: str) -> Record:
@@ -335,14 +381,15 @@ def remove_baseline(record: Record, shape: str) -> Record:
     samples = record.acceleration
     mean = float(np.mean(samples))
     if shape == "constant":
-        return _done(record, samples - mean, f"the mean of {mean:.4g} m/s^2 is removed")
+        note = f"the mean of {mean:.4g} m/s^2 is removed"
+        return _replace_samples(record, samples - mean, note)
     # Relative time, -1 at the first and 1 at the last sample.
     time = np.linspace(-1.0, 1.0, samples.size)
     slope = float(np.dot(time, samples) / np.dot(time, time))
     line = mean + slope * time
     if shape == "linear":
         note = f"a line from {mean - slope:.4g} to {mean + slope:.4g} m/s^2 is removed"
-        return _done(record, samples - line, note)
+        return _replace_samples(record, samples - line, note)
     # The quadratic term without its mean is orthogonal to the line at equidistant samples. It is
     # zero for two samples.
     time_squared = time * time
@@ -351,11 +398,25 @@ def remove_baseline(record: Record, shape: str) -> Record:
     parabola = line + (float(np.dot(bend, samples)) / bend_norm if samples.size > 2 else 0.0) * bend
     first, middle, last = (parabola[i] for i in (0, samples.size // 2, -1))
     note = f"a parabola through {first:.4g}, {middle:.4g} and {last:.4g} m/s^2 is removed"
-    return _done(record, samples - parabola, note)
+    return _replace_samples(record, samples - parabola, note)
 
 
 def pad(record: Record, *seconds: float) -> Record:
-    """Add zeros before and after a record, for two durations (s) rounded up to whole samples."""
+    """Return a record with zeros added before and after it.
+
+    Parameters
+    ----------
+    record : Record
+        Record to pad.
+    *seconds : float
+        Two durations, s: before and after the record. They are rounded up to whole samples.
+
+    Raises
+    ------
+    RecordError
+        More than `MOST_SAMPLES` zeros would be added.
+    """
+    # The limit of 1e18 samples prevents an overflow of the quotient; it is far above MOST_SAMPLES.
     before, after = (math.ceil(min(duration / record.dt, 1e18) - _ROUNDING) for duration in seconds)
     if before + after > MOST_SAMPLES:
         raise RecordError(
@@ -365,12 +426,12 @@ def pad(record: Record, *seconds: float) -> Record:
     note = (
         f"padded with zeros, {before * record.dt:.6g} s before and {after * record.dt:.6g} s after"
     )
-    return _done(
+    return _replace_samples(
         record, np.pad(record.acceleration, (before, after)), note, later=-before * record.dt
     )
 
 
-def butterworth(record: Record, filter_type: str, corner: float, corners: int) -> Record:
+def butterworth(record: Record, filter_type: str, corner: float, order: int) -> Record:
     """Apply a zero-phase Butterworth filter to a record, which is zero outside its samples.
 
     The filter is applied forwards and, from the time at which it has settled after the end of the
@@ -384,7 +445,7 @@ def butterworth(record: Record, filter_type: str, corner: float, corners: int) -
         `highpass` or `lowpass`.
     corner : float
         Corner frequency, Hz.
-    corners : int
+    order : int
         Order of the filter.
 
     Raises
@@ -392,12 +453,10 @@ def butterworth(record: Record, filter_type: str, corner: float, corners: int) -
     RecordError
         The corner frequency cannot be represented at the sampling interval of the record.
     """
-    samples = zero_phase(
-        record.acceleration, record.dt, filter_type, corner, corners, _label(record)
-    )
-    filter_text = f"Butterworth filter of order {corners}, forwards and backwards"
+    samples = zero_phase(record.acceleration, record.dt, filter_type, corner, order, _label(record))
+    filter_text = f"Butterworth filter of order {order}, forwards and backwards"
     note = f"{filter_type} {corner:g} Hz: {filter_text}"
-    return _done(record, samples, note)
+    return _replace_samples(record, samples, note)
 
 
 def zero_phase(
@@ -405,12 +464,13 @@ def zero_phase(
     dt: float,
     filter_type: str,
     corner: float,
-    corners: int,
+    order: int,
     label: str,
     *,
     held: bool = False,
 ) -> Array:
-    """Apply the filter of `butterworth` to samples.
+    """Apply a Butterworth filter to samples, forwards and then backwards, so that no phase shift
+    remains. The motion before the first sample is zero.
 
     Parameters
     ----------
@@ -422,12 +482,17 @@ def zero_phase(
         `highpass` or `lowpass`.
     corner : float
         Corner frequency, Hz.
-    corners : int
+    order : int
         Order of the filter.
     label : str
         Name of the samples in error messages.
     held : bool
         Continue with the last value after the end instead of zeros. Default False.
+
+    Returns
+    -------
+    ndarray
+        Filtered samples, in the shape of `samples`.
 
     Raises
     ------
@@ -446,7 +511,8 @@ def zero_phase(
         )
     from scipy.signal import sosfilt  # imported late: needs 0.8 s
 
-    sections, settling = _designed(filter_type, corner, corners, dt)
+    sections, settling = _design_filter(filter_type, corner, order, dt)
+    # Only the first axis, which is the time, is extended.
     after = [(0, settling), *[(0, 0)] * (samples.ndim - 1)]
     forwards = sosfilt(
         sections, np.pad(samples, after, mode="edge" if held else "constant"), axis=0
@@ -455,7 +521,7 @@ def zero_phase(
 
 
 @lru_cache(maxsize=64)  # a fit applies the same two filters a thousand times
-def _designed(filter_type: str, corner: float, corners: int, dt: float) -> tuple[Array, int]:
+def _design_filter(filter_type: str, corner: float, order: int, dt: float) -> tuple[Array, int]:
     """Return the second-order sections of a Butterworth filter and its settling time in samples.
 
     Parameters
@@ -464,20 +530,42 @@ def _designed(filter_type: str, corner: float, corners: int, dt: float) -> tuple
         `highpass` or `lowpass`.
     corner : float
         Corner frequency, Hz.
-    corners : int
+    order : int
         Order of the filter.
     dt : float
         Sampling interval, s.
+
+    Returns
+    -------
+    sections : ndarray, shape (sections, 6)
+        Coefficients for `scipy.signal.sosfilt`.
+    settling : int
+        Number of samples after which the transient has decayed to the fraction `_SETTLED`.
     """
     from scipy.signal import butter, zpk2sos
 
-    zeros, poles, gain = butter(corners, corner, filter_type, fs=1.0 / dt, output="zpk")
+    zeros, poles, gain = butter(order, corner, filter_type, fs=1.0 / dt, output="zpk")
+    # After n samples, the transient has the amplitude |p|^n, where p is the pole of largest
+    # absolute value.
     settling = math.ceil(math.log(_SETTLED) / math.log(float(np.max(np.abs(poles)))))
     return zpk2sos(zeros, poles, gain), settling
 
 
 def resample(record: Record, dt: float) -> Record:
-    """Return the band-limited motion of a record at another sampling interval `dt`, s."""
+    """Return the band-limited motion of a record at another sampling interval.
+
+    Parameters
+    ----------
+    record : Record
+        Record to resample; it is returned unchanged if it already has the interval.
+    dt : float
+        New sampling interval, s.
+
+    Raises
+    ------
+    RecordError
+        The resampled record would have fewer than two or more than `MOST_SAMPLES` samples.
+    """
     if math.isclose(dt, record.dt, rel_tol=1e-12):
         return record
     if record.duration / dt > MOST_SAMPLES:
@@ -492,4 +580,4 @@ def resample(record: Record, dt: float) -> Record:
         )
     samples, band = resampled(record.acceleration, record.dt, dt)
     note = f"resampled from {record.dt:.6g} s to {dt:.6g} s, frequencies up to {band:.4g} Hz kept"
-    return _done(record, samples, note, dt=dt)
+    return _replace_samples(record, samples, note, dt=dt)

@@ -19,10 +19,10 @@ from tdint.kernels.laws import OURS
 from tdint.model.definition import (
     CODES,
     DASHPOT,
+    FIRST_LAW_PARAMETER,
     HEIGHT,
     LAWS,
     MASS,
-    OF_LAW,
     POWER,
     STIFFNESS,
     Force,
@@ -226,6 +226,7 @@ class Building:
         If all modes have been computed, the first of them is used. It differs from the result of
         `first_mode` in the last digits. Therefore use it for comparisons and rounded values only.
         """
+        # A cached property is in `vars` after it has been computed.
         if "_first_mode" in vars(self) or "modes" not in vars(self.vibration):
             return self._first_mode
         modes = self.vibration.modes
@@ -413,7 +414,7 @@ class DrawnBuildings:
         )
         return _frequency_bound(stiffness, self.base.linear_terms[rows.LINK], self.mass)
 
-    def of_runs(self, draws: Sequence[int]) -> Building:
+    def combine_runs(self, draws: Sequence[int]) -> Building:
         """Return the buildings of several runs as one `Building` with an additional axis of runs.
 
         Linear terms and law parameters have the shape (rows, runs, n + 1), heights and yield drifts
@@ -530,15 +531,16 @@ def _insert_numbers(
         Tables of the buildings, which are changed.
     """
     for (i, column), values_of_draws in changed_values.items():
-        if column >= OF_LAW:
-            law_parameters[:, rows.FIRST_PARAMETER + column - OF_LAW, i] = values_of_draws
+        if column >= FIRST_LAW_PARAMETER:
+            row = rows.FIRST_PARAMETER + column - FIRST_LAW_PARAMETER
+            law_parameters[:, row, i] = values_of_draws
         elif column == STIFFNESS:
             law_parameters[:, rows.STIFFNESS, i] = values_of_draws
         elif column == HEIGHT and not model.stories[i].isolator:
             heights[:, i] = values_of_draws
         elif column in _TABLE_ROW_OF_COLUMN:
             linear_terms[:, _TABLE_ROW_OF_COLUMN[column], i] = values_of_draws
-        elif column == POWER.start + 1:  # exponent of the power-law dashpot
+        elif column == POWER.start + 1:  # exponent of the power-law dashpot, c v (v^2 + v0^2)^POWER
             linear_terms[:, rows.POWER, i] = 0.5 * (values_of_draws - 1.0)
         elif column == POWER.start + 2:  # drift rate below which the dashpot is linear
             # Squared in Python as in `assemble`: the square of NumPy can differ in the last bit.
@@ -568,7 +570,11 @@ def _yield_drifts(
         The parameters of a story are invalid.
     """
     yield_drift = np.repeat(base.yield_drift[None], len(law_parameters), axis=0)
-    for i in {i for i, column in changed_values if column == STIFFNESS or column >= OF_LAW}:
+    # All other stories keep the yield drift of the base.
+    changed_stories = {
+        i for i, column in changed_values if column == STIFFNESS or column >= FIRST_LAW_PARAMETER
+    }
+    for i in changed_stories:
         law = LAWS[model.stories[i].law.name]
         end = rows.FIRST_PARAMETER + len(model.stories[i].law.parameters)
         table_rows = [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, end)]
@@ -611,7 +617,7 @@ def _changed_numbers(
             current = changed.get(value_index, base_numbers[change.story][change.column])
             changed_value = current * sampled_values if change.factor else sampled_values
             changed[value_index] = np.where(np.isnan(sampled_values), current, changed_value)
-            if change.of_law:
+            if change.sets_law_parameter:
                 stories_with_set_law.add(change.story)
     # Some laws define the initial stiffness by their parameters: compute it again.
     for i in stories_with_set_law:
@@ -619,7 +625,7 @@ def _changed_numbers(
         if compute_stiffness:
             columns = [
                 np.broadcast_to(changed.get((i, column), base_numbers[i][column]), draws)
-                for column in range(OF_LAW, len(base_numbers[i]))
+                for column in range(FIRST_LAW_PARAMETER, len(base_numbers[i]))
             ]
             parameters_of_draws = np.stack(columns, axis=1).tolist()
             changed[i, STIFFNESS] = np.array(
@@ -665,14 +671,14 @@ def unstable_after_yield(model: Model) -> tuple[str, ...]:
         after_yield = stiffness_after_yield(story)
         if stiffness_reduction > after_yield:
             messages.append(
-                f"story {i}: {stiffness_reduction / unit_value:.4g} of "
+                f"story {i}: {stiffness_reduction / unit_value:.4g} and "
                 f"{after_yield / unit_value:.4g}"
             )
     if not messages:
         return ()
     return (
         "P-delta reduces the stiffness after yield below zero, so that a story that yields may "
-        f"collapse; weight over height, and stiffness after yield, {unit_name}: "
+        f"collapse; weight over height and stiffness after yield, {unit_name}: "
         f"{abbreviate(messages, _MAX_LISTED_STORIES)}",
     )
 
@@ -722,7 +728,10 @@ are the initial stiffness (N/m) and the parameters of the law by name. Other law
 
 
 def oscillators(omega: Array, damping: Array) -> Building:
-    """Assemble independent linear oscillators of unit mass, u'' + 2 xi omega u' + omega^2 u = p.
+    """Assemble independent linear oscillators of unit mass.
+
+    The equation of motion of an oscillator is u'' + 2 xi omega u' + omega^2 u = p with the
+    displacement u, the damping ratio xi, the circular frequency omega and the load p.
 
     Parameters
     ----------
@@ -914,6 +923,12 @@ def rayleigh(damping: RayleighRatio, omega_1: float, omega_2: float) -> Rayleigh
         Damping ratios and numbers of the two modes.
     omega_1, omega_2 : float
         Circular frequencies of the two modes, rad/s.
+
+    Raises
+    ------
+    ModelError
+        The two frequencies are numerically equal, or the difference of their squares exceeds the
+        range of floats.
     """
     xi_1, xi_2 = damping.ratios
     if damping.modes[0] == damping.modes[1]:

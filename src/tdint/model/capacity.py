@@ -77,12 +77,16 @@ class CapacityCurve:
     acceleration: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        """Check the number of points and their values."""
         if not 2 <= len(self.displacement) == len(self.acceleration) <= 4:
             raise UsageError(
-                f"a capacity curve has two to four points, got {len(self.displacement)}"
+                f"a capacity curve must have two to four points, got {len(self.displacement)}"
             )
         if not all(0.0 < value < math.inf for value in (*self.displacement, *self.acceleration)):
-            raise UsageError("the points of a capacity curve must be positive")
+            raise UsageError(
+                "the displacements and accelerations of a capacity curve must be positive and "
+                "finite; omit only the point at the origin"
+            )
         if any(
             later <= earlier
             for earlier, later in zip(self.displacement, self.displacement[1:], strict=False)
@@ -224,7 +228,16 @@ class CapacityBuilding:
 
 
 def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
-    """Derive the shear building from a capacity curve and the data of the building."""
+    """Derive the shear building from a capacity curve and the data of the building.
+
+    The first mode of a building with relative masses and stiffnesses converts the curve, which
+    describes an oscillator, to backbone curves of the stories.
+
+    Parameters
+    ----------
+    facts : CapacityFacts
+        Capacity curve and data of the building.
+    """
     n, curve, ratio = facts.stories, facts.curve, facts.damping_ratio
 
     # Compute the shape of the first mode from the masses (as fractions of the mass of the building)
@@ -233,12 +246,13 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     mass_fractions[-1] = 1.0 if n == 1 else _ROOF_MASS_RATIO
     mass_fractions /= mass_fractions.sum()
     story_index = np.arange(n)
+    # Rule of the toolkit: the stiffness decreases after every two stories, by up to about 30 %.
     relative_stiffness = np.maximum(
         1.0 - 0.3 * (2.0 * (story_index // 2) + 0.5) / max(n - 1, 1), 0.5
     )
     if facts.soft_story:
         relative_stiffness[0] *= _SOFT_STORY_RATIO
-    links = np.minimum(story_index, 1.0)  # 0 for the ground story, 1 for the others
+    links = np.minimum(story_index, 1.0)  # 0 for a story on the ground, 1 for the other stories
     shape = solve_modes(mass_fractions, relative_stiffness, links).shapes[:, 0]
     mode = np.asarray(shape / shape[-1])
 
@@ -335,6 +349,11 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
     The file has the columns class, sd_m and sa_g, and one row for each point of a capacity curve,
     in the order of the curve. The columns soft_story and degradation (true or false) are optional.
 
+    Parameters
+    ----------
+    source : str
+        Path of the file.
+
     Raises
     ------
     ModelError
@@ -373,7 +392,14 @@ _COORDINATE_COLUMNS = ("sd_m", "sa_g")
 
 
 def _curve(source: str, points: list[tuple[float, float]]) -> CapacityCurve:
-    """Return the curve through points (Sd in m, Sa in g).
+    """Return the capacity curve through points.
+
+    Parameters
+    ----------
+    source : str
+        Start of the error message: the file, and the class if the file contains several.
+    points : list of (float, float)
+        Spectral displacement (m) and spectral acceleration (g) of each point.
 
     Raises
     ------

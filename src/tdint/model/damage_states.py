@@ -99,6 +99,7 @@ class DamageStates:
     losses: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        """Check that each state has a median, and that the medians increase."""
         if len(self.medians) != len(self.states):
             raise UsageError(
                 f"{len(self.states)} damage states require the same number of thresholds, got "
@@ -116,8 +117,9 @@ class DamageStates:
                 )
 
     @classmethod
-    def of_json(cls, stored: Mapping[str, Any]) -> Self:
-        """Create the states from their attributes, which were read from JSON."""
+    def from_json(cls, stored: Mapping[str, Any]) -> Self:
+        """Create the states from a mapping with their attributes, in which tuples are lists, as
+        JSON stores them."""
         lists = {name: tuple(stored[name]) for name in ("states", "medians", "losses")}
         return cls(demand=stored["demand"], dispersion=stored["dispersion"], **lists)
 

@@ -45,6 +45,7 @@ class _LawsByName(Mapping[str, DriftLaw]):
     """Laws by name. A law is imported when it is first used."""
 
     def __getitem__(self, name: str) -> DriftLaw:
+        """Return the law with a name, and import it if necessary."""
         law: DriftLaw = _LAWS[CODES[name]]
         return law
 
@@ -114,6 +115,7 @@ def laws() -> Mapping[str, DriftLaw]:
     """Return all hysteretic laws by name, including those of entry points `tdint.laws`."""
 
     def register(plugin: Any, origin: Origin) -> None:
+        """Register the laws of an entry point."""
         for law in declared(plugin, "LAWS", DriftLaw, origin.where):
             register_law(law, origin)
 
@@ -193,11 +195,20 @@ LINEAR = Law("linear", ())
 
 
 def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """Return two to four points (drift, force) as four points, flattened to eight numbers.
+    """Complete a backbone curve of two to four points to four points, without changing the curve.
 
-    The points of a backbone curve are completed without changing the curve, as in the vulnerability
-    toolkit of GEM: two points by points at 1/3 and 2/3 between the two, three points by the
-    midpoint of the last two.
+    The points are added as in the vulnerability toolkit of GEM: to two points, points at 1/3 and
+    2/3 between the two; to three points, the midpoint of the last two.
+
+    Parameters
+    ----------
+    points : sequence of (float, float)
+        Drift and force of each point, in any units.
+
+    Returns
+    -------
+    tuple of eight floats
+        Drift and force of the first point, of the second point, and so on.
     """
     (*first_points, second_last, last) = points
     added_count = 4 - len(points)
@@ -440,7 +451,7 @@ class Model:
     page_head : tuple of (str, str)
         Names and texts of the lines at the top of a report.
     varied_parameters : tuple of (str, float)
-        What `replace` changed, and the values.
+        Names and values of the parameters that `replace` has changed.
     label : str
         Name of this variation of the building.
     damage : DamageStates or None
@@ -503,12 +514,17 @@ class Model:
         return self.changed(numbers)
 
     def changed(self, numbers: Mapping[str, float]) -> Model:
-        """Return the building with changed parameters; `numbers` contains values by name.
+        """Return the building with changed parameters, like `replace` for numbers only.
 
         Parameters
         ----------
         numbers : mapping of str to float
             Values by the names that `vary` of `run_many` accepts, SI units.
+
+        Raises
+        ------
+        UsageError
+            A name is unknown, a value is out of range, or no story has the parameter.
         """
         # Changes are applied in order; factors multiply values that were set before.
         table = [list(story_numbers(story)) for story in self.stories]
@@ -524,7 +540,8 @@ class Model:
                 row = table[change.story]
                 row[change.column] = row[change.column] * value if change.factor else value
                 earlier_law_change = changed_stories.get(change.story, False)
-                changed_stories[change.story] = earlier_law_change or change.of_law
+                sets_law = earlier_law_change or change.sets_law_parameter
+                changed_stories[change.story] = sets_law
         # Only changed stories are built again and checked by their laws, as in a file.
         stories = list(self.stories)
         for i, is_law_changed in changed_stories.items():
@@ -554,7 +571,7 @@ def _story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: 
         True if a parameter of the law has been changed. If the law defines the initial stiffness,
         the stiffness is then computed from the parameters.
     """
-    law = Law(story.law.name, tuple(numbers[OF_LAW:]))
+    law = Law(story.law.name, tuple(numbers[FIRST_LAW_PARAMETER:]))
     compute_stiffness = LAWS[story.law.name].initial_stiffness
     stiffness = numbers[STIFFNESS]
     if is_law_changed and compute_stiffness:
@@ -642,13 +659,17 @@ _STORY_KEYS = (
 )
 """Keys of the values of a story in the order of `story_numbers`. Parameters of the law follow."""
 
-MASS, HEIGHT, STIFFNESS, DASHPOT, POWER, OF_LAW = 0, 1, 2, 3, slice(4, 7), len(_STORY_KEYS)
-"""Indices of the values in `story_numbers`. `POWER` selects the values of the power-law dashpot,
-`OF_LAW` is the index of the first parameter of the law."""
+MASS, HEIGHT, STIFFNESS, DASHPOT, POWER = 0, 1, 2, 3, slice(4, 7)
+"""Indices of the values in `story_numbers`. `POWER` selects the values of the power-law dashpot."""
+
+FIRST_LAW_PARAMETER = len(_STORY_KEYS)
+"""Index of the first parameter of the law in `story_numbers`."""
 
 _FACTOR_NAMES = ("mass_factor", "stiffness_factor", "strength_factor")
-# Number of the story, as `stories[3]` or as `story 3`, and key of the parameter.
 _STORY_PARAMETER = re.compile(r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)")
+"""Pattern of a parameter of stories. Its groups are the number of the story in `stories[3].mass`,
+the number in `story 3.mass` (both None for all stories), and the key of the parameter."""
+
 _POINT_DIMENSIONS = {"drift": (0, 1), "force": (1, 0)}  # exponents of force and length
 
 
@@ -671,12 +692,20 @@ class Change(NamedTuple):
     bounds: LawParameter | None = None
 
     @property
-    def of_law(self) -> bool:
+    def sets_law_parameter(self) -> bool:
         """True if the change sets a parameter of the law, which may define the stiffness."""
-        return self.column >= OF_LAW and not self.factor
+        return self.column >= FIRST_LAW_PARAMETER and not self.factor
 
     def check(self, name: str, *values: float) -> None:
-        """Raise UsageError if a value is outside the bounds of the law; `name` is the parameter."""
+        """Raise UsageError if a value is outside the bounds that the law declares.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter, for the message.
+        *values : float
+            Values of the parameter, SI units.
+        """
         if self.bounds:
             low, high = self.bounds.low, self.bounds.high
             low_allowed, high_allowed = self.bounds.low_allowed, self.bounds.high_allowed
@@ -701,21 +730,33 @@ def story_numbers(story: Story) -> tuple[float, ...]:
 
 
 def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
-    """Return name, exponents of force and length, and declaration of each parameter of a law.
+    """Describe each number in the parameters of a law.
 
-    The list has one item for each number in `law.parameters`. The unit of a number is
-    force^exponent length^exponent. Numbers of a list or of points have an index in the name.
+    Parameters
+    ----------
+    law : Law
+        Law of a story with its parameters.
+
+    Returns
+    -------
+    list of (str, int, int, LawParameter)
+        For each number in `law.parameters`: its name, the exponents of force and length in its
+        unit, and the declaration of the parameter. Numbers of a list or of points have an index in
+        the name, such as `backbone[1].drift`.
     """
     numbers: list[tuple[str, int, int, LawParameter]] = []
     for parameter in LAWS[law.name].parameters:
         path = parameter.path
         if parameter.points:
+            # A law always has four points (`four_points`).
             numbers += [
                 (f"{path}[{k}].{coordinate}", *dimension, parameter)
                 for k in range(1, 5)
                 for coordinate, dimension in _POINT_DIMENSIONS.items()
             ]
         elif parameter.many:
+            # A list is the last parameter, so that it contains all remaining numbers. Number k is
+            # the coefficient of drift^k and has the unit force / length^k.
             count = len(law.parameters) - len(numbers)
             numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
         else:
@@ -726,16 +767,25 @@ def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
 def _changes_by_parameter(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
     """Return the values of a story that each parameter changes, by the name of the parameter.
 
-    Each tuple contains the index in `story_numbers`, True if the value of the parameter is a factor
-    on the number, and the declaration with the bounds. The list is empty for a parameter that
-    cannot be changed. If a law defines the stiffness, a factor on the stiffness multiplies all
-    forces of the law.
+    If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
+
+    Parameters
+    ----------
+    story : Story
+        Story with its law.
+
+    Returns
+    -------
+    dict of str to list of (int, bool, LawParameter or None)
+        For each changed value: its index in `story_numbers`, True if the value of the parameter is
+        a factor on it (False: its new value), and the declaration with the bounds. The list is
+        empty for a parameter that cannot be changed.
     """
     has_stiffness = LAWS[story.law.name].initial_stiffness is not None
     stiffness_indices, strength_indices = [STIFFNESS], []
     set_law: dict[str, list[tuple[int, bool, LawParameter | None]]] = {}
-    for i, named in enumerate(_named_parameters(story.law), start=OF_LAW):
-        name, force, length, declaration = named
+    for i, described in enumerate(_named_parameters(story.law), start=FIRST_LAW_PARAMETER):
+        name, force, length, declaration = described
         set_law[f"law.{name}"] = [(i, False, declaration)]
         # Factors apply to all numbers with the dimension of a stiffness or of a strength (force).
         if force == 1 and (has_stiffness or length == -1):
@@ -760,6 +810,13 @@ def _changes_by_parameter(story: Story) -> dict[str, list[tuple[int, bool, LawPa
 def changes_of(model: Model, name: str) -> list[Change]:
     """Return the changes of the values of stories that a parameter causes; empty for `damping`.
 
+    Parameters
+    ----------
+    model : Model
+        Model that is varied.
+    name : str
+        Name of the parameter, as for `Model.replace`.
+
     Raises
     ------
     UsageError
@@ -778,7 +835,7 @@ def changes_of(model: Model, name: str) -> list[Change]:
         hint = "" if int(number) else "; counting starts at 1"
         raise UsageError(f"{name}: {model.name} has {pluralize(len(model.stories), 'story')}{hint}")
     indices = [int(number) - 1] if number else range(len(model.stories))
-    # The index of a number depends on the law of the story.
+    # The parameters, and the indices of their values, depend on the law of the story.
     changes_by_story = {i: _changes_by_parameter(model.stories[i]) for i in indices}
     changes = [Change(i, *change) for i in indices for change in changes_by_story[i].get(key, ())]
     if changes:
@@ -799,7 +856,7 @@ def changes_of(model: Model, name: str) -> list[Change]:
     )
     raise UsageError(
         f"{name}: {missing} {key!r} that can be set{did_you_mean(key, names)} "
-        f"(there are {', '.join(names)})"
+        f"(available: {', '.join(names)})"
     )
 
 
@@ -851,6 +908,7 @@ def check_value(name: str, value: float) -> None:
     elif name.endswith((".dashpot", ".linear_below")):
         is_valid, allowed = value >= 0.0, "zero or a positive number"
     elif name.endswith("dashpot.exponent") and 2.0 < value < math.inf:
+        # The last branch checks smaller exponents, which must be positive.
         is_valid, allowed = False, "in (0, 2]"
     elif is_law_parameter:
         is_valid, allowed = True, "a number"

@@ -114,6 +114,13 @@ def stream_exposure(
         Columns of an inventory from which buildings are derived. A tag with such a name gets the
         prefix `tag_`.
 
+    Returns
+    -------
+    table : CsvTable
+        Table with the header of the inventory and without rows.
+    rows : iterator of (int, list of str)
+        Line of each asset in its file, and the cells of its row.
+
     Raises
     ------
     ModelError
@@ -123,6 +130,7 @@ def stream_exposure(
     large = f"larger than {MOST_BYTES // 1024**2} MiB; list CSV files in its element `assets`"
     # Standard input and pipes, which can be read only once, contain the CSV file.
     data = read_whole(source, ModelError, {}, large, MOST_BYTES) if is_file(source) else b""
+    # An XML file starts with <, after an optional byte-order mark (EF BB BF) and white space.
     if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         record_digest(source, data)
         model = _parse(source, data)
@@ -152,11 +160,36 @@ def stream_exposure(
 
 
 class _Assets:
-    """Assets of an exposure model, converted to rows of an inventory, and their errors."""
+    """Assets of an exposure model, converted to rows of an inventory, and their errors.
+
+    Parameters
+    ----------
+    source : str
+        Name of the XML file, or of a CSV file with the assets alone.
+    model : _ExposureModel
+        Contents of the XML file.
+    mapping : CsvTable
+        Mapping table with the columns of an inventory for each taxonomy.
+    reserved : collection of str
+        Columns of an inventory from which buildings are derived.
+
+    Attributes
+    ----------
+    titles : tuple of str
+        Columns of the inventory.
+    rows : list of (int, list of str)
+        Line of each asset in its file, and the cells of its row.
+
+    Raises
+    ------
+    ModelError
+        The mapping table has a column that the exposure model also defines.
+    """
 
     def __init__(
         self, source: str, model: _ExposureModel, mapping: CsvTable, reserved: Collection[str]
     ) -> None:
+        """Determine the columns of the inventory from the mapping table and the model."""
         self._source, self._model, self._mapping = source, model, mapping
         # Store the cells of the mapping table for each taxonomy, from the columns with a title.
         taxonomy_column = mapping.header.index(TAXONOMY)
@@ -190,11 +223,22 @@ class _Assets:
         self.rows: list[tuple[int, list[str]]] = []
         self._faults: list[ModelFault] = []  # the first `_MAX_LISTED` errors
         self._fault_count = 0
-        # Number of assets for each taxonomy without a row in the mapping table
+        # For each taxonomy without a row in the mapping table, the number of its assets.
         self._unmapped: Counter[str] = Counter()
 
     def read_csv(self, file_name: str) -> None:
-        """Read the assets of a CSV file."""
+        """Read the assets of a CSV file and add their rows or errors.
+
+        Parameters
+        ----------
+        file_name : str
+            Path of the file; `-` is standard input.
+
+        Raises
+        ------
+        ModelError
+            The file cannot be read, lacks a column, or has a row with too many cells.
+        """
         table, rows = stream_table(file_name, _REQUIRED, columns=(), read_first=True)
         field_columns = {name: self._column_index(table, name) for name in _FIELDS}
         self._check_fields(file_name, table, field_columns)
@@ -460,8 +504,13 @@ def _store_element(
         Names of the element and of all elements that contain it.
     attributes : mapping
         Attributes of the element.
-    model : _Model
-        Changed by this function.
+    model : _ExposureModel
+        Contents of the file, changed by this function.
+
+    Raises
+    ------
+    ModelError
+        The type of costs or areas is unknown.
     """
     name, parent = path[-1], path[-2] if len(path) > 1 else ""
     last_asset = model.assets[-1][1] if model.assets else {}

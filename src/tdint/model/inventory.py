@@ -85,6 +85,7 @@ _DESIGN_LEVELS = (
     | {f"{level}-code": level for level in LEVELS}
     | {f"{level[0]}c": level for level in LEVELS}
 )
+"""Design levels by their spellings in inventories: `high`, `high-code` and `hc` are equivalent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +175,7 @@ def read_inventory(
     inventory_table = _Table(table, *arguments)
     inventory_table.read(rows)
     table.need(*needed)
-    return _checked(inventory_table)
+    return _separate_valid_rows(inventory_table)
 
 
 def _check_mapping(mapping_table: _Table) -> None:
@@ -188,12 +189,20 @@ def _check_mapping(mapping_table: _Table) -> None:
         mapping_table, table=replace(mapping_table.table, header=header, titles=header)
     )
     mapping_table.read(iter(mapping_table.table.rows))
-    if faults := _checked(mapping_table)[1]:
+    if faults := _separate_valid_rows(mapping_table)[1]:
         raise ModelError(faults)
 
 
-def _checked(table: _Table) -> tuple[InventoryRows, list[ModelFault]]:
-    """Return the valid rows of a table, and the errors of the other rows."""
+def _separate_valid_rows(table: _Table) -> tuple[InventoryRows, list[ModelFault]]:
+    """Return the valid rows of a table, and the errors of the other rows in the order of the file.
+
+    The first of several rows with the same id is valid, the other rows are errors.
+
+    Parameters
+    ----------
+    table : _Table
+        Table with all rows of the file.
+    """
     faults: list[ModelFault] = []
     # In a table of a million rows almost all rows are valid. Only the other rows are read cell by
     # cell, which is much slower, to list their errors.
@@ -245,6 +254,7 @@ class LazySequence(Sequence[Item]):
     @overload
     def __getitem__(self, index: slice) -> list[Item]: ...
     def __getitem__(self, index: int | slice) -> Item | list[Item]:
+        """Create the item with an index, or a list of the items of a slice."""
         # The range converts negative indices and slices.
         selected = range(len(self))[index]
         if isinstance(selected, int):
@@ -258,6 +268,10 @@ class _Table:
 
     Attributes
     ----------
+    table : CsvTable
+        Name and header of the file.
+    length, mass_only, classes, as_published
+        Arguments of `read_inventory`.
     columns : list of TextColumn
         Texts of each column.
     lines : array of int
@@ -278,7 +292,10 @@ class _Table:
     def read(self, rows: Iterator[tuple[int, list[str]]]) -> None:
         """Read all rows and fill `columns`, `lines` and `overfull`.
 
-        `rows` yields the line number and the cells of each row.
+        Parameters
+        ----------
+        rows : iterator of (int, list of str)
+            Line number and cells of each row.
         """
         width = len(self.table.header)
         self.columns.extend(TextColumn() for _ in range(width))
@@ -533,9 +550,20 @@ _INDIVIDUAL_COLUMNS = ("id", "PlanArea", "mass_kg", *_COORDINATES)
 
 
 class _Row:
-    """Row of an inventory. Its methods convert cells and collect errors."""
+    """Row of an inventory. Its methods convert cells and collect errors.
+
+    Parameters
+    ----------
+    table : _Table
+        Table that contains the row.
+    index : int
+        Index of the row in the table.
+    faults : list of ModelFault
+        List to which the errors of the row are added.
+    """
 
     def __init__(self, table: _Table, index: int, faults: list[ModelFault]) -> None:
+        """Select the cells of the row."""
         self._table, self._column_indices = table, table.column_indices
         # Errors of this row are those after the first `_earlier_faults` of the list.
         self._faults, self._earlier_faults = faults, len(faults)

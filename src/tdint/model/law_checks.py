@@ -177,9 +177,11 @@ def verify_laws(law_parameters: Array) -> None:
     AnalysisError
         A declaration of a law is missing or wrong.
     """
+    # Laws of plug-ins have the numbers from `OURS` on.
     codes = law_parameters[..., rows.CODE, :-1]
     if not np.any(codes >= OURS):
         return
+    # Each row of `columns` is the column of the table for a story with a plug-in law.
     columns = np.moveaxis(law_parameters[..., :-1], -2, -1)[codes >= OURS]
     for column in np.unique(columns, axis=0):
         code = int(column[rows.CODE])
@@ -372,6 +374,11 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
         Drifts of the path in their order, m.
     increment : float
         Increment of drift of the finite differences for slopes, m.
+
+    Yields
+    ------
+    _PathPoint
+        Results at each drift.
     """
     law, functions, column, guard = story
     # The table of a building of one story has a second, empty column.
@@ -387,12 +394,12 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
             previous_drift = law_state[rows.DRIFT, 0]
             lower, upper = float(law_state[rows.LOWER, 0]), float(law_state[rows.UPPER, 0])
             is_reversal = law_state[rows.RATE_SIGN, 0] * (drift - previous_drift) < 0.0
-            # Force from the branches; nan on a curved branch, which has an infinite SLOPE
+            # A curved branch has an infinite SLOPE and does not determine the force.
             branch_force = math.nan
             if law_state[rows.SLOPE, 0] < math.inf:
                 follow_branches(table, law_state, 0, rows.COMMITTED, rows.SECOND_TRIAL, drift)
                 branch_force = float(law_state[rows.SECOND_TRIAL + rows.FORCE, 0])
-            # Force from the function `force` of the law
+            # The force at the two neighboring drifts gives the slopes by finite differences.
             force_below, _ = _evaluate(functions, table, law_state, drift - increment)
             force_above, _ = _evaluate(functions, table, law_state, drift + increment)
             force, tangent = _evaluate(functions, table, law_state, drift)

@@ -259,6 +259,20 @@ def design_level(structure: str, year: int, zone: str) -> str:
     """Return the design level that the code of a zone requires for a year of construction.
 
     Light wood frames (W1) have at least the level of `_MINIMUM_LEVEL`.
+
+    Parameters
+    ----------
+    structure : str
+        Structure type, one of `STRUCTURES`.
+    year : int
+        Year of construction.
+    zone : str
+        Seismic zone, one of `ZONES`.
+
+    Returns
+    -------
+    str
+        One of `LEVELS`.
     """
     # The latest year comes first, so the first match is the valid code.
     level = next((name for first_year, name in _FIRST_YEARS[zone] if year >= first_year), "pre")

@@ -117,7 +117,7 @@ class Modes(Tabular):
         modal_damping = self.modal_damping(damping)
         diagonal = np.maximum(np.diagonal(modal_damping), 0.0)
         coupling = np.abs(modal_damping - np.diag(diagonal))
-        # Maximum off-diagonal terms that rounding errors cause
+        # Off-diagonal terms up to these values are rounding errors.
         rounding = CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)
         if np.any(coupling > rounding):
             return None
@@ -287,7 +287,7 @@ def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     is_unstable = stiffness <= 0.0
     if not is_unstable.any():
         return
-    # Index of the first unstable story
+    # The message names only the first unstable story.
     unstable_story = int(np.argmax(is_unstable))
     values = ""
     if geometric is not None:

@@ -179,7 +179,7 @@ def home_of(name: str, attribute: str) -> tuple[str, str] | None:
     for module_name, module in list(sys.modules.items()):
         if not (module_name.startswith(_PREFIX) and module.__file__):
             continue
-        # The value is a tuple or a single object.
+        # A plug-in may list its objects in a tuple, or contain a single object.
         listed = getattr(module, attribute, ())
         objects = listed if isinstance(listed, Iterable) else (listed,)
         if name in [getattr(method_or_law, "name", None) for method_or_law in objects]:
@@ -232,7 +232,8 @@ def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
             file.write_bytes(content)
         elif file.read_bytes() != content:
             raise UsageError(
-                f"{name}: a worker has executed another version of this plug-in; restart them"
+                f"{name}: a worker has executed another version of this plug-in; restart the "
+                "workers"
             )
         files.append(str(file))
     return files
@@ -348,6 +349,11 @@ def declared(plugin: Any, attribute: str, expected_type: type, where: str) -> It
         Required type of the objects.
     where : str
         Origin for messages.
+
+    Raises
+    ------
+    UsageError
+        An object does not have the required type.
     """
     objects = getattr(plugin, attribute, ()) if isinstance(plugin, ModuleType) else plugin
     for listed in (objects,) if isinstance(objects, expected_type) else objects:

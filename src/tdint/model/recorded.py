@@ -184,7 +184,8 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
     entries = replace(root, type=RECORDING).read()
 
-    # Sort floors by number from the ground up; the roof is the last floor.
+    # Convert the names of the floors to numbers; the roof is the last floor. Numbers with many
+    # digits, which Python may refuse to convert, are invalid in any case.
     floors: dict[int, tuple[Sensor, ...]] = {}
     for name, (entry, sensors) in entries["floors"].items() if entries else ():
         if name == ROOF:
@@ -192,7 +193,7 @@ def load_recording(source: str | Path, stories: int) -> Recording:
         elif name.isascii() and name.isdecimal() and len(name) < 9:
             floor = int(name)
         else:
-            floor = 0  # not a number: invalid
+            floor = 0  # represents an invalid name
         if not 1 <= floor <= stories:
             entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
         elif floor in floors:

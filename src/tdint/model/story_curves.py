@@ -182,21 +182,27 @@ def _uniform_mode_stiffness(
 ) -> tuple[list[float], list[float]]:
     """Return story stiffnesses and strengths for a first mode that is a straight line.
 
-    The results are in the units of the model file, from the ground up.
+    The strengths are proportional to the stiffnesses. The base shear at yield is the fraction
+    `_BASE_SHEAR` of the weight.
 
     Parameters
     ----------
-    units : _System
+    units : _UnitSystem
         Units of the model file. Its `load_key` determines if loads are masses or weights.
     loads : sequence of float
         Masses (t) or weights (in the unit of force) of the floors from the ground up.
     omega : float
         Circular frequency of the first mode, rad/s.
+
+    Returns
+    -------
+    stiffness, strength : list of float
+        Initial stiffness and yield force of each story, in the units of the model file.
     """
     mass_factor = MASS["t"] if units.load_key == "mass" else FORCE[units.force] / STANDARD_GRAVITY
     masses = [mass_factor * load for load in loads]
-    # Inertia forces in the mode shape 1, 2, ..., n, divided by omega^2, and their sums above each
-    # story
+    # The inertia forces in the mode shape 1, 2, ..., n are divided by omega^2. The shear of a story
+    # is the sum of the forces above it.
     inertia = [mass * floor for floor, mass in enumerate(masses, start=1)]
     inertia_above = [math.fsum(inertia[i:]) for i in range(len(inertia))]
     weight = math.fsum(masses) * STANDARD_GRAVITY / FORCE[units.force]
@@ -281,7 +287,7 @@ def _remaining_lines(
 
     Parameters
     ----------
-    units : _System
+    units : _UnitSystem
         System of units, which defines the output units.
     motion : str or None
         File of the record; None for free vibration.
@@ -388,9 +394,19 @@ class CurveFit:
 
 
 def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
-    """Read drift (m) and shear (N) of each story from a CSV file; the keys are story numbers.
+    """Read the story curves of a building from a CSV file.
 
     The names of the columns contain the units, such as `drift_mm` and `shear_kN`.
+
+    Parameters
+    ----------
+    source : str
+        Path of the file.
+
+    Returns
+    -------
+    dict of int to (ndarray, ndarray)
+        Drift (m) and shear (N) of the points of each story, by the number of the story from 1.
 
     Raises
     ------
@@ -494,19 +510,23 @@ FittedNumbers = tuple[Array, float]
 def _fit_slopes(
     drift: Array, shear: Array, corners: Array, *, is_flat: bool
 ) -> tuple[Array, Array]:
-    """Fit a polygon with given corners through the origin; return its slopes and the residuals.
-
-    The slopes, one for each segment, are zero or positive. The residuals are the shears minus those
-    of the polygon, shape (points,).
+    """Fit a polygon with given corners through the origin to a curve, by least squares.
 
     Parameters
     ----------
     drift, shear : array, shape (points,)
         Relative drifts and shears of the curve.
-    corners : array
+    corners : array, shape (corners,)
         Relative drifts of the corners, in any order.
     is_flat : bool
         Set the slope after the last corner to zero; it is omitted from the result.
+
+    Returns
+    -------
+    slopes : ndarray
+        Slope of each segment, zero or positive.
+    residuals : ndarray, shape (points,)
+        Shears of the curve minus shears of the polygon.
     """
     from scipy.optimize import nnls
 
@@ -529,7 +549,7 @@ def _fit_polygon(
     shear: Array,
     start_drift: float,
 ) -> FittedNumbers:
-    """Fit the corners and slopes of a polygon; return them, and the sum of squares.
+    """Fit the corners and slopes of a polygon to a curve, by least squares.
 
     Parameters
     ----------
@@ -541,6 +561,13 @@ def _fit_polygon(
         Relative drifts and shears of the curve.
     start_drift : float
         Relative drift that determines the start values.
+
+    Returns
+    -------
+    numbers : ndarray
+        Relative drifts of the corners, followed by the slopes of the segments.
+    sum_of_squares : float
+        Sum of the squared differences of relative shears.
     """
     from scipy.optimize import minimize
 
@@ -563,9 +590,9 @@ def _fit_polygon(
 
 
 def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbers:
-    """Fit a backbone curve with four points; return its drifts, its shears and the sum of squares.
+    """Fit a backbone curve with four points to a story curve, by least squares.
 
-    The last point has the maximum drift. The shears are zero or positive.
+    The last point has the maximum drift.
 
     Parameters
     ----------
@@ -573,6 +600,14 @@ def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbe
         Relative drifts and shears of the curve.
     start_drift : float
         Start value of the relative drift of the second point.
+
+    Returns
+    -------
+    numbers : ndarray, shape (8,)
+        Relative drifts of the four points, followed by their relative shears, which are zero or
+        positive.
+    sum_of_squares : float
+        Sum of the squared differences of relative shears.
     """
     from scipy.optimize import minimize, nnls
 

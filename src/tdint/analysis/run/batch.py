@@ -332,7 +332,7 @@ def run_sampled(
     h, samples = runs[0][1][2].h, [sample for sample, _ in runs]
     specs = [(sample, motions.run_spec(*run)) for sample, run in runs]
     batch = subject.prepared.integrate_sampled(subject.integrator, h, motions.samples, specs, drawn)
-    outcomes = Outcomes.of(drawn.of_runs(samples), batch, False)
+    outcomes = Outcomes.of(drawn.combine_runs(samples), batch, False)
     for i in np.flatnonzero(needs_review(batch)).tolist():
         sample, (number, scale, steps) = runs[i]
         case = subjects[sample]().case(motions.records[number], scale)

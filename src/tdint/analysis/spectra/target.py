@@ -785,7 +785,7 @@ def read_published(
     # Select the rows with the damping ratio, sorted by period.
     rows = np.argsort(periods, kind="stable")
     if "damping" in table.names:
-        ratios = table.numbers(table.place("damping"))
+        ratios = table.numbers(table.column_index("damping"))
         rows = rows[_has_damping(source, ratios, damping, RecordError)[rows]]
     periods, values = periods[rows], values[rows]
     if periods[0] < 0.0 or np.any(values < 0.0):
@@ -846,7 +846,7 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
         text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES
     }
     if column is not None:
-        table.place(column)
+        table.column_index(column)
         if column not in columns:
             raise RecordError(
                 f"{table.source}: the column {column!r} is not a spectrum; it must be one of "
@@ -877,5 +877,5 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
             f"{table.source}: the column {chosen!r} has the units of another quantity "
             f"({units.quantity}): {text}"
         )
-    values = units.scale * table.numbers(table.place(chosen))
+    values = units.scale * table.numbers(table.column_index(chosen))
     return name, values

@@ -49,7 +49,7 @@ _COLUMNS = {quantity.name: quantity.column for quantity in RUN}
 def stored_states(store: Store) -> dict[str, DamageStates]:
     """Return the damage states of each type of a store; empty if it has no damage states."""
     stored = json.loads(store.damage() or "{}")
-    return {name: DamageStates.of_json(item) for name, item in stored.get("types", {}).items()}
+    return {name: DamageStates.from_json(item) for name, item in stored.get("types", {}).items()}
 
 
 @dataclass(frozen=True)

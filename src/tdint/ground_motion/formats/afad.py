@@ -41,7 +41,7 @@ _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
 
 
 def is_afad(file: Any, **_: Any) -> bool:
-    """Return True if a file starts with the title of this network."""
+    """Return True if a file starts with the title of the Turkish network (AFAD)."""
     return recognizes(file, lambda lines: _TITLE.match(lines[0]))
 
 
@@ -62,7 +62,7 @@ def read_afad(lines: Lines) -> list[Series]:
             "its header must state the number of data, the sampling interval and the units"
         )
     units = required_units(peaks[1])
-    stated = {name.upper(): value for name, value in _PEAK.findall(peaks[2])}
+    peak_by_name = {name.upper(): value for name, value in _PEAK.findall(peaks[2])}
     columns = lines.table(int(points[1]), len(names))
     lines.expect_end()
     return [
@@ -74,8 +74,8 @@ def read_afad(lines: Lines) -> list[Series]:
             station=code(header_field(_STATION, texts)),
             start=moment_in(_START, texts),
             event=header_field(_EARTHQUAKE, texts),
-            peak=stated_peak(stated[name.upper()], units, units)
-            if name.upper() in stated
+            peak=stated_peak(peak_by_name[name.upper()], units, units)
+            if name.upper() in peak_by_name
             else None,
         )
         for name, column in zip(names, columns, strict=True)

@@ -61,16 +61,17 @@ def read_at2(lines: Lines) -> list[Series]:
 
     # The last two parts of the second line of PEER headers are station and component. The parts
     # before them are the event and its date.
-    codes: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
     parts = header[1].split(",") if len(header) > 2 and _TITLE.match(header[0]) else []
-    is_own = header[0].strip() == _WRITTEN_HERE
+    is_tdint_file = header[0].strip() == _WRITTEN_HERE
     if len(parts) > 2 and (component := _COMPONENT.match(parts[-1])):
-        channel = code(parts[-1]) if is_own else component[1]
-        codes = {"station": code(parts[-2]), "channel": channel}
-        if is_own and _START.fullmatch(parts[-3].strip()):
+        channel = code(parts[-1]) if is_tdint_file else component[1]
+        attributes = {"station": code(parts[-2]), "channel": channel}
+        # Files of tdint also state the time of the first sample, before the station.
+        if is_tdint_file and _START.fullmatch(parts[-3].strip()):
             start = datetime.fromisoformat(parts.pop(-3).strip())
-            codes["start"] = start.astimezone(UTC).replace(tzinfo=None)
-        codes["event"] = " ".join(" ".join(parts[:-2]).split())
+            attributes["start"] = start.astimezone(UTC).replace(tzinfo=None)
+        attributes["event"] = " ".join(" ".join(parts[:-2]).split())
 
     # Text may follow the values, but not numbers.
     while lines.peek() is not None:
@@ -90,7 +91,7 @@ def read_at2(lines: Lines) -> list[Series]:
         match[1] for pattern in _UNITS for match in pattern.finditer(text) if motion_units(match[1])
     )
     units = next((required_units(name, quantity) for name in named), "")
-    return [Series(values, step, units, **codes)]
+    return [Series(values, step, units, **attributes)]
 
 
 def at2_text(record: Record) -> str:
@@ -99,16 +100,17 @@ def at2_text(record: Record) -> str:
     The second line contains event, time of the first sample (if known), station and component, in
     the order of PEER files.
     """
-    rows = record.acceleration / STANDARD_GRAVITY
+    samples = record.acceleration / STANDARD_GRAVITY
+    # A complete id consists of network, station, location and channel, joined by dots.
     station = record.id.split(".")[1] if record.id.count(".") == 3 else ""
     names = [record.event.replace(",", " "), record.start, station, record.component]
     if not record.start:
         del names[1]
     head = (_WRITTEN_HERE, ", ".join(names), "ACCELERATION TIME SERIES IN UNITS OF G")
-    values = [
-        "".join(f"{value:16.8E}" for value in rows[i : i + 5]) for i in range(0, rows.size, 5)
+    rows = [
+        "".join(f"{value:16.8E}" for value in samples[i : i + 5]) for i in range(0, samples.size, 5)
     ]
-    return "\n".join((*head, f"NPTS= {rows.size}, DT= {record.dt!r} SEC", *values, ""))
+    return "\n".join((*head, f"NPTS= {samples.size}, DT= {record.dt!r} SEC", *rows, ""))
 
 
 def _matches(lines: list[str]) -> bool:

@@ -54,7 +54,7 @@ _END = "/&"  # start of the line after the samples of a component
 
 
 def is_bhrc(file: Any, **_: Any) -> bool:
-    """Return True if a file starts with the title of this format and names a component within 20
+    """Return True if a file starts with the title of a BHRC file and names a component within 20
     lines."""
     return recognizes(
         file, lambda lines: _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20])
@@ -63,7 +63,7 @@ def is_bhrc(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_bhrc(lines: Lines) -> list[Series]:
-    """Read the components of a BHRC file; see `tdint.ground_motion.formats`.
+    """Read the next component of a BHRC file; see `tdint.ground_motion.formats`.
 
     Raises
     ------
@@ -91,6 +91,8 @@ def read_bhrc(lines: Lines) -> list[Series]:
     dt = float(points[2]) / count
     statements = [Statement(SAMPLES, stated, count)]
     if rate > 0.0:
+        # The tolerance permits an error of one sampling interval in the duration, which changes dt
+        # by dt / count.
         statements.append(Statement(STEP, 1.0 / rate, dt, 1.01 * dt / count, "s"))
     compared = compare(statements)
     samples = lines.numbers(count)

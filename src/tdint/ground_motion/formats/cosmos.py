@@ -38,6 +38,10 @@ _BLOCK = re.compile(
     r".*?units\s*=\s*([^,(]*)(?:\(\s*0*(\d+)\s*\))?",
     re.IGNORECASE,
 )
+"""Pattern of the line before a block of samples. Its groups are the number of samples, the
+quantity, the approximate duration (s; None if not stated), the name of the units, and the number of
+the units in table 2 of the format (None if not stated)."""
+
 _FORMAT = re.compile(r"Format\s*=\s*\(\s*\d*\s*[IFEDG](\d{1,3})", re.IGNORECASE)
 _END = re.compile(r"\s*(?:/&|End-of-data)", re.IGNORECASE)
 
@@ -79,15 +83,18 @@ _DURATION_TOLERANCE = 0.05
 
 
 def is_cosmos(file: Any, **_: Any) -> bool:
-    """Return True if the first line names this format and its version."""
+    """Return True if the first line names the COSMOS format, version 1."""
     return recognizes(file, lambda lines: _TITLE.search(lines[0]))
 
 
 @by_parts
 def read_cosmos(lines: Lines) -> list[Series]:
-    """Read the accelerations of a COSMOS file; see `tdint.ground_motion.formats`.
+    """Read the accelerations of the next channel of a COSMOS file; see
+    `tdint.ground_motion.formats`.
 
-    Counts of a recorder (volume 0) have no units.
+    The series also contain the peaks of the velocity and the displacement of the channel. A channel
+    without acceleration gives its first velocity or displacement instead. Counts of a recorder
+    (volume 0) have no units.
 
     Raises
     ------
@@ -100,10 +107,10 @@ def read_cosmos(lines: Lines) -> list[Series]:
     texts = [lines.take() for _ in range(int(title[1]) - 1)]
     integers = _header_values(_INTEGERS, lines)
     reals = _header_values(_REALS, lines)
-    texts += [lines.take() for _ in range(int(_announced(_COMMENTS, lines)[1]))]
+    texts += [lines.take() for _ in range(int(_read_announcement(_COMMENTS, lines)[1]))]
     series: list[Series] = []
-    peaks: dict[str, float] = {}
-    others: list[tuple[NDArray[np.float64], re.Match[str]]] = []
+    peaks: dict[str, float] = {}  # peak velocity and displacement in SI units
+    other_blocks: list[tuple[NDArray[np.float64], re.Match[str]]] = []
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
         samples = lines.numbers(int(block[1]), _width(line))
@@ -111,20 +118,19 @@ def read_cosmos(lines: Lines) -> list[Series]:
             series.append(_series(samples, block, texts, integers, reals))
         elif (quantity := block[2].lower().split()[0]) in _OTHER_QUANTITIES and samples.size:
             units = _OTHER_UNITS.get(block[5] or "") or block[4]
-            others.append((samples, block))
+            other_blocks.append((samples, block))
             if scale := motion_scale(units, quantity):
                 peaks[quantity] = scale * float(np.max(np.abs(samples)))
     if line is None or not _END.match(line):
         raise RecordError(f"end-of-data line not found after line {lines.number}")
     lines.take()
-    if not series and others:  # The channel has only a velocity or a displacement.
-        return [_series(*others[0], texts, integers, reals)]
-    return [
-        replace(part, pgv=peaks.get("velocity"), pgd=peaks.get("displacement")) for part in series
-    ]
+    if not series and other_blocks:  # The channel has only a velocity or a displacement.
+        return [_series(*other_blocks[0], texts, integers, reals)]
+    pgv, pgd = peaks.get("velocity"), peaks.get("displacement")
+    return [replace(acceleration, pgv=pgv, pgd=pgd) for acceleration in series]
 
 
-def _announced(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
+def _read_announcement(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
     """Read the next line, which states the number of values or lines that follow.
 
     Parameters
@@ -168,7 +174,7 @@ def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
         The header has fewer than 62 values. At least 62 are required, because the 62nd real is the
         sampling interval.
     """
-    match = _announced(pattern, lines)
+    match = _read_announcement(pattern, lines)
     values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()
     if len(values) <= _STEP:
         raise RecordError(
@@ -179,7 +185,8 @@ def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
 
 
 def _width(line: str) -> int | None:
-    """Return the characters per number, from the Fortran format in a line; None if not stated."""
+    """Return the characters per number, from the Fortran format in a line; None if the line states
+    no format or a width of 0."""
     match = _FORMAT.search(line)
     return int(match[1]) or None if match else None
 
@@ -210,12 +217,13 @@ def _series(
         The sampling interval is unknown or contradicts the duration, the units are not those of the
         quantity, or samples are invalid.
     """
-    # Compare the sampling interval with the duration stated in the line before the block.
+    # The header states a number that marks unknown values; it is usually -999.
     match = first_match(_UNKNOWN, texts)
     unknown = float(match[1]) if match else -999.0
     if reals[_STEP] == unknown:
         raise RecordError("its header does not state the sampling interval")
-    dt = reals[_STEP] / 1000.0
+    dt = reals[_STEP] / 1000.0  # the header states ms
+    # Compare the sampling interval with the duration stated in the line before the block.
     if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _DURATION_TOLERANCE * int(
         block[3]
     ):
@@ -231,19 +239,21 @@ def _series(
     units = motion_units(block[4]) or _UNITS.get(block[5] or "") or _OTHER_UNITS.get(block[5] or "")
     if units and parse_units(units).quantity != quantity:
         units = None
-    counts = units is None and (block[5] == _COUNTS or block[4].strip().lower().startswith("count"))
-    if units is None and not counts:
+    is_counts = units is None and (
+        block[5] == _COUNTS or block[4].strip().lower().startswith("count")
+    )
+    if units is None and not is_counts:
         raise RecordError(
             f"the units of the samples must be a unit of {quantity}, but its header states "
             f"{block[4].strip()!r}"
         )
-    missing = 0 if counts else int(np.count_nonzero(samples == unknown))
+    missing = 0 if is_counts else int(np.count_nonzero(samples == unknown))
     if missing:
         raise RecordError(
             f"all samples must be known, but {pluralize(missing, 'sample')} marked as unknown "
             f"({unknown:g})"
         )
-    if counts and (np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0)):
+    if is_counts and (np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0)):
         raise RecordError(
             "its header states that the samples are counts, but they are not 32-bit integers"
         )
@@ -256,7 +266,7 @@ def _series(
     is_utc = unknown not in (year, month, day, hour, minute, second) and first_match(_UTC, texts)
     stated = first_match(_PEAK, texts)
     return Series(
-        samples.astype(np.int32) if counts else samples,
+        samples.astype(np.int32) if is_counts else samples,
         dt,
         units,
         **_codes(texts),
@@ -268,19 +278,19 @@ def _series(
 
 def _event(texts: list[str]) -> str:
     """Return the name and the origin time (UTC) of the event, if the lines of text state them."""
-    named, origin = first_match(_EVENT, texts), first_match(_ORIGIN, texts)
-    moment = f"{origin[1]} {origin[2]}" if origin else ""
-    return " ".join(f"{named[1] if named else ''} {moment}".split())
+    name, origin = first_match(_EVENT, texts), first_match(_ORIGIN, texts)
+    origin_time = f"{origin[1]} {origin[2]}" if origin else ""
+    return " ".join(f"{name[1] if name else ''} {origin_time}".split())
 
 
 def _codes(texts: list[str]) -> dict[str, Any]:
-    """Return the codes of the channel: SEED codes from a comment, otherwise codes from the lines of
-    text."""
+    """Return network, station, location and channel as keyword arguments of `Series`: SEED codes
+    from a comment, otherwise codes from the lines of text."""
     if codes := first_match(_CODES, texts):
         location = codes[4].strip("-")
         return {"station": codes[1], "channel": codes[2], "network": codes[3], "location": location}
     station, channel = first_match(_STATION, texts), first_match(_CHANNEL, texts)
-    named = {"network": station[1], "station": station[2]} if station else {}
-    return named | (
+    station_codes = {"network": station[1], "station": station[2]} if station else {}
+    return station_codes | (
         {"location": code(channel[1]), "channel": code(channel[2]).upper()} if channel else {}
     )

@@ -56,9 +56,8 @@ of recorders were uneven."""
 
 
 def text_header(lines: Lines) -> list[str]:
-    """Read the lines of text at the start of a channel and skip the lines of integers after them.
-
-    The integers are not used.
+    """Read and return the lines of text at the start of a channel, and skip the lines of integers
+    after them, which are not used.
 
     Raises
     ------
@@ -94,6 +93,7 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
     points, units = first_match(_POINTS, texts), first_match(_UNITS, texts)
     if not points:
         raise RecordError("its header does not state the number of points")
+    # Times and accelerations alternate.
     pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
     mean, departure = equal_steps(pairs[::2], _MAX_DEPARTURE)
     samples, dt = pairs[1::2].copy(), mean
@@ -142,13 +142,20 @@ _EQUAL = re.compile(
     rf"^\s*({COUNT})\s+\w+ points at\s+({NUMBER})\s+pts/sec in units of\s+([A-Z/^0-9]+)",
     re.IGNORECASE,
 )
+"""Pattern of the line before samples at equal steps in volume 1; its groups are the number of
+samples, the sampling rate (1/s) and the units."""
 _BLOCK = re.compile(
     rf"^\s*({COUNT})\s+points of\s+(accel|veloc|displ)\w*\s+data equally spaced "
     rf"at\s+({NUMBER})\s+sec.*?"
     r"(?:UNITS?\s*:?|IN)\s*\(?\s*([A-Z/^0-9]+)",
     re.IGNORECASE,
 )
-_KINDS = re.compile(r"\bPOINTS OF .*-CORRECTED (ACCEL, VELOC AND DISPL) DATA", re.IGNORECASE)
+"""Pattern of the line before a block of samples; its groups are the number of samples, the quantity
+(ACCEL, VELOC or DISPL), the sampling interval (s) and the units."""
+
+_THREE_BLOCKS = re.compile(r"\bPOINTS OF .*-CORRECTED (ACCEL, VELOC AND DISPL) DATA", re.IGNORECASE)
+"""Pattern of the text of a channel with blocks of all three quantities."""
+
 _FORMAT = re.compile(r"\(\s*\d*\s*[FEG](\d{1,3})", re.IGNORECASE)
 _PEAK = (
     re.compile(rf"\bMAX\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE),
@@ -160,15 +167,17 @@ _QUANTITIES = {"VELOC": "velocity", "DISPL": "displacement"}
 """Quantities by the words in the lines before blocks of samples of volume 2."""
 
 _OTHER_PEAK = {
-    kind: re.compile(rf"\bPEAK\s+{name}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE)
-    for kind, name in _QUANTITIES.items()
+    word: re.compile(rf"\bPEAK\s+{quantity}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE)
+    for word, quantity in _QUANTITIES.items()
 }
+"""Patterns of the peak velocity and the peak displacement in the text of a channel, by the words of
+`_QUANTITIES`."""
 _REALS_VOLUME_2 = 100  # number of real numbers in the header of volume 2
 _END = "/&"  # start of the line after the last block of a channel
 
 
 def is_csmip(file: Any, **_: Any) -> bool:
-    """Return True if a file starts with the title of this format and names a channel within 25
+    """Return True if a file starts with the title of a CSMIP file and names a channel within 25
     lines."""
     return recognizes(
         file, lambda lines: _TITLE.match(lines[0]) and first_match(_CHANNEL, lines[1:25])
@@ -177,7 +186,8 @@ def is_csmip(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_csmip(lines: Lines) -> list[Series]:
-    """Read the accelerations of a CSMIP file; see `tdint.ground_motion.formats`.
+    """Read the acceleration of the next channel of a CSMIP file; see
+    `tdint.ground_motion.formats`.
 
     Raises
     ------
@@ -192,6 +202,7 @@ def read_csmip(lines: Lines) -> list[Series]:
     series = _volume_1(lines, texts) if title[1] else _volume_2(lines, texts)
     if (line := lines.peek()) is not None and line.lstrip().startswith(_END):
         lines.take()
+    # Group 1 of the title is UN for uncorrected, which is volume 1.
     stated = first_match(_PEAK[0 if title[1] else 1], texts)
     peak = stated_peak(stated[1], stated[2], series.units or "") if stated else None
 
@@ -214,8 +225,13 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
         Lines of the file after the text header; the lines that are read are consumed.
     texts : list of str
         Lines of the text header.
+
+    Raises
+    ------
+    RecordError
+        The samples are cut off, or their sampling rate or units are invalid.
     """
-    lines.numbers(REALS, REAL_WIDTH)
+    lines.numbers(REALS, REAL_WIDTH)  # the real numbers of the header are not used
     line = lines.peek() or ""
     if (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
         lines.take()
@@ -244,36 +260,43 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
         Lines of the file after the text header; the lines that are read are consumed.
     texts : list of str
         Lines of the text header.
+
+    Raises
+    ------
+    RecordError
+        A block of samples is missing or cut off, a peak contradicts the header, or the units of the
+        acceleration are invalid.
     """
-    lines.numbers(_REALS_VOLUME_2, REAL_WIDTH)
-    blocks = {}
+    lines.numbers(_REALS_VOLUME_2, REAL_WIDTH)  # the real numbers of the header are not used
+    blocks = {}  # match of the first line, and samples, of each block
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
         blocks[block[2].upper()] = block, lines.numbers(int(block[1]), _width(line))
-    expected = ("ACCEL", "VELOC", "DISPL") if first_match(_KINDS, texts) else ("ACCEL",)
-    for kind in expected:
-        if kind not in blocks:
+    expected = ("ACCEL", "VELOC", "DISPL") if first_match(_THREE_BLOCKS, texts) else ("ACCEL",)
+    for word in expected:
+        if word not in blocks:
             raise RecordError(
-                f"the file is cut off or corrupt: no block of {kind} found after line "
+                f"the file is cut off or corrupt: no block of {word} found after line "
                 f"{lines.number}"
             )
     block, samples = blocks["ACCEL"]
-    others = [
-        _peak_of(kind, *blocks[kind], texts) if kind in blocks else None
-        for kind in ("VELOC", "DISPL")
-    ]
-    return Series(samples, float(block[3]), required_units(block[4]), pgv=others[0], pgd=others[1])
+    pgv, pgd = (
+        _peak_in_block(word, *blocks[word], texts) if word in blocks else None
+        for word in ("VELOC", "DISPL")
+    )
+    return Series(samples, float(block[3]), required_units(block[4]), pgv=pgv, pgd=pgd)
 
 
-def _peak_of(
-    kind: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]
+def _peak_in_block(
+    word: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]
 ) -> float | None:
-    """Return the peak of a block of velocity or displacement.
+    """Return the maximum absolute value of a block of velocities or displacements, and compare it
+    with the peak in the header if the header states it.
 
     Parameters
     ----------
-    kind : str
-        `VELOC` or `DISPL`.
+    word : str
+        Quantity of the block, `VELOC` or `DISPL`.
     block : re.Match
         Match of `_BLOCK` in the line before the samples.
     samples : ndarray, shape (samples,)
@@ -291,18 +314,19 @@ def _peak_of(
     RecordError
         The header states a different peak.
     """
-    scale = motion_scale(block[4], _QUANTITIES[kind])
+    scale = motion_scale(block[4], _QUANTITIES[word])
     peak = float(np.max(np.abs(samples), initial=0.0))
-    stated = first_match(_OTHER_PEAK[kind], texts)
+    stated = first_match(_OTHER_PEAK[word], texts)
     if stated:
         rounding = last_place(stated[1]) + 1e-9 * peak
-        name = f"{PEAK} {_QUANTITIES[kind]}"
+        name = f"{PEAK} {_QUANTITIES[word]}"
         compare([Statement(name, abs(float(stated[1])), peak, rounding, block[4], measured=True)])
     return peak * scale if scale else None
 
 
 def _width(line: str) -> int:
-    """Return the characters per number of a block, from the Fortran format in its first line."""
+    """Return the characters per number of a block, from the Fortran format in its first line;
+    `REAL_WIDTH` if the line states no format or a width of 0."""
     match = _FORMAT.search(line)
     return int(match[1]) or REAL_WIDTH if match else REAL_WIDTH
 
@@ -311,15 +335,15 @@ def _event(texts: list[str]) -> str:
     """Return the name of the event and its origin time or date, if the lines of text state them."""
     name = header_field(_EVENT, texts).strip()
     stated = first_match(_ORIGIN, texts) or (first_match(_DATE, texts) if name else None)
-    moment = " ".join(stated[1].replace(" - ", " ").split()) if stated else ""
-    return f"{name} {moment}".strip()
+    date_text = " ".join(stated[1].replace(" - ", " ").split()) if stated else ""
+    return f"{name} {date_text}".strip()
 
 
 def _codes(texts: list[str]) -> dict[str, Any]:
-    """Return the codes of a channel.
+    """Return station, location and channel of a channel as keyword arguments of `Series`.
 
     The channel number is the location code, because several channels may have the same azimuth.
     """
     channel = first_match(_CHANNEL, texts)
-    named = {"location": channel[1], "channel": code(channel[2]).upper()} if channel else {}
-    return {"station": header_field(_STATION, texts), **named}
+    channel_codes = {"location": channel[1], "channel": code(channel[2]).upper()} if channel else {}
+    return {"station": header_field(_STATION, texts), **channel_codes}

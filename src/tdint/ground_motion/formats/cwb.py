@@ -57,7 +57,8 @@ _NAME = re.compile(r"(\w+)\s*\(\+\)")
 
 
 def is_cwb(file: Any, **_: Any) -> bool:
-    """Return True if comment lines (#) in a file state station, rate and order of the columns."""
+    """Return True if the comment lines (#) at the start of a file state the station, the sampling
+    rate and the order of the columns, as in a CWB file."""
     return recognizes(
         file,
         lambda lines: all(
@@ -91,8 +92,10 @@ def read_cwb(lines: Lines) -> list[Series]:
     length = first_match(_LENGTH, texts)
     if length and abs(float(length[1]) * float(rate[1])) < _MAX_STATED_SAMPLES:
         # The length is the duration of all samples or, in some files, the time of the last sample.
+        # In the latter case, the file has one sample more than length times rate.
         stated = round(float(length[1]) * float(rate[1]))
-        statements.append(Statement(SAMPLES, stated, times.size - (times.size == stated + 1)))
+        size = stated if times.size == stated + 1 else times.size
+        statements.append(Statement(SAMPLES, stated, size))
     compared = compare(statements)
     unit = required_units(units[1])
 

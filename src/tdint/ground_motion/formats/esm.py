@@ -32,7 +32,8 @@ _TIME = re.compile(
 
 
 def is_esm(file: Any, **_: Any) -> bool:
-    """Return True if a file starts with the keys of this header."""
+    """Return True if a file starts with the header of an ESM file: an event name, and later the
+    sampling interval."""
     return recognizes(
         file,
         lambda lines: (
@@ -43,14 +44,15 @@ def is_esm(file: Any, **_: Any) -> bool:
 
 
 def _event(header: dict[str, str]) -> str:
-    """Return name, date and origin time (UTC) of the event, if the header states them."""
+    """Return a text with the name, date and origin time (UTC) of the event that the header states;
+    `header` contains the values by key."""
     name = header.get("EVENT_NAME", "").replace("_", " ")
     date = re.fullmatch(r"(\d{4})(\d\d)(\d\d)", header.get("EVENT_DATE_YYYYMMDD", ""))
     clock = re.match(r"(\d\d)(\d\d)(\d\d)", header.get("EVENT_TIME_HHMMSS", ""))
-    moment = [] if date is None else ["-".join(date.groups())]
+    date_and_time = [] if date is None else ["-".join(date.groups())]
     if date is not None and clock is not None:
-        moment.append(":".join(clock.groups()))
-    return " ".join([*name.split(), *moment])
+        date_and_time.append(":".join(clock.groups()))
+    return " ".join([*name.split(), *date_and_time])
 
 
 @reader
@@ -68,18 +70,21 @@ def read_esm(lines: Lines) -> list[Series]:
         header[key.strip()] = value.strip()
     quantity = header.get("DATA_TYPE", "ACCELERATION").lower()
     if quantity not in _PEAKS:
-        raise RecordError(f"the file must contain a ground motion, got {quantity[:40]!r}")
+        raise RecordError(
+            f"the file must contain a ground motion, got {quantity[:40]!r} as DATA_TYPE; allowed "
+            f"are {', '.join(_PEAKS)}"
+        )
     try:
         count, dt = int(header[_COUNT]), float(header[_STEP])
     except (KeyError, ValueError):
         raise RecordError(f"its header must state {_COUNT} and {_STEP} as numbers") from None
     units = required_units(header[_UNITS], quantity) if header.get(_UNITS) else ""
-    # The key of the peak ends with its unit.
-    peaks = ((_PEAKS[quantity].fullmatch(key), value) for key, value in header.items())
-    stated = (
-        stated_peak(value, key[1], units)
-        for key, value in peaks
-        if key and re.fullmatch(NUMBER, value)
+    # The key of the peak ends with its unit, for example PGA_CM/S^2, which is group 1 of the match.
+    key_matches = ((_PEAKS[quantity].fullmatch(key), value) for key, value in header.items())
+    peaks = (
+        stated_peak(value, match[1], units)
+        for match, value in key_matches
+        if match and re.fullmatch(NUMBER, value)
     )
     series = Series(
         lines.numbers(count),
@@ -91,7 +96,7 @@ def read_esm(lines: Lines) -> list[Series]:
         network=header.get("NETWORK", ""),
         event=_event(header),
         start=moment_in(_TIME, [header.get(_START, "")]),
-        peak=next(stated, None),
+        peak=next(peaks, None),
     )
     if lines.peek() is not None:
         raise RecordError(

@@ -54,13 +54,14 @@ _MILLI = 1e-3  # velocity is in mm/s, displacement in mm
 
 
 def is_geonet(file: Any, **_: Any) -> bool:
-    """Return True if a file starts with the title of this format and the name of the site."""
+    """Return True if a file starts with the title of a GeoNet file and the name of the site."""
     return recognizes(file, lambda lines: _TITLE.match(lines[0]) and _SITE.match(lines[1]))
 
 
 @by_parts
 def read_geonet(lines: Lines) -> list[Series]:
-    """Read the accelerations of a GeoNet file; see `tdint.ground_motion.formats`.
+    """Read the acceleration of the next component of a GeoNet file, with the peaks of its velocity
+    and displacement; see `tdint.ground_motion.formats`.
 
     Raises
     ------
@@ -74,9 +75,10 @@ def read_geonet(lines: Lines) -> list[Series]:
         )
     integers = lines.numbers(_INTEGERS, _WIDTH).tolist()
     reals = lines.numbers(_REALS, _WIDTH).tolist()
-    accelerations, *others = (lines.numbers(int(integers[index]), _WIDTH) for index in _COUNTS)
+    accelerations, *integrals = (lines.numbers(int(integers[index]), _WIDTH) for index in _COUNTS)
+    # The integrals are the velocities and the displacements; V1A files contain neither.
     pgv, pgd = (
-        _MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in others
+        _MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in integrals
     )
     # The header states the sampling interval twice, as a number and in a sentence.
     dt = reals[_STEP]

@@ -67,11 +67,13 @@ class Lines:
     """
 
     def __init__(self, text: str) -> None:
+        """Split the content of a file into lines."""
         self._lines = text.split("\n")
-        self._is_whole = not self._lines[-1]
-        if self._is_whole:
+        # If the text ends with a newline, the text after it is empty and not a line.
+        self._ends_with_newline = not self._lines[-1]
+        if self._ends_with_newline:
             self._lines.pop()
-        self._next = 0
+        self._next = 0  # index of the next line, which is also the number of the last line read
 
     @property
     def number(self) -> int:
@@ -122,7 +124,7 @@ class Lines:
         return _beginning(self._take())
 
     def _take(self) -> str:
-        """Read the complete next line."""
+        """Read and return the complete next line; raise RecordError at the end of the file."""
         if self._next >= len(self._lines):
             raise RecordError(f"the file is cut off: it ends with line {self._next}")
         self._next += 1
@@ -139,6 +141,11 @@ class Lines:
             Function of the start of a line.
         expected : str
             Description of the accepted line, for the error message.
+
+        Returns
+        -------
+        list of str
+            Lines before the accepted line; very long lines are cut off.
 
         Raises
         ------
@@ -161,11 +168,12 @@ class Lines:
             Number of values stated in the header.
         width : int, optional
             Characters per number in formats with fixed columns, for numbers that are not separated
-            by a blank or a sign.
+            by a blank or a sign. None: all numbers must be separated.
 
         Returns
         -------
         ndarray, shape (count,)
+            Numbers in the order of the file.
 
         Raises
         ------
@@ -242,7 +250,8 @@ class Lines:
             )
 
     def _row_of(self, columns: int) -> list[float]:
-        """Read the next line; raise RecordError unless it contains `columns` numbers."""
+        """Read the next line and return its numbers; raise RecordError unless it contains exactly
+        `columns` numbers."""
         row = self._row(None)
         if len(row) != columns:
             raise RecordError(
@@ -289,7 +298,9 @@ class Lines:
         numbers = np.array(values, dtype=np.float64)
         if not np.all(np.isfinite(numbers)):
             raise RecordError(f"a value after line {first} exceeds 1.8e308")
-        if self._is_whole or self._next < len(self._lines) or not ROW.fullmatch(self._lines[-1]):
+        # The last number can be cut off only if it is the end of the file.
+        has_later_lines = self._next < len(self._lines)
+        if self._ends_with_newline or has_later_lines or not ROW.fullmatch(self._lines[-1]):
             return numbers
 
         # Zeros without a decimal point are not evidence if the file contains several of them.
@@ -327,10 +338,10 @@ def row_of_numbers(line: str, width: int | None = None) -> list[float]:
         The line contains other text.
     """
     if len(line) > _LONGEST_LINE:
-        raise ValueError("no row of numbers")
+        raise ValueError(f"a row of numbers must have at most {_LONGEST_LINE} characters")
     words = line.split()
     if len(line) > _LONGEST_WORD and max(map(len, words), default=0) > _LONGEST_WORD:
-        raise ValueError("no row of numbers")
+        raise ValueError(f"a number must have at most {_LONGEST_WORD} characters")
     # Most lines need only float(), which is fast.
     if _PLAIN.fullmatch(line):
         try:
@@ -340,11 +351,14 @@ def row_of_numbers(line: str, width: int | None = None) -> list[float]:
     if all(map(_GLUED.fullmatch, words)):
         return [_to_float(number) for word in words for number in _SINGLE_NUMBER.findall(word)]
     if width is None:
-        raise ValueError("no row of numbers")
-    end = len(line.rstrip())  # end of the last field: numbers are right-aligned in their fields
-    fields = [line[i : i + width].strip() for i in range(end % width, end, width)]
-    if line[: end % width].strip() or not all(map(_SINGLE_NUMBER.fullmatch, fields)):
-        raise ValueError("no row of numbers in fixed columns")
+        raise ValueError("a row of numbers must not contain other text")
+    # Numbers are right-aligned in their fields. The fields are therefore counted from the end of
+    # the last number, and only blanks may remain before the first field.
+    end = len(line.rstrip())
+    start = end % width
+    fields = [line[i : i + width].strip() for i in range(start, end, width)]
+    if line[:start].strip() or not all(map(_SINGLE_NUMBER.fullmatch, fields)):
+        raise ValueError(f"a row of numbers must have fields of {width} characters")
     return [_to_float(field) for field in fields]
 
 
@@ -387,7 +401,7 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
     file : str, Path or object open for reading bytes
         File to check; its position is kept.
     check : callable
-        Function of a list of lines.
+        Function of a list of lines; returns a true value if the lines have the format.
     """
     try:
         position = file.tell() if hasattr(file, "read") else None
@@ -427,11 +441,12 @@ def _read(file: Any, size: int) -> bytes:
 
 
 def _decode(data: bytes) -> str:
-    """Return the text with LF line ends. Station names may have any encoding; numbers have the same
-    bytes in all of them."""
+    """Decode the bytes of a text file and replace its line ends by LF."""
     try:
         text = data.decode("utf-16" if data[:2] in _UTF_16_MARKS else "utf-8-sig")
     except UnicodeDecodeError:
+        # Only station names have other characters, in any encoding. Latin-1 decodes all bytes, and
+        # numbers have the same bytes in all of these encodings.
         text = data.decode("latin-1")
     # DOS programs mark the end of a text with Ctrl-Z.
     return text.rstrip("\x1a\0").replace("\r\n", "\n").replace("\r", "\n")
@@ -489,8 +504,10 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     dt = duration / (times.size - 1)
     # Use an integer number of samples per second if it agrees with the times within their rounding.
     rate = round(1.0 / dt) if dt > _SHORTEST else 0
-    is_whole = rate and abs(1.0 / rate - dt) <= rounding / (times.size - 1)
-    dt = 1.0 / rate if is_whole else float(f"{dt:.12g}")
+    has_integer_rate = rate and abs(1.0 / rate - dt) <= rounding / (times.size - 1)
+    dt = 1.0 / rate if has_integer_rate else float(f"{dt:.12g}")
+    # Rounding of two times changes their interval by up to one unit of the last decimal; a half is
+    # added as a margin. Half of the interval is the limit for times with few decimals.
     allowed = max(min(1.5 * rounding, 0.5 * dt), _SLIP * dt)
     off_interval = np.abs(intervals - dt)
     off_grid = np.abs(times - times[0] - dt * np.arange(times.size))

@@ -126,24 +126,32 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
     if not series:
         raise RecordError("the file contains no acceleration")
     stream = Stream()
-    count = Counter(part.id for part in series)
-    for number, channel in enumerate(series, start=1):
+    count = Counter(component.id for component in series)
+    for number, component in enumerate(series, start=1):
         # Components with the same id are distinguished by their number in the file, which is
         # appended to the location code.
-        is_alone = count[channel.id] == 1
-        part = channel if is_alone else replace(channel, location=f"{channel.location}{number}")
-        check_step(part.dt)
+        if count[component.id] > 1:
+            component = replace(component, location=f"{component.location}{number}")
+        check_step(component.dt)
         statements = []
-        if part.peak is not None and part.samples.size:
-            peak = float(np.max(np.abs(part.samples))) * part.peak.factor
-            rounding = part.peak.rounding + 1e-9 * peak
-            stated = abs(part.peak.value)
+        stated = component.peak
+        if stated is not None and component.samples.size:
+            peak = float(np.max(np.abs(component.samples))) * stated.factor
+            # The second term allows for the rounding errors of the conversion between units.
+            rounding = stated.rounding + 1e-9 * peak
             statements.append(
                 Statement(
-                    PEAK, stated, peak, rounding, part.peak.units, part.channel, measured=True
+                    PEAK,
+                    abs(stated.value),
+                    peak,
+                    rounding,
+                    stated.units,
+                    component.channel,
+                    measured=True,
                 )
             )
-        stream.append(_trace(part, (*part.compared, *compare(statements)), headonly))
+        compared = (*component.compared, *compare(statements))
+        stream.append(_trace(component, compared, headonly))
     return stream
 
 
@@ -159,6 +167,7 @@ def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
 
     @wraps(read)
     def read_file(file: Any, headonly: bool = False, **_: Any) -> Stream:
+        """Read the components of a file and convert them to a stream."""
         return to_stream(read(read_lines(file)), headonly=headonly)
 
     return read_file
@@ -226,6 +235,7 @@ def motion_units(text: str) -> str | None:
         Units in the file header.
     """
     stripped = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
+    # The unit G/10 is a tenth of g.
     tenth = re.fullmatch(r"(.*\S)\s*/\s*10", stripped)
     try:
         units = parse_units(tenth[1] if tenth else stripped)
@@ -233,6 +243,7 @@ def motion_units(text: str) -> str | None:
         return None
     if tenth and (units.has_factor or units.quantity != "acceleration"):
         return None
+    # A unit may have several spellings; the first name with the same value is used.
     scales = GROUND_MOTION[units.quantity]
     name = next((name for name, scale in scales.items() if scale == units.scale), units.text)
     return f"0.1 {name}" if tenth else name
@@ -277,24 +288,27 @@ def motion_scale(text: str, quantity: str) -> float | None:
     return units.scale if units and units.quantity == quantity else None
 
 
-def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
-    """Return the peak stated in a header; None if units are missing or of another quantity.
+def stated_peak(number: str, units: str, sample_units: str) -> StatedPeak | None:
+    """Return the peak stated in a header; None if it cannot be compared with the samples.
+
+    A comparison is impossible if the text is not a number, if the units of the peak or of the
+    samples are unknown, or if they are units of different quantities.
 
     Parameters
     ----------
     number : str
         Peak in the spelling of the header.
-    units, of_samples : str
+    units, sample_units : str
         Units of the peak and of the samples (`Series.units`).
     """
-    stated = motion_units(units)
-    if not (stated and of_samples and re.fullmatch(NUMBER, number)):
+    header_units = motion_units(units)
+    if not (header_units and sample_units and re.fullmatch(NUMBER, number)):
         return None
-    of_header, of_series = parse_units(stated), parse_units(of_samples)
-    if of_header.quantity != of_series.quantity:
+    peak_unit, sample_unit = parse_units(header_units), parse_units(sample_units)
+    if peak_unit.quantity != sample_unit.quantity:
         return None
-    factor = of_series.scale / of_header.scale
-    return StatedPeak(float(number), last_place(number), stated, factor)
+    factor = sample_unit.scale / peak_unit.scale
+    return StatedPeak(float(number), last_place(number), header_units, factor)
 
 
 def first_match(pattern: re.Pattern[str], texts: Sequence[str]) -> re.Match[str] | None:
@@ -337,7 +351,8 @@ def moment(
 
 
 def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None:
-    """Return the time in the first match of a pattern; None if no line matches.
+    """Return the time (UTC) in the first line that matches a pattern; None if no line matches or
+    the numbers are not a valid date.
 
     Parameters
     ----------

@@ -79,13 +79,13 @@ class ColumnName:
 def column_names(text: str) -> list[ColumnName]:
     """Return the column names in a line; empty if the line is not a line of names.
 
-    A single name must be that of a ground motion. If a line has several names, the first may be a
-    time.
+    Each name must state a ground motion; only the first of several names may be a time.
     """
     columns = _interpret_names(_split_names(text))
     if not columns or any(column.quantity == OTHER for column in columns):
         return []
     motions = [column for column in columns if column.quantity != TIME]
+    # A single component, such as `N` or `up`, may be any word of a text and is not a line of names.
     if not motions or (len(columns) == 1 and columns[0].component):
         return []
     if any(column.quantity == "acceleration" and not column.component for column in motions):
@@ -99,8 +99,8 @@ def column_names(text: str) -> list[ColumnName]:
 def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
     """Return `width` column names in arbitrary text; empty if the line has another number of names.
 
-    Names are separated as described above or by two blanks. A first column in seconds is a time,
-    regardless of its name.
+    Names are separated by commas, semicolons, tabs or blanks; if this gives another number of
+    names, by two or more blanks. A first column in seconds is a time, regardless of its name.
 
     Parameters
     ----------
@@ -170,6 +170,11 @@ def _index_of_name(name: str, names: tuple[ColumnName, ...]) -> int:
 
     The name is compared with the complete column names, then with the names without units, and then
     with the components.
+
+    Raises
+    ------
+    RecordError
+        No column or more than one column has the name.
     """
     plain_name = " ".join(name.lower().split())
     spellings = [
@@ -191,7 +196,8 @@ def _index_of_name(name: str, names: tuple[ColumnName, ...]) -> int:
 
 
 def lacks_first_name(line: str) -> bool:
-    """Return True if a line names all columns except the first, as pandas does for its index."""
+    """Return True if a line names all columns except the first, as pandas writes a table with its
+    index."""
     name_texts = re.split("[,;\t]", line)
     return (
         len(name_texts) > 1
@@ -201,12 +207,19 @@ def lacks_first_name(line: str) -> bool:
 
 
 def _split_names(text: str) -> list[str]:
-    """Split a line into names at its separators, otherwise at blanks."""
+    """Split a line into column names at commas, semicolons and tabs; at blanks if the line has no
+    such character."""
     return re.split("[,;\t]", text) if re.search("[,;\t]", text) else _NAME.findall(text)
 
 
 def _interpret_names(name_texts: list[str]) -> list[ColumnName]:
-    """Return the meanings of column names; return an empty list if a name is empty."""
+    """Return the meanings of column names; return an empty list if a name is empty.
+
+    Parameters
+    ----------
+    name_texts : list of str
+        Column names in the spelling of the file, with units.
+    """
     names_and_units = [name_and_units(text) for text in name_texts]
     if not names_and_units or any(not name for name, _ in names_and_units):
         return []
@@ -275,7 +288,15 @@ _PER_SECOND = {"": 1.0, "hz": 1.0, "sps": 1.0, "/s": 1.0}
 
 @dataclass(frozen=True)
 class TableHeader:
-    """Declarations of a header, with the keys above, and column names (may be empty)."""
+    """Declarations and column names in the header of a text table.
+
+    Attributes
+    ----------
+    declared : dict of str to str
+        Declared values by key: the keys of `_KEYS` (such as `dt`) and `COLUMNS`.
+    names : tuple of ColumnName
+        Names of the columns; empty if the header does not name them.
+    """
 
     declared: dict[str, str]
     names: tuple[ColumnName, ...] = ()
@@ -285,20 +306,28 @@ class TableHeader:
         return self.declared.get(key, "")
 
     def intervals(self) -> list[float]:
-        """Return the declared sampling intervals, s."""
+        """Return the declared sampling intervals, s: the interval and the reciprocal of the
+        sampling rate. A quantity that the header does not declare is omitted.
+
+        Raises
+        ------
+        RecordError
+            A declaration is not a positive number with a unit of time or rate.
+        """
         intervals = []
         if "dt" in self.declared:
-            intervals.append(_quantity(self.declared["dt"], SECONDS, "dt"))
+            intervals.append(_convert_quantity(self.declared["dt"], SECONDS, "dt"))
         if "rate" in self.declared:
-            intervals.append(
-                1.0 / _quantity(self.declared["rate"], _PER_SECOND, "the sampling rate")
-            )
+            rate = _convert_quantity(self.declared["rate"], _PER_SECOND, "the sampling rate")
+            intervals.append(1.0 / rate)
         return intervals
 
     @property
     def start(self) -> datetime | None:
-        """Start time declared in ISO 8601, in UTC if it has no time zone; None if the header
-        declares no time or other text."""
+        """Start time in UTC, without time zone; None if the header declares no time in ISO 8601.
+
+        A declared time without time zone is in UTC.
+        """
         try:
             start = datetime.fromisoformat(self.get("start"))
             return start.astimezone(UTC).replace(tzinfo=None) if start.tzinfo else start
@@ -338,7 +367,7 @@ def read_header(lines: list[str], width: int) -> TableHeader:
 def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHeader:
     """Read the header of a table with a user-specified layout.
 
-    The last line may name the columns in arbitrary text.
+    Unlike in `read_header`, the last line may name the columns in arbitrary text.
 
     Parameters
     ----------
@@ -416,8 +445,23 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
     return declarations if comment or len(declarations) == len(assignments) else None
 
 
-def _quantity(text: str, units: dict[str, float], quantity: str) -> float:
-    """Convert a positive number with one of the units; `quantity` names it in the error message."""
+def _convert_quantity(text: str, units: dict[str, float], quantity: str) -> float:
+    """Convert a positive number with a unit, such as `10 ms`, to SI units.
+
+    Parameters
+    ----------
+    text : str
+        Number and unit in the header.
+    units : dict of str to float
+        Allowed units and their values in SI units; the key "" allows a number without a unit.
+    quantity : str
+        Name of the quantity for the error message.
+
+    Raises
+    ------
+    RecordError
+        The text is not a positive number with one of the units.
+    """
     match = _QUANTITY.fullmatch(text)
     factor = units.get(match[2].lower()) if match else None
     if not match or factor is None or not float(match[1]) > 0.0:

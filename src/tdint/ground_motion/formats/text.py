@@ -78,9 +78,9 @@ _MAX_COLUMNS = 50
 def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
     """Return True if a file contains a text table.
 
-    Without a layout, an optional header as described above must be followed by rows of one number,
-    or by rows of several numbers with an increasing first number. With a layout, a table of numbers
-    must follow the lines to skip.
+    Without a layout, an optional header (comments, declarations `key = value`, column names) must
+    be followed by rows of one number, or by rows of several numbers with an increasing first
+    number. With a layout, a table of numbers must follow the lines to skip.
 
     Parameters
     ----------
@@ -93,10 +93,7 @@ def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
 
 
 def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
-    """Return the header lines of a table, and the numbers of values in its first two rows.
-
-    The header lines are between the lines to skip and the first row of numbers. The list of the
-    numbers of values is shorter if the file ends, or if a row contains other text.
+    """Read the start of a table with a user-specified layout.
 
     Parameters
     ----------
@@ -104,6 +101,14 @@ def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
         File to read.
     layout : TextLayout
         Layout specified by the user, with the number of lines to skip.
+
+    Returns
+    -------
+    header_lines : list of str
+        Lines between the lines to skip and the first row of numbers.
+    widths : list of int
+        Number of values in each of the first two rows. The list is shorter if the file ends or if a
+        row contains other text.
     """
     header_lines: list[str] = []
     widths: list[int] = []
@@ -144,6 +149,7 @@ def table_in(data: bytes, layout: TextLayout) -> str:
             "that the file is complete"
         )
     if not _is_table(widths):
+        # If the file is a table without its quotation marks, the marks are the only error.
         is_quoted = b'"' in data and _is_table(
             _first_rows(BytesIO(data.replace(b'"', b"")), layout)[1]
         )
@@ -302,7 +308,7 @@ def _sampling_interval(
 
 
 def _count_names(line: str) -> int:
-    """Return the number of column names in a header line."""
+    """Return the number of column names in a header line; 0 if it does not name columns."""
     return next(
         (len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0
     )
@@ -341,7 +347,7 @@ def _accelerations(names: Names, columns: range) -> list[int]:
 def _series(
     common: Series, columns: Columns, header: TableHeader, index: int, component_columns: list[int]
 ) -> Series:
-    """Return the component in a column.
+    """Return the component in a column, with its units, channel and quantity.
 
     Parameters
     ----------
@@ -434,8 +440,13 @@ def _counts_samples(column: NDArray[np.float64], step: float | None) -> bool:
 
 
 def _matches(lines: list[str]) -> bool:
-    """Return True if the first lines of a file are those of a text table."""
+    """Return True if the first lines of a file are those of a text table.
+
+    Without a row of numbers, StopIteration is raised, which `recognizes` treats as False.
+    """
     first_row = next(index for index, line in enumerate(lines) if ROW.fullmatch(line))
+    # A line of names that lacks the first name is no declaration. It is omitted here, so that the
+    # reader can report it.
     lacks_name = first_row > 0 and lacks_first_name(lines[first_row - 1])
     declared = [declared_in(line) for line in lines[: first_row - lacks_name]]
     rows = [
@@ -472,6 +483,12 @@ def _columns(lines: Lines, name_count: int) -> Columns:
         Lines of the file; the next line is the first row.
     name_count : int
         Number of column names in the header.
+
+    Raises
+    ------
+    RecordError
+        A row has another number of values, other text or an empty cell, or the table has too many
+        columns.
     """
     first_line, width = lines.number, 0
     values = array("d")
@@ -480,6 +497,7 @@ def _columns(lines: Lines, name_count: int) -> Columns:
         if COMMENT.fullmatch(line):
             continue
         numbers = _numbers(line) if ROW.fullmatch(line) else []
+        # The first row determines the number of columns. If it has an empty cell, the header does.
         width = width or (name_count if _has_empty_cell(line) else len(numbers))
         if len(numbers) != width or not 1 <= width <= _MAX_COLUMNS:
             reason = "; a cell is empty" if _has_empty_cell(line) else ""
@@ -499,6 +517,7 @@ def _has_empty_cell(line: str) -> bool:
 def _numbers(line: str) -> list[float]:
     """Return the numbers of a row; empty if a cell is empty or contains other text."""
     separator = next((mark for mark in ";\t," if mark in line.strip()), None)
+    # A separator at the end of a row does not start another cell.
     cells = line.strip().removesuffix(separator or " ").split(separator)
     point = "," if separator in (";", "\t") else "."
     try:

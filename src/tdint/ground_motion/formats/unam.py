@@ -54,7 +54,7 @@ _GAL = "gal"  # unit of the peaks in the header
 
 
 def is_unam(file: Any, **_: Any) -> bool:
-    """Return True if the first 20 lines of a file contain the title of this format."""
+    """Return True if the first 20 lines of a file contain the title of an ASA file."""
     return recognizes(file, lambda lines: any(map(_TITLE.match, lines[:20])))
 
 
@@ -82,6 +82,7 @@ def read_unam(lines: Lines) -> list[Series]:
             "its header must state direction, sampling interval and the same number of samples for "
             "each channel"
         )
+    # The samples follow the second ruler. The directions between the rulers are already known.
     for _line in range(2):
         lines.take_until(_RULER.fullmatch, "ruler before the samples")
         lines.take()
@@ -119,7 +120,7 @@ def read_unam(lines: Lines) -> list[Series]:
 
 
 def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:
-    """Return the values of a header key, in the order of the channels.
+    """Return the values of a header key as text, in the order of the channels.
 
     Parameters
     ----------
@@ -147,7 +148,7 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
     Raises
     ------
     RecordError
-        Another line follows.
+        A line that does not repeat the last row follows.
     """
     last_row = [float(column[-1]) for column in columns]
     repeated = 0

@@ -65,8 +65,8 @@ _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
 
 
 def is_smc(file: Any, **_: Any) -> bool:
-    """Return True if a file starts with a type of series of this format and has eight integers in
-    line 12."""
+    """Return True if a file has the header of an SMC file: a type of series in line 1 and eight
+    integers in line 12."""
     return recognizes(
         file, lambda lines: _QUANTITY.match(lines[0]) and _ROW_OF_INTEGERS.fullmatch(lines[_TEXTS])
     )
@@ -105,8 +105,8 @@ def read_smc(lines: Lines) -> list[Series]:
                 "in the header"
             )
 
-    # A component is up, down or an azimuth in degrees. If the azimuth is unknown, the component has
-    # no name.
+    # A component is up (0 degrees from the vertical), down (180) or an azimuth in degrees. If the
+    # azimuth is unknown, the component has no name.
     unknown, vertical, azimuth = integers[0], integers[_FROM_VERTICAL], integers[_AZIMUTH]
     channel = "" if azimuth == unknown else f"{azimuth:g}"
     if vertical in (0, 180) and vertical != unknown:
@@ -161,13 +161,15 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
         Lines of text of the header.
     """
     year, day = integers[_YEAR], integers[_DAY]
-    by_day = _moment(integers[0], year, 1.0, day, *integers[_HOUR : _MILLISECOND + 1])
+    # The day of the year is the day counted from the first day of January.
+    by_day = _header_time(integers[0], year, 1.0, day, *integers[_HOUR : _MILLISECOND + 1])
     date = first_match(_DATE, texts)
     if date is None:
         return by_day
     stated_year, stated_month, stated_day = map(float, date.groups())
     event = moment(stated_year, stated_month, stated_day, 12, 0, 0)
-    by_month = _moment(integers[0], year, day, *integers[_DAY + 1 : _MILLISECOND + 2])
+    # If the header states month and day, the month is at the index of the day of the year.
+    by_month = _header_time(integers[0], year, day, *integers[_DAY + 1 : _MILLISECOND + 2])
     candidates = (
         start
         for start in (by_day, by_month)
@@ -176,7 +178,7 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
     return next(candidates, None)
 
 
-def _moment(
+def _header_time(
     unknown: float,
     year: float,
     month: float,
@@ -186,7 +188,7 @@ def _moment(
     second: float,
     thousandths: float,
 ) -> datetime | None:
-    """Return a time from the integer header; None if a number is unknown.
+    """Return a time from the integer header; None if a number is unknown or out of range.
 
     Parameters
     ----------
@@ -199,14 +201,9 @@ def _moment(
     if unknown in (year, month, day, hour, minute, second) or not 1 <= day <= 366:
         return None
     fraction = 0.0 if thousandths == unknown else thousandths / 1e3
-    return moment(
-        year,
-        month,
-        1,
-        0,
-        0,
-        ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + fraction,
-    )
+    # The time is counted from the start of the month, because the day may be after its end.
+    seconds = ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + fraction
+    return moment(year, month, 1, 0, 0, seconds)
 
 
 _TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)
@@ -220,13 +217,14 @@ _EARTHQUAKE = re.compile(
 
 
 def is_usc(file: Any, **_: Any) -> bool:
-    """Return True if the first line is the title of this format."""
+    """Return True if the first line is the title of volume 1 of the University of Southern
+    California (USC)."""
     return recognizes(file, lambda lines: _TITLE.match(lines[0]))
 
 
 @reader
 def read_usc(lines: Lines) -> list[Series]:
-    """Read a USC file; see `tdint.ground_motion.formats`.
+    """Read the component of a USC file; see `tdint.ground_motion.formats`.
 
     Raises
     ------
@@ -234,7 +232,7 @@ def read_usc(lines: Lines) -> list[Series]:
         The file is cut off, or its times are not in equal steps.
     """
     texts = text_header(lines)
-    lines.numbers(REALS, REAL_WIDTH)
+    lines.numbers(REALS, REAL_WIDTH)  # the real numbers of the header are not used
     station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
     event = " ".join(header_field(_EARTHQUAKE, texts).split())
     series = replace(

@@ -51,6 +51,7 @@ def read_instruments(source: str | Path) -> Instruments:
     # Reject a document type definition, because its entities can reference other files. The parser
     # detects it in every encoding of the file; a search of the bytes would not.
     def refuse(*_: object) -> None:
+        """Raise RecordError; the parser calls this function at a document type definition."""
         raise RecordError(
             f"{source}: a StationXML file with a document type definition is not accepted; "
             "remove the definition"
@@ -114,6 +115,8 @@ def remove_response(
     response = _find_response(trace, instruments, label)
     samples, mean_note = without_mean(trace.data)
     dt = float(trace.stats.delta)
+    # The Fourier transform has the smallest power of 2 that is at least twice the number of
+    # samples. The added zeros prevent that the end of the motion appears at its start.
     size = 1 << (2 * samples.size - 1).bit_length()
     try:
         with caught_messages():  # Ignore warnings about the sensitivity of a subset of the stages.

@@ -52,25 +52,27 @@ class NamedTable:
     comma: bool
     input: Input
 
-    def place(self, name: str) -> int:
-        """Return the index of a column; raise RecordError unless exactly one has this name."""
+    def column_index(self, name: str) -> int:
+        """Return the index of the column with a name, counted from 0; raise RecordError unless
+        exactly one column has this name."""
         if self.names.count(name) == 1:
             return self.names.index(name)
         error = "the file has several columns" if name in self.names else "the file has no column"
-        hint = did_you_mean(name, self.names) or f"; there are {', '.join(self.names[:12])[:200]}"
+        columns = ", ".join(self.names[:12])[:200]
+        hint = did_you_mean(name, self.names) or f"; its columns are {columns}"
         raise RecordError(f"{self.source}: {error} {name!r}{hint}")
 
-    def numbers(self, place: int) -> NDArray[np.float64]:
-        """Return the values of a column, shape (rows,); raise RecordError for a cell that is not a
-        finite number."""
+    def numbers(self, column: int) -> NDArray[np.float64]:
+        """Return the values of the column with an index, shape (rows,); raise RecordError for
+        a cell that is not a finite number."""
         values = np.empty(len(self.rows))
         for i, (line, cells) in enumerate(self.rows):
             values[i] = number_or_nan(
-                cells[place].replace(",", ".") if self.comma else cells[place]
+                cells[column].replace(",", ".") if self.comma else cells[column]
             )
             if not isfinite(values[i]):
-                shown = cells[place].strip()[:40]
-                name = self.names[place][:40]
+                shown = cells[column].strip()[:40]
+                name = self.names[column][:40]
                 raise RecordError(
                     f"{self.source}: line {line}: {name}: {shown!r} is not a finite number"
                 )
@@ -138,11 +140,11 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
     time, time_units = name_and_units(table.names[0])
     if time not in _TIMES or time_units not in ("", *SECONDS):
         raise RecordError(
-            f"{source}: the first column must be the time (time_s), its name is "
+            f"{source}: the first column must be the time (time_s), but its name is "
             f"{table.names[0][:40]!r}"
         )
     times = SECONDS[time_units or "s"] * table.numbers(0)
-    index = table.place(column)
+    index = table.column_index(column)
     try:
         stated = parse_units(units or name_and_units(column)[1])
     except UsageError:
@@ -150,7 +152,7 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
             raise
         raise RecordError(
             f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); "
-            "give `units`"
+            "specify them by `units`"
         ) from None
     try:
         dt, _ = equal_steps(times)

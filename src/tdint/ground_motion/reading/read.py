@@ -424,7 +424,7 @@ def make_record(
         components = [_choose_channel(components, component, label)]
     elif len(components) > 1:
         raise RecordError(
-            f"{label}: there are several components, choose one by `component`: "
+            f"{label}: the data have several components, choose one by `component`: "
             f"{_unambiguous_names(components)}"
         )
     return _to_record(components[0], _join_traces(components[0]), specified, None)
@@ -448,6 +448,7 @@ def read_horizontals(
     Returns
     -------
     Horizontals
+        Components of equal length in m/s^2.
 
     Raises
     ------

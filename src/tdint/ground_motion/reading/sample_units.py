@@ -47,7 +47,8 @@ class FileUnits:
     for_all: bool = False
 
     def of(self, source: str, format_name: str) -> Units | None:
-        """Return the units of a file by its name and its format; None if no entry matches.
+        """Return the units of a file by its name and its format; None for counts, or if no entry
+        matches.
 
         Parameters
         ----------
@@ -72,9 +73,10 @@ class FileUnits:
         ----------
         files : iterable of str
             File names; files are read only until all entries are matched.
-        formats_of : callable
-            Function of a file name; returns names and formats of the records in the file. Raises
-            RecordError for a file that cannot be read, which is reported when it is read.
+        record_formats : callable
+            Function of a file name; returns names and formats of the records in the file. It raises
+            RecordError for a file that cannot be read. The entries are then not checked, because
+            the error is reported when the file is read.
 
         Raises
         ------

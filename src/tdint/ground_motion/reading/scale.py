@@ -346,7 +346,8 @@ def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> ND
 
 
 def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
-    """Return the counts of a recorder without their mean (the zero offset), and a note."""
+    """Return the counts of a recorder without their mean (the zero offset), shape (samples,), and
+    a note that states the mean."""
     mean = float(np.mean(samples, dtype=np.float64))
     return samples - mean, f"the recorder's zero offset, the mean of {mean:.6g} counts, is removed"
 

@@ -87,6 +87,7 @@ class _LevelsType:
     """Mapping from the names of performance levels to their limits."""
 
     def schema(self) -> Schema:
+        """Return the JSON schema: any names with mappings from quantities to limits."""
         return {"type": "object", "additionalProperties": _QUANTITIES.schema(), "minProperties": 1}
 
 
@@ -121,7 +122,7 @@ def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tup
     expected = "the limits of each performance level, such as {life safety: {drift_ratio: 2%}}"
     level_entries = levels.named(expected, f"is empty; give {expected}") if levels else None
     for name, entry in (level_entries or {}).items():
-        # Names are printed in messages and tables.
+        # Names are printed in messages and tables, so they must be short and printable.
         if not name.isprintable() or not name[:1].isalpha() or len(name) > 60:
             entry.fault(
                 "the name of a performance level must start with a letter and have at most 60 "

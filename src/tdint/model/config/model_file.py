@@ -486,6 +486,11 @@ def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUni
         Value of the key `output_units`, one text or a list of texts; None if it is missing.
     unit : ModelUnits
         Units of the model file.
+
+    Returns
+    -------
+    table_units, page_units : OutputUnits
+        Units of tables and summaries, and units of reports and figures.
     """
     if value is None:
         return SI, unit.named
@@ -785,6 +790,13 @@ def _stiffness_edit(
     factors : sequence of float
         Factor on the stiffness of each story of the entry. If all are equal, the entry is written
         once, otherwise once per story.
+
+    Returns
+    -------
+    start, end : int
+        Start and end of the replaced part of the file.
+    text : str
+        New text of this part.
     """
     start, end = entry.start_mark.index, _end_index(entry)
     is_uniform = all(factor == factors[0] for factor in factors)

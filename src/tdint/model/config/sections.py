@@ -83,10 +83,17 @@ class ModelUnits:
 
 
 def read_units(section: Section) -> ModelUnits:
-    """Return the units of the file. Default: m, N and kg."""
+    """Return the units of the file. Default: m, N and kg.
+
+    Parameters
+    ----------
+    section : Section
+        Section with the keys of `UNITS`; empty if the file does not contain it.
+    """
 
     def read_unit(name: str, factors: Mapping[str, float], default: str) -> str:
-        """Return the unit at the key `name`, or `default` if it is missing or invalid."""
+        """Return the unit at the key `name`, or `default` if it is missing or invalid; the keys of
+        `factors` are the allowed units."""
         entry = section.get(name)
         # A unit of force for a mass has a separate message that explains the conversion.
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
@@ -114,10 +121,15 @@ def read_units(section: Section) -> ModelUnits:
 
 
 def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:
-    """Return the units of samples as text; None after reporting an error with its line.
+    """Return the units of samples as text; None if they are missing or after reporting an error.
 
-    A missing value also gives None. `quantity` is the required quantity, for example
-    acceleration, if another key of the file specifies it.
+    Parameters
+    ----------
+    value : Value or None
+        Value of the key `units`; None if it is missing.
+    quantity : str, optional
+        Required quantity of the units, for example `acceleration`, if another key of the file
+        specifies it. Default: any quantity of ground motion.
     """
     parsed = value.parsed(units.parse_units) if value else None
     if value is None or parsed is None:
@@ -138,12 +150,13 @@ def read_file_units(value: Value | None) -> SampleUnits | None:
     if value is None:
         return None
 
-    def checked(text: str) -> SampleUnits:
+    def parse_file_units(text: str) -> SampleUnits:
+        """Parse and check the units; a table of units is relative to the directory of the file."""
         sample_units = units_of_text(text, Path(value.faults.folder))
-        file_units(sample_units)
+        file_units(sample_units)  # raises UsageError for invalid units
         return sample_units
 
-    return value.parsed(checked)
+    return value.parsed(parse_file_units)
 
 
 # ---- The section `damping` of a model file. The declared types also convert the values (`make`).
@@ -160,7 +173,14 @@ _SECOND_MODE = 3
 
 
 def _damping_type(count: int | None) -> Either:
-    """Return the type of the key `damping` for a building with `count` stories, None if unknown."""
+    """Return the type of the key `damping`, which checks a value and converts it (`make`).
+
+    Parameters
+    ----------
+    count : int or None
+        Number of stories of the building, which limits the modes; None if it is unknown.
+    """
+    # Rayleigh damping: {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}
     mode = numbered(count)
     two_ratios = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT_LIST_ERROR)
     modes = EntriesOf(
@@ -187,6 +207,8 @@ def _damping_type(count: int | None) -> Either:
         what="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
         make=lambda value, **entries: _rayleigh(value, count, **entries),
     )
+    # Modal damping: a ratio for all modes, a list of ratios, or {ratio: ..., modes: ...} for the
+    # first modes
     first_modes = Keys(
         (
             Key("ratio", RATIO, "damping ratio", True),
@@ -201,6 +223,8 @@ def _damping_type(count: int | None) -> Either:
     list_text = f"a list of at most {count} damping ratios (one per mode)"
     ratio_list = EntriesOf(RATIO, 2, count, list_text, _SHORT_LIST_ERROR)
     modal = Either((RATIO, ratio_list, first_modes))
+    # A mapping contains exactly one of the keys `rayleigh` and `modal`. A list of ratios has been
+    # converted to a tuple.
     forms = Keys(
         (
             Key(
@@ -249,10 +273,17 @@ DAMPING = _damping_type(None)
 
 
 def read_damping(value: Value | None, count: int | None) -> Damping:
-    """Return the damping; None without damping or after reporting an error.
+    """Return the damping of a building; None without damping or after reporting an error.
 
     A single ratio is Rayleigh damping in modes 1 and 3, or in modes 1 and `count` for fewer than
-    three stories. `count` is the number of stories, None if unknown after an error.
+    three stories.
+
+    Parameters
+    ----------
+    value : Value or None
+        Value of the key `damping`; None if it is missing.
+    count : int or None
+        Number of stories; None if it is unknown after an error.
     """
     damping = replace(value, type=_damping_type(count)).read() if value else None
     if isinstance(damping, float):

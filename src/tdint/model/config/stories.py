@@ -353,7 +353,7 @@ def _read_number(
     default = (
         earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
     )
-    # One number for all parameters of the group.
+    # The file specifies one number for all parameters of the group.
     if isinstance(group, float):
         return group
     # The file omits the group: `without` has priority over the default.

@@ -1,2 +1,2 @@
-"""What every file of keys goes through: its text, nodes with line and column, values of declared
-kinds."""
+"""Reading of files with keys: their text, nodes with line and column, and values of declared
+types."""

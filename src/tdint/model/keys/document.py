@@ -125,6 +125,7 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
 
 
 def _too_large(kind: str) -> str:
+    """Return the message for a file larger than `MAX_BYTES`; `kind` is the type of the file."""
     return f"larger than {MAX_BYTES // 1024**2} MiB; this is not a {kind}"
 
 
@@ -216,12 +217,21 @@ def compose(text: str) -> Any:
 
 
 class _Composer:
-    """Builder of nodes from the events of PyYAML's parser."""
+    """Builder of nodes from the events of PyYAML's parser.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+    faults : Faults
+        Collection to which errors are added.
+    """
 
     def __init__(self, text: str, faults: Faults) -> None:
+        """Start the parser at the beginning of the text."""
         self._loader = yaml.SafeLoader(text)
         self._faults = faults
-        self._anchors: dict[str, Node | None] = {}
+        self._anchors: dict[str, Node | None] = {}  # node of each anchor; None while it is read
 
     def document(self) -> Node:
         """Return the root of the only document."""

@@ -94,6 +94,7 @@ class Whole:
     what: str = ""
 
     def schema(self) -> Schema:
+        """Return the JSON schema of the whole numbers within the bounds."""
         return {"type": "integer", "minimum": self.low, "maximum": self.high}
 
 
@@ -110,6 +111,7 @@ class Flag:
     """Boolean value, true or false."""
 
     def schema(self) -> Schema:
+        """Return the JSON schema of true and false."""
         return {"type": "boolean"}
 
 
@@ -123,6 +125,7 @@ class Words:
     parse: Callable[[str], Any] | None = None
 
     def schema(self) -> Schema:
+        """Return the JSON schema of a text or a number; `parse` is not part of the schema."""
         return {"type": ["string", "number"]}
 
 
@@ -131,6 +134,7 @@ class PathOf:
     """Path relative to the file that contains it; `-` is standard input."""
 
     def schema(self) -> Schema:
+        """Return the JSON schema of a text."""
         return {"type": "string"}
 
 
@@ -142,6 +146,7 @@ class Choice:
     what: str = "value"
 
     def schema(self) -> Schema:
+        """Return the JSON schema of the allowed names."""
         return {"enum": list(self.names)}
 
 
@@ -174,6 +179,7 @@ class EntriesOf:
     distinct: str = ""
 
     def schema(self) -> Schema:
+        """Return the JSON schema of a list with the allowed number of entries."""
         limits = {"minItems": self.least} if self.least else {}
         limits |= {"maxItems": self.most} if self.most is not None else {}
         return {"type": "array", "items": self.type.schema(), **limits}
@@ -200,6 +206,7 @@ class ByName:
     make: Callable[..., Any]
 
     def schema(self) -> Schema:
+        """Return the JSON schema of a mapping with any names and values of the type."""
         return {"type": "object", "additionalProperties": self.type.schema()}
 
 
@@ -211,6 +218,7 @@ class Either:
     what: str = ""
 
     def schema(self) -> Schema:
+        """Return the JSON schema of a value of any of the types."""
         return {"anyOf": [value_type.schema() for value_type in self.types]}
 
 
@@ -265,12 +273,15 @@ class Keys(Sequence[str]):
     make: Callable[..., Any] | None = None
 
     def __getitem__(self, index: Any) -> Any:
+        """Return the name at an index, or a tuple of the names of a slice."""
         return tuple(self)[index]
 
     def __len__(self) -> int:
+        """Return the number of keys."""
         return len(self.declared)
 
     def __iter__(self) -> Iterator[str]:
+        """Yield the names of the keys."""
         return (key.name for key in self.declared)
 
     def types(self) -> Mapping[str, ValueType]:
@@ -458,7 +469,8 @@ class Value:
                 return self.file(stdin=True)
             case Words(parse):
                 return self.parsed(parse) if parse else self.text()
-        raise TypeError(f"{self.key}: {self.type} is read by its own reader")
+        # A type such as the hysteretic law of a story has a reader in `tdint.model.config`.
+        raise TypeError(f"{self.key}: {self.type} has no general conversion; call its reader")
 
     def _read_alternative(self, either: Either) -> Any:
         """Return the value, converted to the first declared type that has the form of the value.
@@ -483,7 +495,13 @@ class Value:
         return None
 
     def _read_entries(self, declared: EntriesOf) -> Any:
-        """Return the converted entries of a list as a tuple; None after reporting an error."""
+        """Return the converted entries of a list as a tuple; None after reporting an error.
+
+        Parameters
+        ----------
+        declared : EntriesOf
+            Type of the entries, their allowed number, and requirements on their order.
+        """
         items = self.items(declared.what)
         if items is None:
             return None
@@ -506,7 +524,8 @@ class Value:
         return values
 
     def _read_by_name(self, declared: ByName) -> Any:
-        """Return the object that `declared.make` builds from a mapping with names of the user."""
+        """Return the object that `declared.make` builds from a mapping with names of the user; None
+        after reporting an error."""
         entries = self.named(declared.what, declared.none)
         if entries is None:
             return None
@@ -520,6 +539,11 @@ class Value:
         """Return the object that `keys.make` builds from the entries of the mapping.
 
         The result is None if a required entry is missing or invalid, or if no entry is valid.
+
+        Parameters
+        ----------
+        keys : Keys
+            Declared keys of the mapping, their groups, and the function `make`.
         """
         section = self.section(keys, keys.what)
         if section is None:
@@ -710,6 +734,15 @@ class Value:
 class Section:
     """Entries of a mapping. The constructor reports unknown keys, duplicate keys and merge keys.
 
+    Parameters
+    ----------
+    value : Value
+        The mapping with its full key.
+    node : MappingNode
+        Node of the mapping.
+    keys : collection of str
+        Allowed keys; an instance of `Keys` also declares the types of their values.
+
     Attributes
     ----------
     value : Value
@@ -717,6 +750,7 @@ class Section:
     """
 
     def __init__(self, value: Value, node: MappingNode, keys: Collection[str]) -> None:
+        """Store the entries with allowed keys, and report the errors of all other keys."""
         self.value = value
         self._entries: dict[str, Value] = {}
         self._types = keys.types() if isinstance(keys, Keys) else {}
