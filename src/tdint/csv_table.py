@@ -105,10 +105,16 @@ class CsvTable:
             )
 
     def texts(self, name: str, *, empty: bool = True) -> list[str]:
-        """Return the cells of a column as texts without blanks at the ends.
+        """Return the cells of a column as texts without surrounding blanks.
 
-        Raise `self.error` if the column or all rows are missing, if a row has too many cells, or,
-        with `empty=False`, if a cell is empty.
+        Raise `self.error` if the column or all rows are missing, or if a row has too many cells.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        empty : bool
+            True (the default) to allow empty cells; otherwise an empty cell is an error.
         """
         self.need(name)
         if not self.rows:
@@ -135,8 +141,16 @@ class CsvTable:
     def numbers(self, name: str, *, empty: bool = False, positive: bool = False) -> list[float]:
         """Return the cells of a column as finite numbers.
 
-        Raise `self.error` if a cell is not a number or, with `positive=True`, not above 0. An empty
-        cell is also an error; with `empty=True` it is nan.
+        Raise `self.error` if a cell is not a number.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        empty : bool
+            True to return nan for empty cells; by default they are errors.
+        positive : bool
+            True if only numbers above 0 are valid; false by default.
         """
         expected = "a positive number" if positive else "a number"
         numbers = []
@@ -194,7 +208,15 @@ class CsvTable:
                 raise self.error(f"{self.source}:{line}: {name} {requirement}, got {text[:40]!r}")
 
     def lines(self, name: str, *, empty: bool = True) -> Iterator[tuple[int, str]]:
-        """Return the line number and the text of each cell of a column."""
+        """Return the line number and the text of each cell of a column.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        empty : bool
+            True (the default) to allow empty cells; otherwise an empty cell is an error.
+        """
         return zip((line for line, _ in self.rows), self.texts(name, empty=empty), strict=True)
 
     def overfull(self, cells: list[str]) -> bool:
@@ -242,6 +264,7 @@ class TextColumn(Sequence[str]):
     @overload
     def __getitem__(self, index: slice) -> list[str]: ...
     def __getitem__(self, index: int | slice) -> str | list[str]:
+        """Return the text of the cell with an index, or the texts of a slice as a list."""
         if isinstance(index, slice):
             return [self[cell_index] for cell_index in range(len(self))[index]]
         # Indexing a range converts a negative index, and raises IndexError as a list does.
@@ -265,7 +288,7 @@ class TextColumn(Sequence[str]):
 
     def numbers(self) -> Array:
         """Return all texts as numbers; nan for texts that `number` does not accept."""
-        import numpy as np  # Imported here as in `numbers_in`.
+        import numpy as np  # Imported here, because commands that read only models do not need it.
 
         return np.concatenate([np.empty(0), *map(numbers_in, self.parts())])
 
@@ -303,7 +326,15 @@ def numbers_in(texts: Sequence[str]) -> Array:
 
 
 def number_error(text: str, expected: str) -> str:
-    """Return the end of a message about an invalid number: the requirement and the value."""
+    """Return the end of a message about an invalid number: `must be a number, got '1,5'`.
+
+    Parameters
+    ----------
+    text : str
+        The cell with the invalid number.
+    expected : str
+        Requirement, such as `a positive number`.
+    """
     message = f"must be {expected}, got {text[:40]!r}"
     # A finite number that `number` does not accept is outside the limits.
     if math.isfinite(_number_or_nan(text)) and math.isnan(number(text)):
@@ -426,7 +457,13 @@ def stream_table(
 def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the cells of each row of a CSV file, which is read in parts.
 
-    Raise an exception of the type `error` for a null character, or if the file is not UTF-8 text.
+    Parameters
+    ----------
+    source : str
+        Name of the file.
+    error : type
+        Type of the exception that is raised if the file contains a null character or is not UTF-8
+        text.
     """
     with Path(source).open(encoding="utf-8-sig", newline="") as file:
 

@@ -34,6 +34,7 @@ class TdintError(Exception):
         super().__init__(abridged(message))
 
     def __reduce__(self) -> tuple[Any, ...]:
+        """Return the function, its arguments and the state from which pickle restores the error."""
         # By default, unpickling calls `__init__` with the message. This fails for subclasses with
         # other arguments, and a process pool would wait forever for such an error. Therefore
         # `_unpickle` does not call `__init__`.

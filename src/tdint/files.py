@@ -73,9 +73,17 @@ def is_protected(file: str | Path) -> bool:
 
 
 def record_digest(source: str | Path, content: bytes | Callable[[], str]) -> None:
-    """Record that an input has been read, for the list of inputs in results.
+    """Record that the command has read an input, for the list of inputs in its results.
 
-    `content` is the content, or, for large files, a function that returns its SHA-256.
+    The file is also protected from being replaced by an output (`protect_input`).
+
+    Parameters
+    ----------
+    source : str or Path
+        Name of the file; `-` is standard input.
+    content : bytes or callable
+        Content of the file, or, for large files, a function that returns its SHA-256. The function
+        is not called if inputs are not recorded.
     """
     protect_input(source)
     digests = INPUT_DIGESTS.get()
@@ -166,7 +174,7 @@ def read_whole(
 
 
 def _read(file: BinaryIO, most: int) -> bytes:
-    """Read a stream to its end, or until more than `most` bytes have been read.
+    """Read a binary stream to its end, or until more than `most` bytes have been read.
 
     The stream is read in blocks, so that reading an endless device stops, and so that memory is
     allocated only for the bytes that exist.
@@ -386,6 +394,15 @@ def _write(file: Path, content: Content, stream: BinaryIO) -> None:
 
     The compressed bytes do not depend on the time or the name, so that equal contents result in
     equal files.
+
+    Parameters
+    ----------
+    file : Path
+        Name of the file, which determines the compression.
+    content : bytes or callable
+        Content, or a function that writes it to a binary stream.
+    stream : BinaryIO
+        Output.
     """
     writer = (lambda into: into.write(content)) if isinstance(content, bytes) else content
     if file.suffix.lower() != ".gz":
@@ -435,12 +452,34 @@ def remove_unfinished() -> None:
 
 
 def write_file(file: Path, writer: Content, *, overwrite: bool) -> None:
-    """Write one file; see `write_files`."""
+    """Write one file completely or not at all, as `write_files` does for several files.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+    writer : bytes or callable
+        Content, or a function that writes it to a binary stream.
+    overwrite : bool
+        Allow to replace an existing file.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
     write_files({file: writer}, overwrite=overwrite)
 
 
 def check_disk_space(file: Path, least: float) -> None:
-    """Check before a computation that a disk has at least `least` free bytes for a file.
+    """Check before a computation that there is enough disk space for its output.
+
+    Parameters
+    ----------
+    file : Path
+        File that will be written.
+    least : float
+        Minimum free space of its disk, bytes.
 
     Raises
     ------

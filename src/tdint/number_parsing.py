@@ -92,8 +92,8 @@ def table_number(value: float, largest: float | None = None) -> str:
 
 
 def abbreviate(names: Sequence[str], limit: int) -> str:
-    """Return a text that lists at most `limit` names, followed by the number of further names, such
-    as `a, b and 7 more`."""
+    """Return a list of names as text; names after the first `limit` names are only counted, as in
+    `a, b and 7 more`."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(names[:limit]) + more
 

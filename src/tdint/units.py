@@ -306,7 +306,8 @@ _MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
 
 
 def matching_mass_unit(force: str, length: str) -> str:
-    """Return the unit of mass that belongs to units of force and length, for texts and reports."""
+    """Return the unit of mass that belongs to units of force and length, for texts and reports: t
+    for kN, lb for lbf, kip*s^2/in or kip*s^2/ft for kip, and kg for other units."""
     return "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
 
 
@@ -372,10 +373,17 @@ class OutputUnits:
         return value / self.unit(si)[1]
 
     def text(self, value: float, si: str) -> str:
-        """Return a number with its unit for people, with four significant digits.
+        """Return a number with its output unit as text, with four significant digits.
 
         A mass is in the unit that belongs to the unit of force, unless another unit of mass was
         chosen: t for kN, kip*s^2/in for kip and in.
+
+        Parameters
+        ----------
+        value : float
+            Number in the SI unit.
+        si : str
+            SI unit, such as `N`.
         """
         units = replace(self, mass=self.matching_mass_unit) if si == "kg" else self
         return f"{number_text(units.of(value, si))} {units.unit(si)[0]}"

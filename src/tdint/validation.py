@@ -164,7 +164,17 @@ _XI = 0.05
 
 
 def _history(model: Mapping[str, Any], *record: Record, method: str | None = None) -> History:
-    """Run a model given as the content of a model file, and return its response history."""
+    """Run a model and return its response history.
+
+    Parameters
+    ----------
+    model : mapping
+        Content of a model file.
+    *record : Record
+        Ground motion; optional.
+    method : str, optional
+        Time-integration method instead of the method of the model.
+    """
     history = run(load_model(model), *record, method=method, history=True, check=False).history
     assert history is not None
     return history

@@ -573,7 +573,7 @@ class _Column(NamedTuple):
 
 
 def _add_table(flow: _Flow, table: Table) -> None:
-    """Add a table with units in its heading and drift ratios in percent.
+    """Add a table to the flow of a report, with units in its heading and drift ratios in percent.
 
     Empty columns and the zero forces of absent dampers are omitted. A table that is wider than the
     page is continued below, again with its first column.
@@ -686,7 +686,8 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
 
 
 def _is_motion(table: Table, name: str) -> bool:
-    """Return True for a column of drifts or displacements in m, or of their errors."""
+    """Return True if the column `name` of a table contains drifts or displacements in m, or their
+    errors."""
     unit = table.meanings.get(name, {}).get("unit", TEXT)
     return unit == "m" and any(word in name for word in ("drift", "displacement"))
 

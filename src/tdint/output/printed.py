@@ -145,7 +145,14 @@ def _style_error(key: str, has_value: bool) -> str:
 
 
 def figure_width(text: str, of: str = "--style") -> float:
-    """Return the width in m of a text with a unit, such as 90mm or 3.5in.
+    """Return the width of a figure in m from a text with a unit, such as 90mm or 3.5in.
+
+    Parameters
+    ----------
+    text : str
+        The width.
+    of : str
+        Source of the text, for error messages.
 
     Raises
     ------
@@ -182,10 +189,17 @@ SYMBOLS = {
 
 
 def in_print(text: str, printed: PrintedAs) -> str:
-    """Return a text of a figure as it is printed.
+    """Return the printed form of a text in a figure.
 
     A label with a replacement is replaced. In other texts, mathematical symbols replace ASCII words
     such as omega.
+
+    Parameters
+    ----------
+    text : str
+        Text in the figure.
+    printed : PrintedAs
+        Print settings, which contain the replacements of labels.
     """
     # The parameters of a method may follow its label after a colon. A text such as `trio:rho=0.5`
     # is replaced completely by the replacement of `trio`.

@@ -99,7 +99,13 @@ def first_period(model: Model) -> float:
 def _secant_period(model: Model, peaks: StoryPeaks) -> float:
     """Return the first period of a building, s, with the secant stiffness of its isolators.
 
-    The secant stiffness is the peak shear of a run divided by its peak drift (`peaks`).
+    Parameters
+    ----------
+    model : Model
+        The building.
+    peaks : StoryPeaks
+        Peak responses of a run. The secant stiffness of an isolator is its peak shear divided by
+        its peak drift.
     """
     stories = tuple(
         replace(story, stiffness=shear / drift) if story.isolator and drift > 0.0 else story

@@ -521,7 +521,8 @@ def _dispersion(functions: Sequence[Fragility]) -> list[str]:
 
 
 def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:
-    """Return a table that compares each fragility function with the runs of bins of intensity.
+    """Return a tuple with a table that compares each fragility function with the runs in bins of
+    the intensity.
 
     For each bin, the column `counted` is the fraction of the runs that exceed the limit, and the
     column `fitted` is the value of the function. Without counted runs, the result is empty.

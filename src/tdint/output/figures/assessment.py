@@ -286,7 +286,7 @@ def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
 
 
 def _thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
-    """Return the styles; the last `count` styles are thin lines without markers."""
+    """Return line styles in which the last `count` lines are thin and have no markers."""
     first_thin = len(styles) - count
     return [
         *styles[:first_thin],
@@ -397,7 +397,16 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
 
 
 def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
-    """Plot observed orders of displacement, velocity and acceleration in a row for each method."""
+    """Plot the observed orders of accuracy as markers, in a row for each method.
+
+    Markers show the orders of displacement, velocity, acceleration and algorithmic acceleration. A
+    row without order (the errors are rounding errors) has a text instead.
+
+    Parameters
+    ----------
+    measured : sequence of ObservedOrder
+        Observed order of each method, for a single load.
+    """
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
     rows = np.arange(len(measured), 0.0, -1.0)
@@ -509,6 +518,7 @@ def sizes_picture(
                 interval = drawing.chart.interval
                 closest = min(points, key=lambda point: abs(math.log(point.dt / interval)))
                 stories.append(drawing.chart.stories)
+                # Time per step in microseconds; nan without time steps.
                 step_costs.append(1e6 * closest.fastest / (closest.steps or math.nan))
                 errors.append(drawing.error(closest))
         handles += cost.plot(stories, step_costs, **style)
@@ -573,18 +583,20 @@ class _Drawing:
         self.points = [point for points in self.lines.values() for point in points]
 
     def cost(self, point: Point) -> float:
-        """Return the cost of the time integration; nan if it was not counted."""
+        """Return the cost of the time integration of a point: computing time (s), number of time
+        steps or number of solutions, as `versus` selects; nan if it was not counted."""
         cost = {"time": point.fastest, "steps": point.steps, "solves": point.iterations}[
             self.versus
         ]
         return math.nan if cost is None else float(cost)
 
     def error(self, point: Point) -> float:
-        """Return the error, or the gap if the error is smaller."""
+        """Return the error of a point, or the uncertainty of the reference (`gap`) if the error is
+        smaller."""
         return max(point.error(self.target), self.gap)
 
     def known(self, points: Sequence[Point]) -> list[Point]:
-        """Return the points with an error above the gap."""
+        """Return the points with an error above the uncertainty of the reference (`gap`)."""
         return [point for point in points if point.error(self.target) > self.gap]
 
     def position(self, point: Point) -> tuple[float, float]:
@@ -593,6 +605,8 @@ class _Drawing:
 
     def front(self) -> list[Point]:
         """Return the points that no other point beats in cost and error, the cheapest first."""
+        # In the order of increasing cost, a point belongs to the front if its error is smaller than
+        # the errors of all cheaper points.
         front: list[Point] = []
         for point in sorted(self.points, key=lambda point: (self.cost(point), self.error(point))):
             if not front or self.error(point) < self.error(front[-1]):
@@ -601,21 +615,32 @@ class _Drawing:
 
     @property
     def has_triangles(self) -> bool:
-        """True if any line has a point below the gap."""
+        """True if any line has a point with an error below the uncertainty of the reference."""
         return any(map(self.below, self.lines.values()))
 
     def footnote(self) -> str:
-        """Return the footnote of a wide figure."""
+        """Return the explanation below a figure that is wider than a column of a page."""
         return footnote(self.chart, self.target, self.points, self.has_triangles)
 
     def below(self, points: Sequence[Point]) -> list[Point]:
-        """Return a list with the cheapest point below the gap; empty without such points."""
+        """Return a list with the cheapest of the points with an error of at most the uncertainty of
+        the reference (`gap`); an empty list without such points."""
         below = [point for point in points if point.error(self.target) <= self.gap]
         return [min(below, key=self.cost)] if below else []
 
 
 def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
-    """Return dashes and markers of lines; markers of other programs are open."""
+    """Return the style of each line of a work-precision diagram as keyword arguments of matplotlib.
+
+    Markers of other programs are hollow.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Names of the lines: methods, or program and method.
+    highlight : str
+        Method with a thick line; empty for no such method.
+    """
     looks = method_looks(lines, highlight)
     faces = {line: "white" if PEER in line else looks[line]["color"] for line in lines}
     return {
@@ -759,7 +784,7 @@ def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], l
 
 
 def _chart_frame(axes: Any) -> None:
-    """Set logarithmic axes with ticks at every decade."""
+    """Make both axes of a panel logarithmic, with labeled ticks at every power of ten."""
     for axis, scale in ((axes.xaxis, axes.set_xscale), (axes.yaxis, axes.set_yscale)):
         scale("log")
         axis.set_major_locator(LogLocator(numticks=20))

@@ -19,9 +19,19 @@ _FOOT = 100  # characters per line of the footnote
 
 
 def short_footnote(chart: Chart, target: str, has_triangles: bool) -> str:
-    """Return the meaning of band, circle and triangle in at most three lines of a column.
+    """Return the explanation of a work-precision diagram that is printed in one column of a page.
 
-    The command prints the reference and the conditions of the times.
+    It states the meaning of band, circle and triangle in at most three lines. The command prints
+    the reference and the conditions of the times.
+
+    Parameters
+    ----------
+    chart : Chart
+        Measurements.
+    target : str
+        Quantity whose error is shown, such as `peak-drift`.
+    has_triangles : bool
+        True if the diagram contains triangles.
     """
     interval = "sampling interval" if chart.recorded else "time step of the model"
     text = f"band: {BAND_RULE}; circle: {interval}, {chart.interval:.4g} s"
@@ -32,23 +42,26 @@ def short_footnote(chart: Chart, target: str, has_triangles: bool) -> str:
 
 
 def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: bool) -> str:
-    """Return the meaning of circle and triangle, the reference of the errors, and the times.
+    """Return the explanation below a work-precision diagram: meaning of circle and triangle,
+    reference of the errors, and conditions of the times.
 
     Parameters
     ----------
     chart : Chart
         Measurements.
     target : str
-        Error that is shown.
+        Quantity whose error is shown, such as `peak-drift`.
     points : sequence of Point
-        Points that are drawn.
+        Points in the diagram.
     has_triangles : bool
-        True if triangles are drawn.
+        True if the diagram contains triangles.
     """
     reference = chart.reference
     gap = reference.gap.of(target)
     interval = "sampling interval of the record" if chart.recorded else "time step of the model"
-    # Points of --tolerance have no time step of their own (NaN), as points of other programs.
+    # The time step of a point is nan for a run with a tolerance (--tolerance) and for other
+    # programs; the names of their lines contain a slash (PEER). The note is for runs with a
+    # tolerance only.
     tolerance_note = ""
     if any(math.isnan(point.dt) and PEER not in point.line for point in points):
         tolerance_note = "; by tolerance: of the whole run"

@@ -74,12 +74,15 @@ _PAIR_TEXTS = {
 
 
 def pair_text(demand: str) -> str:
-    """Return the text for figures of a measure of both components, such as RotD50 for `rotd50`."""
+    """Return the text in figures for a measure of both components of a pair.
+
+    `demand` is `geometric-mean`, `rotd50`, `rotd100`, or another text, which is returned unchanged.
+    """
     return _PAIR_TEXTS.get(demand, demand)
 
 
 def single_look(several: bool) -> dict[str, Any]:
-    """Return the line style of a single record.
+    """Return the line style of a single record as keyword arguments of matplotlib.
 
     The line is light if the figure contains `several` records, because their median is then drawn
     in a dark color.
@@ -88,7 +91,11 @@ def single_look(several: bool) -> dict[str, Any]:
 
 
 def measure_words(name: str) -> str:
-    """Return an intensity measure as in publications: Sa(1.095 s) for `sa(1.09504)`."""
+    """Return the name of an intensity measure as in publications: Sa(1.095 s) for `sa(1.09504)`.
+
+    `name` is the name in tdint: a measure, with the period (s) in parentheses if it has one, and
+    after the treatment of pairs for pairs, as in `rotd50-sa(1.0)`.
+    """
     # The name is [PAIR-]MEASURE[(PERIOD)]. A parameter that is not a number is not changed.
     pair = next((pair for pair in PAIRS if name.startswith(f"{pair}-")), "")
     measure, _, parameter = name.removeprefix(f"{pair}-").partition("(")
@@ -102,6 +109,7 @@ def measure_words(name: str) -> str:
 def _period_text(period: float) -> str:
     """Return a period with four digits, and with at least two decimals: 0.90, 1.095, 12.00."""
     text = number_text(period)
+    # `partition(".")[2]` is the part after the decimal point; a power of ten is kept.
     return text if len(text.partition(".")[2]) > 1 or "e" in text else f"{period:.2f}"
 
 
@@ -573,6 +581,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         and len(functions) > _MAX_IN_PANEL
         and any(function.modeling_dispersion for function in functions)
     )
+    # In a narrow figure, the two panels are below each other.
     stacked = crowded and is_narrow()
     figure = Figure(
         figsize=(6.8, 9.2) if stacked else (9.2 if cloud or crowded else 6.8, 4.6),
@@ -612,6 +621,8 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     number = function.motions if function.fit == "stripes" else function.runs
     title += f"\n{pluralize(number, 'run' if function.fit == 'cloud' else 'record')}"
     if any(censored):
+        # The number of censored observations can differ between the functions. A text times True
+        # is the text, times False an empty text.
         title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
     return titled(figure, title)
 
@@ -763,9 +774,11 @@ def _draw_band(
 
 
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
-    """Add the legend of fragility functions, with the title `which` and "exceedance of".
+    """Add the legend of the fragility functions to a panel.
 
-    The second line of the title is omitted for functions without a threshold of the demand.
+    The first line of its title is `which`, for example the modeling dispersion; empty by default.
+    The second line is "exceedance of"; it is omitted for functions without a threshold of the
+    demand.
     """
     exceeded = "" if math.isnan(functions[0].threshold) else "exceedance of"
     title = "\n".join(filter(None, (which, exceeded))) or None
@@ -884,8 +897,13 @@ def _im_label(function: Fragility) -> str:
 def _label(function: Fragility, beta_total: float | None = None) -> str:
     """Return the legend entry of a fragility function: demand threshold, median and dispersion.
 
-    `beta_total` is the dispersion that includes the modeling dispersion, if the entry must state it
-    instead of the dispersion of the function.
+    Parameters
+    ----------
+    function : Fragility
+        Fragility function.
+    beta_total : float, optional
+        Dispersion that includes the modeling dispersion. If it is specified, the entry states it
+        instead of the dispersion of the function.
     """
     threshold = f"{function.threshold_text}: " if function.threshold_text else ""
     if not math.isnan(function.damage):

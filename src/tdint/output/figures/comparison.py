@@ -109,8 +109,8 @@ def comparison_picture(
     has_overview = floor_count > _MAX_ROWS
     if has_overview:
         rows = sorted(rows, key=lambda row: row.floor.correlation)[:_WORST_ROWS]
-    # A row is 1.55 inches high. If the figure has the width of a column of a page, the labels are
-    # wrapped to more lines, which need more height.
+    # A row of panels is 1.55 inches high. If the figure has the width of a column of a page, the
+    # labels are wrapped to more lines, which need more height.
     row_height = 2.7 if is_narrow() else 1.55
     height = 1.5 + row_height * len(rows) + (2.6 if has_overview else 0.0)
     figure = Figure(figsize=(7.5, height), layout="constrained")
@@ -271,6 +271,7 @@ def _strongest_cycles(comparison: Comparison) -> tuple[float, float]:
     returned.
     """
     floor = comparison.floors[-1]
+    # Indices of the samples before a change of sign, and the position of the peak in this list.
     zero_crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
     middle = int(np.searchsorted(zero_crossings, int(np.argmax(np.abs(floor.recorded)))))
     # A cycle has two zero crossings.
@@ -498,6 +499,7 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
         units.of(idealized_acceleration / result.participation, "m/s^2"),
     )
     axes.plot(*idealized, **line_look(1) | {"label": f"idealized, T* {result.period:.3g} s"})
+    # Spectral displacement of the elastic oscillator: Sd = Sa / omega^2.
     elastic = result.spectral_acceleration * (result.period / (2.0 * math.pi)) ** 2
     elastic_line = (
         np.array([0.0, units.of(elastic, "m")]),
@@ -758,7 +760,17 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
 
 
 def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
-    """Plot the acceleration of a record over the time, and write its peak in the panel."""
+    """Plot the acceleration of a record over the time in a panel with its peak as text.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    record : Record
+        Ground motion.
+    units : OutputUnits
+        Unit of the acceleration.
+    """
     time = np.arange(record.acceleration.size) * record.dt
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
@@ -861,6 +873,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         panels[0, 0],
         [handles[line] for line in shown_lines],
         [
+            # A text times True is the text, times False an empty text.
             chart.named(line)
             + ", partly not run" * any(p.not_run for p in profiles if p.method == line)
             for line in shown_lines

@@ -26,7 +26,9 @@ _SIDE = 0.5  # side of a mass divided by the distance between masses
 def example_picture(
     about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str
 ) -> Figure:
-    """Draw one figure of the paper: displacement or error of a floor, with a close-up at the peak.
+    """Plot the displacement of a floor in an example of the paper, or its error, over the time.
+
+    A second panel is a close-up at the peak.
 
     Parameters
     ----------
@@ -48,11 +50,13 @@ def example_picture(
     time = runs[0].motion.time
     exact_displacement = runs[0].exact(reference).displacement[:, shown.floor - 1]
     displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
+    # The plotted values of each run: absolute errors, or displacements.
     values = (
         [np.abs(motion - exact_displacement) for motion in displacements]
         if shown.is_error
         else displacements
     )
+    # Index of the time step of the largest error of any run, or of the peak of the exact solution.
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(exact_displacement)))
     close_up = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
     labels = [run.method for run in runs]
@@ -91,24 +95,33 @@ def example_picture(
 
 
 def row_picture(title: str, model: Model) -> Figure:
-    """Draw a building as a row of masses with a fixed left end; of many masses only the ends.
+    """Draw a building as a row of masses, springs and dashpots between a wall and a free end.
 
-    The distance between masses is 1. The row of masses is at the height 0.
+    Only the first and the last masses of a long row are drawn, with three dots between them. In the
+    coordinates of the figure, the distance between masses is 1 and the row is at the height 0.
+
+    Parameters
+    ----------
+    title : str
+        Title of the figure.
+    model : Model
+        Building with polynomial laws and linear dashpots. Forces on its floors are written above
+        the masses.
     """
     count = len(model.stories)
     is_cut = count > 2 * _SHOWN
     shown = [*range(_SHOWN), *range(count - _SHOWN, count)] if is_cut else list(range(count))
     figure = Figure(figsize=(7.5, 2.9), layout="constrained")
     axes = figure.subplots()
-    # Three dots have the width of a mass.
+    # Three dots have the width of a mass. `is_cut` (True) counts as 1.
     axes.set(xlim=(-0.15, len(shown) + is_cut + 0.5), ylim=(-0.85, 0.95), aspect="equal")
     axes.axis("off")
     axes.add_patch(
         Rectangle((-0.12, -0.4), 0.12, 0.8, facecolor="0.85", hatch="////", edgecolor="0.4")
     )
     for position, index in enumerate(shown):
-        left = position + 1.0 - _SIDE
-        if is_cut and position >= _SHOWN:
+        left = position + 1.0 - _SIDE  # left side of the mass
+        if is_cut and position >= _SHOWN:  # the mass is to the right of the three dots
             left += 1.0
         if is_cut and position == _SHOWN:
             axes.text(
@@ -131,9 +144,10 @@ def row_picture(title: str, model: Model) -> Figure:
 
 
 def _draw_link(axes: Any, start: float, end: float) -> None:
-    """Draw a spring and, below it, a dashpot from the abscissa `start` to the abscissa `end`."""
+    """Draw a spring and a dashpot below the spring, from the abscissa `start` to `end`."""
     black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
     middle = 0.5 * (start + end)
+    # The spring is a zigzag line between two straight parts.
     teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
     axes.plot(np.linspace(start, end, 9), 0.13 + 0.05 * teeth, **black)
     # The lines of the dashpot are the rod, the piston, the cylinder and its connection.

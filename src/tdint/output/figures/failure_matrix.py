@@ -68,7 +68,8 @@ _EXPLANATION = (
 
 
 def failure_picture(trials: Sequence[Trial]) -> Figure:
-    """Draw a matrix of failures: a row per method, a column per problem and time step.
+    """Plot the results of methods on test problems as a matrix: a row per method, a column per
+    problem and time step.
 
     Parameters
     ----------
@@ -95,6 +96,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
         "rotation": 90.0 if size.is_vertical else 0.0,
     }
     for trial in trials:
+        # The quotient is the number of the panel, the remainder is the column in this panel.
         panel, x = divmod(columns.index((trial.problem, trial.dt)), size.columns)
         y, mark = methods.index(trial.method), _MARKS.get(trial.verdict, _MARKS[""])
         panels[panel].add_patch(_patch(x, y, mark))
@@ -162,10 +164,22 @@ class _MatrixSize(NamedTuple):
 
 
 def _matrix_size(methods: Sequence[str], count: int) -> _MatrixSize:
-    """Return the size of the matrix with `count` columns.
+    """Return the size of a matrix of methods and problems.
 
-    On a screen, one panel is as wide as necessary. In print, the width is given, and the matrix is
-    divided into as few panels as possible.
+    On a screen, the figure has a single panel, which is as wide as necessary. In print, the width
+    is specified, and the columns are divided into the minimum number of panels below each other.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of the rows.
+    count : int
+        Number of columns.
+
+    Raises
+    ------
+    UsageError
+        The printed width is too small.
     """
     name_width = _LINE + _LETTER_WIDTH * max(map(len, methods))
     printed_width = PRINTED.get().width
@@ -209,9 +223,10 @@ def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
 
 
 def _cell_text(trial: Trial) -> str:
-    """Return the text of a cell, in print at most five characters.
+    """Return the text of the cell of a trial, in print at most five characters.
 
-    It is the measure with three digits, the number of time steps before a failure, or a dash.
+    It is the assessed measure (energy ratio or error) with three digits, the number of completed
+    time steps before a failure, or a dash if the method does not apply to the building.
     """
     if math.isnan(trial.measure):
         return "-" if trial.outcome == "refused" else str(trial.steps)

@@ -29,21 +29,47 @@ _COLUMNS = 3  # maximum number of panels in a row
 
 
 def runs_picture(runs: Runs, units: OutputUnits = SI) -> Figure:
-    """Plot the peaks of many runs over the height, with one row of panels for each scale."""
+    """Plot the peak responses of many runs over the height, with one row of panels for each scale
+    factor.
+
+    Parameters
+    ----------
+    runs : Runs
+        Results of many runs; at least one.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    """
     return profile_picture(run_profiles(runs), units, member="run")
 
 
 def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
-    """Plot the peak drifts of many runs over the stories."""
+    """Plot the peak drifts of many runs over the stories.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    runs : Runs
+        Results of many runs; at least one.
+    units : OutputUnits
+        Unit of the drifts, if they are lengths.
+    """
     draw_drift_profiles(axes, run_profiles(runs), units, member="run")
     axes.set_ylabel("story")
     axes.legend(fontsize=7.0, loc="best")
 
 
 def run_profiles(runs: Runs) -> list[Profile]:
-    """Return the peaks of each building at each scale; each run is one motion of the profile.
+    """Return the peak responses of many runs as profiles for figures of suites.
 
-    If the scale varies from sample to sample, all runs of a building are one profile.
+    There is a profile for each building and each scale factor, and each run represents a ground
+    motion of the profile. If the scale factor is a sampled parameter, all runs of a building form a
+    single profile.
+
+    Raises
+    ------
+    UsageError
+        There are no runs.
     """
     if not len(runs.model):
         raise UsageError("a figure of runs requires at least one run, got none")
@@ -53,6 +79,7 @@ def run_profiles(runs: Runs) -> list[Profile]:
     scales = [math.nan] if is_scale_sampled else list(dict.fromkeys(runs.scale.tolist()))
     for scale in scales:
         for number, model in enumerate(runs.models):
+            # With sampled scale factors, `scale` is nan and all runs are selected.
             has_scale = is_scale_sampled | (runs.scale == scale)
             selected = np.flatnonzero((runs.model == number) & has_scale)
             if not selected.size:
@@ -66,7 +93,7 @@ def run_profiles(runs: Runs) -> list[Profile]:
                 Profile(
                     scale,
                     math.nan,
-                    [[] for _ in done],
+                    [[] for _ in done],  # only the number of ground motions is used here
                     pairs=0,
                     collapsed=collapsed,
                     failed=selected.size - done.size - collapsed,
@@ -89,6 +116,18 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
     """Plot the derivatives of the peak drifts over the stories, one panel for each parameter.
 
     Horizontal lines are estimated errors.
+
+    Parameters
+    ----------
+    gradient : Gradient
+        Derivatives of a single run.
+    units : OutputUnits
+        Must be SI, the default.
+
+    Raises
+    ------
+    UsageError
+        Units other than SI are requested, or the gradient has several runs.
     """
     if units != SI:
         raise UsageError(
@@ -128,7 +167,17 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
 
 
 def _draw_derivative(axes: Any, values: Array, errors: Array | None) -> None:
-    """Plot the derivative in each story as a bar, with its estimated error."""
+    """Plot the derivative of the peak drift of each story as a bar, with its estimated error.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    values : ndarray, shape (stories,)
+        Derivatives in the unit of the axis.
+    errors : ndarray, shape (stories,), or None
+        Estimated errors; None if they were not estimated.
+    """
     stories = np.arange(values.size) + 1.0
     axes.barh(stories, values, height=0.62, color=LIGHT)
     axes.errorbar(values, stories, xerr=errors, fmt="o", color=INK, markersize=3.0, capsize=2.0)

@@ -36,7 +36,18 @@ _MAX_MARKED_FLOORS = 20  # maximum number of floors with markers
 
 
 def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
-    """Draw the first modes over the floors, normalized by `tdint.model.modes.Modes.normalized`."""
+    """Plot the shapes of the first modes of a building over the floors.
+
+    Parameters
+    ----------
+    modes : Modes
+        Modes of the building; at most `_MAX_MODES` are shown.
+    name : str
+        Title of the figure.
+    norm : str
+        Normalization of the shapes: `roof` (1 at the roof, the default), or `participation` (a
+        participation factor of 1).
+    """
     figure = Figure(figsize=(5.4, 5.6), layout="constrained")
     draw_modes(figure.subplots(), modes, norm)
     return titled(figure, name)
@@ -91,7 +102,7 @@ class SpectrumAtModes(NamedTuple):
 def mode_spectrum_picture(
     periods: Array, mass_ratio: Array, spectrum: SpectrumAtModes | None, units: OutputUnits = SI
 ) -> Figure:
-    """Draw the effective modal masses over the periods, below a spectrum with the modes.
+    """Plot the effective modal masses over the periods, below a spectrum that marks the modes.
 
     Parameters
     ----------
@@ -119,7 +130,8 @@ def mode_spectrum_picture(
     mass_axes.set(ylabel="effective modal\nmass (%)", ylim=(0.0, 115.0), xlabel="period (s)")
     shown_periods = [periods[-1], 1.3 * periods[0], *(() if spectrum is None else spectrum.periods)]
     log_periods(mass_axes, np.array([0.9 * min(shown_periods), max(shown_periods)]))
-    # The numbers of modes that are too close to each other would cover each other.
+    # Modes with similar periods are not all numbered, because their numbers would overlap. Modes
+    # are in the order of decreasing periods.
     last_numbered = math.inf
     for mode, (period, mass) in enumerate(zip(periods, mass_ratio, strict=True), start=1):
         if mode <= _MAX_NUMBERED and math.log(last_numbered / period) > _MIN_DISTANCE:
@@ -152,7 +164,16 @@ _MIN_DISTANCE = 0.2  # minimum difference of ln period between numbered modes
 
 
 def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Figure:
-    """Draw a response spectrum analysis: drifts, shears and displacements over the height."""
+    """Plot the peaks of a response spectrum analysis over the height: drifts, shears and
+    displacements, each by SRSS and by CQC.
+
+    Parameters
+    ----------
+    result : ModalResponse
+        Combined modal responses.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    """
     figure = Figure(figsize=(8.8, 4.6), layout="constrained")
     drift, shear, displacement = figure.subplots(1, 3)
     draw_modal_drifts(drift, result, units)
@@ -177,7 +198,17 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
 
 
 def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> None:
-    """Draw story drifts by both combination rules; drift ratios if all stories have heights."""
+    """Plot story drifts by both combination rules; drift ratios if all stories have heights.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    result : ModalResponse
+        Combined modal responses.
+    units : OutputUnits
+        Unit of the drifts, if they are lengths.
+    """
     has_ratios = not np.isnan(result.height).any()
     scale = 100.0 / result.height if has_ratios else 1.0 / units.unit("m")[1]
     label = "drift ratio (%)" if has_ratios else f"drift ({units.label('m')})"
@@ -186,7 +217,17 @@ def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> N
 
 
 def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:
-    """Draw values of the stories as steps."""
+    """Plot values of the stories as steps, and set limits and labels of the panel.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    rows : dict of str to ndarray, shape (stories,)
+        Values in the unit of the axis, by the combination rule, which is the label of the line.
+    label : str
+        Label of the x axis.
+    """
     for number, (rule, values) in enumerate(rows.items()):
         over_stories(
             axes, values, baseline=None, label=rule, linestyle=DASHES[number], color=COLORS[number]

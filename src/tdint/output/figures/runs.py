@@ -280,7 +280,8 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
 
 
 def _short(value: float) -> str:
-    """Return a value with three digits, or all digits before the point: 51.3, 700, 1060."""
+    """Return a value as text with three digits, or with all digits before the decimal point, such
+    as 51.3 or 1060."""
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
@@ -414,14 +415,24 @@ def _draw_loop(
 
 
 def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    """Plot the peak drifts over the stories in a panel with limits, ticks and labels."""
+    """Plot the peak drifts of a run over the stories in a panel with limits, ticks and labels.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    response : Response
+        Result of the run.
+    units : OutputUnits
+        Unit of the drifts, if they are lengths.
+    """
     _draw_drifts(axes, response, units)
     _frame_profile(axes, response)
     axes.set_ylabel("story")
 
 
 def _frame_profile(axes: Any, response: Response) -> None:
-    """Set the limits and ticks of a panel over the height."""
+    """Set the limits and ticks of a panel with values of the stories over the height."""
     axes.set_ylim(0.5, response.stories.peak_drift.size + 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
@@ -653,7 +664,7 @@ def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: Out
     for row, effect in enumerate(parameter_effects):
         low = (effect.at_low - effect.as_it_is) * factor
         high = (effect.at_high - effect.as_it_is) * factor
-        # If both bars extend to the same side, the shorter bar must be in front.
+        # If both bars extend to the same side, the shorter bar must be in front (larger zorder).
         low_order, high_order = (1.6, 1.5) if abs(low) < abs(high) else (1.5, 1.6)
         if abs(low) == abs(high):
             low_order = high_order = 1.5

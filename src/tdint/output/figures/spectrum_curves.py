@@ -133,6 +133,7 @@ def draw_over_periods(
         ):
             by_variant = len(variant_index) > 1 or has_columns
             dash = variant_index[variant] if by_variant else motion_index[motion]
+            # Colors differ by component, unless each component has a separate column of panels.
             by_motion = len(motion_index) > 1 and not has_columns
             color = motion_index[motion] if by_motion else dash
             indices = _positive_periods(result.periods)
@@ -157,20 +158,23 @@ def draw_over_periods(
 
 
 def _motions(results: Sequence[OverPeriods]) -> list[tuple[str, str]]:
-    """Return file and component of each result."""
+    """Return the file of the record and the name of the component of each result."""
     names = component_names([result.record for result in results])
     return [(result.record.source, name) for result, name in zip(results, names, strict=True)]
 
 
 def is_suite(results: Sequence[OverPeriods]) -> bool:
-    """Return True if there are enough ground motions, all with the same periods, for fractiles."""
+    """Return True if results are drawn as a suite, with median and fractiles.
+
+    This requires at least `_MIN_SUITE` ground motions and equal periods of all results.
+    """
     if len(set(_motions(results))) < _MIN_SUITE:
         return False
     return all(np.array_equal(result.periods, results[0].periods) for result in results)
 
 
 def in_median(results: Sequence[OverPeriods]) -> list[bool]:
-    """Return, for each result, True if the median of a suite includes it.
+    """Return a list with True for each result that the median of a suite includes.
 
     Vertical components are excluded if there are horizontal components.
     """
@@ -225,7 +229,8 @@ def _draw_suite(
 
 
 def _variant_text(variant: Hashable) -> str:
-    """Return a damping ratio in percent, or a tuple of a damping ratio and texts, as text."""
+    """Return the label of a variant: a damping ratio in percent, such as `5 %`, or the items of a
+    tuple separated by commas, such as `5 %, ductility 2`."""
     items = variant if isinstance(variant, tuple) else (variant,)
     return ", ".join(
         f"{100.0 * item:g} %" if isinstance(item, float) else str(item) for item in items
@@ -233,7 +238,10 @@ def _variant_text(variant: Hashable) -> str:
 
 
 def _positive_periods(periods: Array) -> NDArray[np.intp]:
-    """Return the indices of the positive periods in increasing order, for a logarithmic axis."""
+    """Return the indices of the positive periods in increasing order, for a logarithmic axis.
+
+    If no period is positive, the indices of all periods are returned.
+    """
     order = np.argsort(periods, kind="stable")
     positive = order[periods[order] > 0.0]
     return positive if positive.size else order
@@ -256,7 +264,11 @@ def log_periods(axes: Any, periods: Array) -> None:
 
 
 def line_labels(results: Sequence[OverPeriods]) -> list[str]:
-    """Return labels that distinguish lines: record, component and damping ratio, if they differ."""
+    """Return the label of each line over the period.
+
+    It consists of the file of the record (with several files), the component, and the damping ratio
+    (with several ratios).
+    """
     names = component_names([result.record for result in results])
     files = record_names(result.record.source for result in results)
     several_files = len(files) > 1
@@ -299,9 +311,10 @@ _Curve = tuple["Spectrum", str, dict[str, Any]]
 
 
 def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
-    """Return the lines of a figure with their labels and styles.
+    """Return the lines of a figure as tuples of a spectrum in the units of the figure, a label and
+    a line style.
 
-    There is a line per spectrum. A suite has gray lines and a median for each damping ratio.
+    There is a line per spectrum. A suite has gray lines, and a median for each damping ratio.
 
     Parameters
     ----------
@@ -348,7 +361,8 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
 
 
 def _add_curve_legend(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
-    """Add the legend of the curves, which are the first lines of the axes."""
+    """Add the legend of the curves to a figure. The curves must be the first lines of the axes, in
+    the same order; curves without a label are omitted."""
     handles, labels = [], []
     for line, (_, label, _) in zip(axes.get_lines(), curves, strict=False):
         if label:
@@ -633,12 +647,16 @@ _MAX_INSIDE = 5
 
 
 def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
-    """Plot pseudo-acceleration and displacement over the period."""
+    """Plot pseudo-acceleration and displacement of spectra over the period, without a title."""
     return draw_over_periods(spectra, _elastic_panels(units), labels)
 
 
 def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
-    """Return the panels: pseudo-accelerations above displacements."""
+    """Return the two panels of elastic spectra: pseudo-acceleration and displacement.
+
+    A panel is a tuple of the label of its axis and a function that returns the values of a spectrum
+    in the unit of the label.
+    """
     return [
         (
             f"pseudo-acceleration PSA ({units.label('m/s^2')})",
@@ -649,9 +667,18 @@ def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
 
 
 def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnits) -> None:
-    """Plot pseudo-accelerations over the period, with a line per spectrum and a legend.
+    """Plot pseudo-accelerations over the period in a panel, with a line per spectrum and a legend.
 
-    Lines that the panel already contains determine the color of the first line.
+    The colors continue after the lines that the panel already contains.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    spectra : sequence of Spectrum
+        Response spectra; at least one.
+    units : OutputUnits
+        Unit of the accelerations.
     """
     for number, (spectrum, label) in enumerate(
         zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())
@@ -674,7 +701,8 @@ DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_a
 
 
 def _special_settings(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
-    """Return the settings of an exact solution that differ from the defaults."""
+    """Return the settings of an exact solution that differ from the defaults, as texts for a title:
+    determination of the maxima, interpolation of the ground motion."""
     settings = []
     if spectrum.maxima != "exact":
         settings.append(f"maxima: {spectrum.maxima}")
@@ -734,8 +762,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     figure = draw_over_periods(
         spectra, panels, labels, variants, columns=components if has_columns else None
     )
-    # Ductilities differ by orders of magnitude, so that their axis is logarithmic. The line at 1
-    # marks first yield.
+    # Spectra for prescribed strengths (without a target ductility) show ductilities. These differ
+    # by orders of magnitude, so that their axis is logarithmic. The line at 1 marks first yield.
     if spectra[0].target is None and any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
         upper = figure.axes[0]
         upper.set_yscale("log")
@@ -814,7 +842,7 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
     units : OutputUnits
         Units of the axes; SI by default.
     """
-    beam = spectra[0].stories[0] == 0
+    beam = spectra[0].stories[0] == 0  # the number of stories of a continuous shear beam is 0
     panels: list[Panel[DriftSpectrum]] = [
         (
             "drift ratio at the base (%)" if beam else "maximum story drift ratio (%)",
@@ -886,6 +914,7 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
     ]
     figure = draw_over_periods(lines, panels, line_labels(lines))
     upper, lower = figure.axes
+    # Several lines can have the same published spectrum, which is plotted only for the last line.
     for line in {id(line.published): line for line in lines}.values():
         upper.plot(line.periods, units.of(line.expected, si), "o", **_POINTS, zorder=3)
     upper.plot([], [], "o", **_POINTS, label="published")

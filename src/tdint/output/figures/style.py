@@ -173,9 +173,15 @@ def is_narrow() -> bool:
 
 
 def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
-    """Return color and dashes of a line by its number.
+    """Return color and dashes of a line as keyword arguments of matplotlib.
 
-    `dash` is the number of the dashes if it differs. Lines are also distinguishable without color.
+    Parameters
+    ----------
+    number : int
+        Number of the color, from 0. Numbers beyond the last color start again with the first.
+    dash : int, optional
+        Number of the dashes; equal to `number` by default, so that lines are distinguishable
+        without color.
     """
     dash = number if dash is None else dash
     return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
@@ -194,6 +200,11 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
         Methods with their parameters.
     highlight : str
         Method to highlight; empty by default.
+
+    Returns
+    -------
+    dict
+        For each method, keyword arguments of matplotlib for its line.
     """
     from tdint.methods.catalogue import catalogue, is_ours
 
@@ -234,17 +245,21 @@ def picture_format(suffix: str) -> str:
 def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
     """Return an object that draws a figure and writes it to a binary stream.
 
+    The print settings of the command are checked now, before the figure is drawn.
+
     Parameters
     ----------
     suffix : str
         .png, .pdf or .svg.
     draw : callable
-        Function that draws the figure, called when the figure is written.
+        Function without arguments that returns the figure. It is called when the figure is written.
 
     Raises
     ------
     OutputError
         The suffix is unknown.
+    UsageError
+        The font or the style sheet of the command is missing or invalid.
     """
     file_format = picture_format(suffix)
     check_print(PRINTED.get())
@@ -299,7 +314,10 @@ class Picture:
         printed = PRINTED.get()
         with mpl.rc_context(_settings(printed)), _latex_errors_reported():
             figure = self.draw()
+            # A canvas is required for the sizes of texts; creating it attaches it to the figure.
             FigureCanvasAgg(figure)
+            # The drawing functions create plain figures. The other class adds the display in
+            # notebooks.
             figure.__class__ = ShownFigure
             assert isinstance(figure, ShownFigure)
             figure.printed = printed
@@ -313,7 +331,15 @@ class Picture:
         self.save(self.figure(), stream)
 
     def save(self, figure: Figure, stream: BinaryIO) -> None:
-        """Write a figure that has already been drawn (`figure`) to a stream in the file format."""
+        """Write a figure that the method `figure` has returned to a stream, in the file format.
+
+        Parameters
+        ----------
+        figure : Figure
+            The figure.
+        stream : BinaryIO
+            Output.
+        """
         printed = PRINTED.get()
         dpi = _PRINT_DPI if printed.width else _SCREEN_DPI
         # Only for PNG, the layout can be computed before the file is written: in vector formats,
@@ -330,7 +356,8 @@ class Picture:
 
 @contextmanager
 def _fixed_layout(figure: Figure, dpi: float) -> Iterator[None]:
-    """Compute the layout of a figure for a resolution, and keep it during the context.
+    """Compute the layout of a figure for a resolution `dpi` (pixels per inch), and keep this layout
+    during the `with` statement.
 
     With an active layout engine, matplotlib would draw all parts twice to save the figure. At the
     end, the figure has its layout engine and its resolution again.
@@ -397,9 +424,9 @@ def _settings(printed: PrintedAs) -> dict[str, Any]:
 
 
 def style_context() -> AbstractContextManager[None]:
-    """Return a context with the line settings of tdint for existing axes.
+    """Return a context manager that sets the line settings of tdint, to draw on axes of the user.
 
-    The owner of the axes determines font sizes and grids.
+    The figure of the user determines all other settings, such as font sizes and grids.
     """
     return mpl.rc_context(
         {name: _STYLE[name] for name in ("lines.linewidth", "legend.frameon", "agg.path.chunksize")}
@@ -407,16 +434,23 @@ def style_context() -> AbstractContextManager[None]:
 
 
 def check_print(printed: PrintedAs) -> None:
-    """Raise UsageError for a font or a style sheet that is missing, invalid or not trusted."""
+    """Check the font and the style sheet of the print settings of a figure.
+
+    Raises
+    ------
+    UsageError
+        The font or the style sheet is missing, or the style sheet is invalid, requires LaTeX, which
+        is not installed, or is named in a file of another user without permission (--trust).
+    """
     if printed.font and printed.font not in get_font_names():
         hint = did_you_mean(printed.font, get_font_names())
         raise UsageError(f"font {printed.font!r} is not installed on this machine{hint}")
     if printed.style:
-        # A pipe may never end, and a large file would fill the memory. The readers of records and
-        # models refuse both in the same way.
-        large = f"is larger than {_MAX_SHEET // 1_000_000} MB, and no style sheet of matplotlib"
+        # `read_whole` refuses named pipes, which may never end, and large files, which would fill
+        # the memory.
+        too_large_text = f"is larger than {_MAX_SHEET // 1_000_000} MB; use a style sheet of text"
         try:
-            text = read_whole(printed.style, UsageError, {}, large, _MAX_SHEET)
+            text = read_whole(printed.style, UsageError, {}, too_large_text, _MAX_SHEET)
         except UsageError as error:
             raise UsageError(f"style sheet {error}") from None
         # matplotlib evaluates lists of colors and starts LaTeX, so a style sheet can execute code.
@@ -523,7 +557,8 @@ def _fit(figure: Figure) -> None:
         _grow(figure)
         changed = [_thin(axis) for axis in number_axes]
         # The layout has now reduced the panels by the space of all other parts, so that labels are
-        # wrapped to the actual size of their panel.
+        # wrapped to the actual size of their panel. A label may be slightly longer than the panel,
+        # because tick labels extend over the panel also.
         changed += [_wrap(panel.xaxis.label, 1.2 * panel.bbox.width) for panel in panels]
         changed += [_wrap(panel.yaxis.label, 1.1 * panel.bbox.height) for panel in panels]
         if not any(changed):
@@ -605,10 +640,11 @@ _TEXT_FRACTION = 0.8
 
 
 def _wrap(text: Text, max_length: float) -> bool:
-    """Wrap lines of a text that exceed `max_length`, pixels; return True if the text has changed.
+    """Wrap the lines of a text of a figure that are longer than `max_length`, in pixels.
 
-    The text may be vertical: its length is the larger dimension of its box.
+    Lines keep at least eight characters. Return True if the text has changed.
     """
+    # The text may be vertical, so its length is the larger dimension of its box.
     box = text.get_window_extent()
     length = max(box.width, box.height)
     lines = text.get_text().splitlines()
@@ -649,6 +685,7 @@ def titled(figure: Figure, title: str) -> Figure:
     The title has one or more lines and no formulas. A line that is wider than the figure is
     wrapped; a line of more than twice the width is shortened.
     """
+    # Width of the figure in points (72 per inch), divided by the width of a character.
     max_letters = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
     lines: list[str] = []
     for title_line in title.splitlines():
@@ -792,6 +829,7 @@ def add_legend(
         labels = [*labels[: _MAX_ENTRIES - 1], f"... and {len(labels) - _MAX_ENTRIES + 1} more"]
         lines = [*lines[: _MAX_ENTRIES - 1], axes.plot([], [], linestyle="none")[0]]
     columns = legend_columns(labels, 2 if max(map(len, labels)) > narrow else 3)
+    # A row of the legend is 0.17 inches high.
     figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
     labels = [" " + label for label in labels]  # matplotlib ignores labels that start with _
     legend = figure.legend(
@@ -815,6 +853,13 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
     units : OutputUnits
         Units of the output. An output unit that is not the SI unit gets a power of ten if the
         maximum value is at least `_MAX_PLAIN_NUMBER`.
+
+    Returns
+    -------
+    float
+        Factor that converts a value from the SI unit to the unit of the axis.
+    str
+        Label of the unit, such as `kN` or `10³ kip`.
     """
     if units.unit(si)[0] != si:
         factor, label = 1.0 / units.unit(si)[1], units.label(si)
@@ -878,7 +923,19 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
 
 
 def over_stories(axes: Any, values: Array, **style: Any) -> None:
-    """Plot a value of each story, from the lowest, as steps over the number of the story."""
+    """Plot a value of each story as a stepped line, with the value on the x axis and the story on
+    the y axis.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    values : ndarray, shape (stories,)
+        Values, from the first story.
+    **style
+        Keyword arguments of `Axes.stairs`.
+    """
+    # Story i extends from i - 0.5 to i + 0.5 on the y axis.
     axes.stairs(values, np.arange(values.size + 1) + 0.5, orientation="horizontal", **style)
 
 
@@ -888,9 +945,15 @@ def plain_numbers(axis: Any) -> None:
 
 
 def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
-    """Write minor tick labels of a logarithmic axis as decimals.
+    """Label minor ticks of a logarithmic axis with decimal numbers.
 
-    Ticks with the first digit 2 or 5 have labels; with `every`, all minor ticks have labels.
+    Parameters
+    ----------
+    axis : matplotlib.axis.Axis
+        The axis.
+    every : bool
+        True to label all minor ticks; by default, only ticks with the first digit 2 or 5 have
+        labels.
     """
 
     def label(value: float, position: Any) -> str:

@@ -64,9 +64,10 @@ def profile_picture(
     limit : float, optional
         Limit of the drift ratio, plotted as a line.
     title : str
-        Title; a single building has its name instead.
+        First line of the title for several buildings; the name of a single building replaces it.
     member : str
-        Noun for a motion of a profile; `run` for runs that differ in other ways.
+        Noun for a motion of a profile: `motion` (the default), or `run` for runs that differ in
+        other ways.
     """
     units = units.in_figures
     # Each scale factor or level has a row; only the first rows are plotted. The keys are texts,
@@ -100,14 +101,15 @@ def profile_picture(
 
 
 def _motions_text(profile: Profile, member: str) -> str:
-    """Return the number of ground motions of a profile, and the demand of pairs of components.
+    """Return the number of ground motions of a profile and the demand of pairs for a title, for
+    example `11 pairs, the larger component of each`.
 
     Parameters
     ----------
     profile : Profile
         Statistics of a building.
     member : str
-        Noun for a motion of a profile.
+        Noun for a motion of a profile: `motion` or `run`.
     """
     runs, pairs = profile.runs, profile.pairs
     is_mean = profile.pair_demand == MEAN
@@ -158,7 +160,8 @@ def draw_drift_profiles(
 
 
 def _by_length(profiles: Sequence[Profile]) -> bool:
-    """Return True if a building has no heights, so that drifts are lengths instead of percent."""
+    """Return True if the drift ratios of a building are unknown, because its stories have no
+    heights. The figure then shows drifts as lengths."""
     return any(
         profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in profiles
     )
@@ -208,16 +211,17 @@ def _draw_motions(
     ----------
     axes : Axes
         Axes.
-    rows : ndarray
+    rows : ndarray, shape (motions, k)
         Values of each motion.
     line : callable
-        Function that plots values of one motion.
+        Function that plots a row of values. It accepts the values, shape (k,), and a line style as
+        keyword arguments.
     look : tuple of str
-        Color and name of the building.
+        Color and label of the building (`building_looks`); the label of a single building is empty.
     largest : str
-        Name of the maximum.
+        Label of the maximum over the motions: `largest` or `envelope`.
     member : str
-        Noun for a motion.
+        Noun for a motion: `motion` (the default) or `run`.
     """
     color, name = look
     if not name:
@@ -231,7 +235,8 @@ def _draw_motions(
 
 
 def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
-    """Plot values over the height: floors as a line through points, or stories as steps.
+    """Plot values over the height of a building: values of floors as a line through points, or
+    values of stories as steps.
 
     Parameters
     ----------
@@ -249,6 +254,7 @@ def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
         axes.plot(values, np.arange(values.size) + 1.5, **style)
         return
     # Each story has two points, at its lower and upper edge.
+    # `repeat` doubles all edges of the stories; the outermost edges are needed only once.
     edges = np.repeat(np.arange(values.size + 1) + 0.5, 2)[1:-1]
     axes.plot(np.repeat(values, 2), edges, **style)
 
@@ -404,7 +410,7 @@ def floor_suite_picture(
 
 
 def _set_axes(axes: Any, units: OutputUnits) -> None:
-    """Set logarithmic axes with the period and the pseudo-acceleration."""
+    """Make the axes of a panel of floor spectra logarithmic, and set their labels."""
     plain_logarithmic(axes)
     axes.set(xlabel="period (s)", ylabel=f"pseudo-acceleration ({units.label('m/s^2')})")
     axes.label_outer()

@@ -560,8 +560,20 @@ def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
 
 
 def model_table(model: Model, units: OutputUnits = SI) -> Table:
-    """Return the table of a model with one row per story, from the ground up: mass, height and
-    stiffness, hysteretic law, dashpot."""
+    """Return the table of a model with one row per story, from the ground up.
+
+    Parameters
+    ----------
+    model : Model
+        The building.
+    units : OutputUnits
+        Units of the table; SI by default.
+
+    Returns
+    -------
+    Table
+        Mass, height and stiffness, and the hysteretic law and the dashpot as text.
+    """
     numbers = Table.of_results(MODEL, [model]).in_units(units)
     rows = [
         (*row, law_words(story, units), _dashpot_text(story, units))

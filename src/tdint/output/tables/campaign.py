@@ -190,7 +190,8 @@ def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) 
 
 
 def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
-    """Return the columns of measures.csv."""
+    """Return the columns of measures.csv: identification of the run, and a column for each
+    intensity measure."""
     columns = [
         Column(
             f"{measure.column}{suffix(measure.unit)}", measure.unit, measure.column, measure.meaning
@@ -285,7 +286,8 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of stories.csv of a campaign.
+    """Return the columns of stories.csv, the peak responses of the stories in all runs of a
+    campaign.
 
     The column `sample` is included if ground motions were sampled, because two samples can be the
     same ground motion.
@@ -502,7 +504,16 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
 
 
 def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
-    """Return floor spectra of all runs, with one row per run, floor, damping ratio and period."""
+    """Return the table of the floor spectra of runs, with one row per run, floor, damping ratio and
+    period.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign, with the names of buildings and records.
+    floors : sequence of RunFloors
+        Spectra of the floors in each run.
+    """
     # Two samples can be the same ground motion; their numbers distinguish the rows.
     has_samples = store.count("sample > 0") > 0
     columns = (*OF_BUILDING, *((SAMPLE,) if has_samples else ()), FLOOR, *SPECTRUM)
@@ -524,6 +535,13 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
     """Return the table of the mean and the maximum of floor spectra over the ground motions.
 
     There is one row per building, level, floor, damping ratio and period.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign, which determines the columns of the level and of pairs.
+    suites : sequence of FloorSuite
+        Spectra over the ground motions, for each building, level, floor and damping ratio.
     """
     return Table.of_results(with_pair_demand(store, _with_level(store, FLOOR_SUITES, 2)), suites)
 

@@ -209,7 +209,8 @@ class _Scale:
 
     @cached_property
     def _peaks(self) -> dict[str, float]:
-        """Maximum magnitude in each column of the previous table, by its name."""
+        """Maximum magnitude in each column of the previous table, by the name of the column. The
+        complete file is read at the first access."""
         rows = _cells(self.file)
         header = next(rows, [])
         peaks = [0.0] * len(header)
@@ -362,8 +363,15 @@ def json_differences(
 
 
 def _collect_magnitudes(value: Any, magnitudes: dict[str, float]) -> None:
-    """Add the maximum magnitude of the numbers of each key, at any depth of a JSON value, to
-    `magnitudes`."""
+    """Find the maximum magnitude of the numbers of each key in a JSON value, at any depth.
+
+    Parameters
+    ----------
+    value : object
+        The JSON value.
+    magnitudes : dict of str to float
+        Maximum magnitude by key, which is updated.
+    """
     if isinstance(value, Mapping):
         for key, item in value.items():
             if _is_number(item):

@@ -134,7 +134,7 @@ def _write_parquet(
 
 
 def write_simcenter(store: Store, stream: BinaryIO) -> None:
-    """Write the demands of all runs under the names of SimCenter.
+    """Write the demands of all runs of a campaign as CSV with the column names of SimCenter.
 
     The columns are building, record, scale, sample and, for each direction, 1-PFA-FLOOR-DIR
     (absolute acceleration, m/s^2; floor 0 is the ground), 1-PID-STORY-DIR (drift ratio),

@@ -86,7 +86,7 @@ def write_geojson(
 
 
 def _write_collection(features: Iterable[Feature], stream: BinaryIO) -> None:
-    """Write GeoJSON features to a stream."""
+    """Write a GeoJSON FeatureCollection of the features to a stream, one feature per line."""
     stream.write(b'{"type": "FeatureCollection", "features": [')
     separator = b"\n"
     for feature in features:
@@ -174,8 +174,10 @@ def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> I
 
 
 def _inventory_names(store: Store) -> tuple[str, ...]:
-    """Return the names of the properties with cells of the inventory. They differ from the names of
-    all other properties."""
+    """Return the names of the map properties that contain the cells of the inventory.
+
+    They are the names of the columns, with a prefix if another property has the same name.
+    """
     demands = [
         f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
     ]
@@ -210,8 +212,20 @@ def _annual_losses(
 ) -> dict[tuple[int, int], float]:
     """Return the annual loss ratios of a building: annual rate of the event times mean loss ratio.
 
-    The key of the result is the rank of the level and the number of the event. Events are omitted
-    if none of their runs has a result. Without losses of the damage states, the result is empty.
+    Parameters
+    ----------
+    damage : BuildingDamage
+        Damage and loss in each run of the building.
+    rates : mapping of str to float
+        Annual rate of each event by its name.
+    events : sequence of str
+        Names of the events; the number of an event is its position, from 1.
+
+    Returns
+    -------
+    dict of (int, int) to float
+        Annual loss ratio by rank of the level and number of the event. Events without a result are
+        omitted. Without losses of the damage states, the result is empty.
     """
     if not damage.states.losses:
         return {}

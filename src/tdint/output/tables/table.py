@@ -112,7 +112,7 @@ def numbered(name: str) -> Callable[[Any], Any]:
 
 
 def names(columns: Iterable[Column]) -> tuple[str, ...]:
-    """Return the names of columns."""
+    """Return the names of columns in their order."""
     return tuple(column.name for column in columns)
 
 
@@ -130,8 +130,20 @@ def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
 def described_in(
     meanings: Mapping[str, Mapping[str, str]], units: OutputUnits
 ) -> dict[str, dict[str, str]]:
-    """Return descriptions of columns, as `describe` returns them, with the names and units of
-    columns in output units."""
+    """Return the descriptions of columns for a table in output units.
+
+    Parameters
+    ----------
+    meanings : mapping of str to mapping
+        `meaning` and `unit` (SI) of each column by its name, as `describe` returns them.
+    units : OutputUnits
+        Units of the table.
+
+    Returns
+    -------
+    dict of str to dict
+        Descriptions by the new name of the column, with the new units.
+    """
     # Descriptions refer to other columns by name; these names change also.
     new_names = {
         name: units.column(name, description.get("unit", TEXT))[0]
@@ -251,7 +263,8 @@ class Table:
         return Table(new_names, rows, described_in(self.meanings, units))
 
     def as_summary(self, key: str) -> dict[str, Any]:
-        """Return the rows for a JSON file under `key`, with the descriptions of the columns."""
+        """Return the table for a JSON file: a list of rows, each a dictionary by column, under the
+        key `key`, and the descriptions of the columns under the key `meanings`."""
         rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
         return {key: rows, "meanings": dict(self.meanings)}
 
