@@ -158,7 +158,8 @@ class RunRow(NamedTuple):
     errors: tuple[float | None, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
-        """Return the value of the quantity with this name."""
+        """Return the value of the quantity with this name; raise AttributeError if `RUN` does not
+        contain the quantity."""
         if name not in _INDICES:
             raise AttributeError(name)
         return self.values[_INDICES[name]]
@@ -390,6 +391,7 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
     records : mapping of int to Record
         Ground motions by number.
     """
+    # The runs of each motion are in ascending order of their absolute scale factors.
     runs_by_motion: dict[int, list[Run]] = {}
     for run in sorted(runs, key=lambda run: abs(run.scale)):
         runs_by_motion.setdefault(run.motion, []).append(run)
@@ -551,6 +553,8 @@ class Batch:
         # A failed run has no number of steps, and no demands of its events.
         event_rows: list[ShockRow] = []
         if run_row.steps is not None:
+            # The demands of the events require the response history: the run is repeated with the
+            # same time step and the same number of steps.
             joined_case = case.under(sequence.whole)
             joined_steps = replace(
                 joined_case.steps(run_row.dt, sequence.whole.duration), count=run_row.steps
@@ -633,7 +637,8 @@ class Batch:
             if index in outcomes.failures:
                 continue
             peaks = outcomes.stories_of(index)
-            # Only a run that was integrated separately has a response, with an error estimate.
+            # Only runs that were integrated individually, for example because errors are estimated,
+            # have a response.
             response = outcomes.responses.get(index)
             error_estimate = None if response is None else response.check
             values = demands[index] | {
@@ -694,7 +699,7 @@ def _with_demands_of_event(row: RunRow, event: Shock) -> RunRow:
     event : Shock
         Response to one event of this run.
     """
-    # The peaks of an event have one run on their first axis.
+    # The peaks of an event have one run on their first axis, so there is one dictionary.
     (demands,) = demand_cells(event.stories)
     errors = demand_errors(event.stories, event.errors) if row.errors and event.errors else ()
     return row.changed(**demands)._replace(errors=errors)

@@ -110,6 +110,11 @@ def model_buildings(subjects: Sequence[Subject]) -> tuple[ModelBuilding, ...]:
     The name of a building is the name of its model. If several files contain models with the same
     name, it is the path of the file. A variation of a sweep adds its label:
     `frame: damping=0.05`.
+
+    Parameters
+    ----------
+    subjects : sequence of Subject
+        The buildings with their methods, including the variations of a sweep.
     """
     models_with_files = {(subject.model.name, subject.model.source) for subject in subjects}
     file_count = Counter(model_name for model_name, _ in models_with_files)
@@ -247,6 +252,8 @@ class RowBuildings(LazySequence[RowBuilding]):
     """
 
     def __init__(self, rows: InventoryRows, rules: Rules) -> None:
+        """Store the rows of the inventory and the rules that derive buildings, and check the
+        variations of a sweep. Errors are described in the class."""
         self.rows, self.rules = rows, rules
         if rows.is_varied:
             # Building `first` is the first building with its number of stories; its variations

@@ -57,8 +57,9 @@ class Cluster:
     key: str | None = None
 
     def __post_init__(self) -> None:
-        """Check the address and the certificates. Anyone who can connect to a scheduler can execute
-        code on it, so a scheduler on another machine requires certificates."""
+        """Check the address and the certificates, and raise UsageError if they are invalid. Anyone
+        who can connect to a scheduler can execute code on it, so a scheduler on another machine
+        requires certificates."""
         parts = _parse_address(self.address)
         certificates = [self.ca, self.cert, self.key]
         if parts.scheme == "tls":
@@ -134,8 +135,8 @@ def on_cluster(
     UsageError
         Dask is not installed, or no scheduler responds at the address.
     AnalysisError
-        Workers were lost repeatedly while running the same chunk. Exceptions raised by chunks are
-        propagated.
+        Workers were lost repeatedly while running the same chunk. Exceptions raised by a chunk are
+        raised here too.
     """
     client = _connect(cluster)
     try:
@@ -235,9 +236,9 @@ def _results(
     client : distributed.Client
         Client of the Dask scheduler.
     chunk : callable
-        Returns the chunk with a number.
+        Function that returns the chunk with a given number.
     numbers : iterator of int
-        Numbers of the chunks.
+        Numbers of the chunks that have not been submitted.
 
     Raises
     ------

@@ -206,6 +206,11 @@ class ParameterSweep:
         """Return an inventory with all variations of its buildings. All variations of a building
         have the same random factors of stiffness and damping, and the same ground motions.
 
+        Parameters
+        ----------
+        rows : InventoryRows
+            Inventory without variations.
+
         Raises
         ------
         UsageError
@@ -315,6 +320,7 @@ class Varied:
             for name, meaning in PARAMETERS.items()
         }
         sampling = {key.name: {"description": key.meaning, **key.type.schema()} for key in _SAMPLES}
+        # Names of story parameters: `stories.KEY`, `stories[NUMBER].KEY` or `story NUMBER.KEY`
         story_parameters = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": values_or_distribution}
         return {
             "type": "object",
@@ -335,7 +341,8 @@ def read_sweep(
     vary, methods, steps : Value or None
         Values of the keys `vary`, `methods` and of a list of time steps.
     models : bool
-        True if the buildings are model files, False if they are from an inventory.
+        True if the buildings are model files, False if they are from an inventory. Methods and time
+        steps can be varied only for model files.
     """
     for value in (methods, steps):
         if value and not models:
@@ -392,7 +399,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
                 random[name] = distribution
         else:
             grids[name] = _values(entry, name)
-    # The number of samples and random parameters require each other.
+    # Random parameters require a number of samples, which has no effect without them.
     samples = section.get("samples")
     if random and not samples:
         value.fault("random parameters require `samples`; add the number of samples")

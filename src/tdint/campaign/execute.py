@@ -342,7 +342,7 @@ def campaign(
     Returns
     -------
     CampaignRuns
-        `to_dict` has the columns of runs.csv.
+        Completed runs. Its method `to_dict` returns the columns of runs.csv.
 
     Raises
     ------
@@ -519,8 +519,8 @@ def _open_part(part: _Part) -> Store:
 
 
 def _check_same_campaign(first: _Part, second: _Part) -> None:
-    """Raise UsageError if two parts belong to different campaigns. The message lists the
-    differences."""
+    """Raise UsageError if the two parts `first` and `second` belong to different campaigns. The
+    message lists the differences."""
     if first.identity == second.identity:
         return
     differing_keys = {key for key, value in first.identity.items() if second.identity[key] != value}

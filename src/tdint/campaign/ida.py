@@ -286,7 +286,7 @@ def ida(
     settings = settings or IdaSettings()
     if isinstance(motions, Record | Horizontals | str):
         motions = [motions]
-    # Building, suite and intensity measure
+    # Prepare the building, the suite and the intensity measure.
     subject, settings = _prepare(model_of(model), settings, method)
     suite = [motion_of(motion) for motion in motions]
     if check_pair_demand(pair_demand) != SEPARATE:
@@ -533,7 +533,7 @@ class _WorkItem:
         if damaged_state:
             mainshock = damaged_state.record
             run_record = JoinedRecord.of([mainshock, record], damaged_state.rest, fixed=1)
-        # Sa(T1) is not needed (None).
+        # The levels are values of `measure`, so that Sa(T1) of the record is not needed (None).
         batch = Batch(0, subject, Motions({number: run_record}), {number: None}, run_settings)
         return cls(number, batch, measure, intensity, levels, record, damaged_state)
 
@@ -743,10 +743,17 @@ def _damaged_states(
     settings : IdaSettings
         Settings of the study.
 
+    Returns
+    -------
+    list of list of DamagedState or None
+        For each state of the building, the damage before each record.
+
     Raises
     ------
     UsageError
         A drift is not positive, or not below the collapse drift.
+    AnalysisError
+        The building collapses before it reaches one of the drifts.
     """
     collapse_drift = subject.model.collapse_drift
     damages = sorted(set(mainshock.damages if mainshock else ()))

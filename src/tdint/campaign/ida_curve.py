@@ -228,9 +228,10 @@ class LevelSearch:
         return None
 
     def _probe_level(self, collapse: IdaRun | None, runs: Sequence[IdaRun]) -> float | None:
-        """Return a level above the first collapse at which the building may survive again.
+        """Return a level above the first collapse at which the building may survive again: 1.25 or
+        1.5 times the level of the first collapse (`_PROBES`).
 
-        The result is None if the building has been run at all these levels, or has not collapsed.
+        The result is None if the building has been run at both levels, or has not collapsed.
 
         Parameters
         ----------
@@ -275,6 +276,8 @@ def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
     runs : sequence of IdaRun
         Completed runs.
     """
+    # A level has been tried if its distance from a run is less than 1 % of the interval between the
+    # two levels, on a logarithmic scale.
     tried_levels = [run.im for run in runs if low < run.im < high]
     tolerance = _EQUAL_LEVELS * math.log(high / low)
     for position in _POSITIONS:
@@ -320,7 +323,7 @@ class IdaCurve:
         Runs in ascending order of levels.
     collapse_drift : float
         Drift ratio of collapse.
-    damage, left : float
+    damage, residual_drift_ratio : float
         For a building damaged by a mainshock: maximum drift ratio and residual drift ratio after
         the mainshock; 0 for an undamaged building.
     """
@@ -329,7 +332,7 @@ class IdaCurve:
     runs: tuple[IdaRun, ...]
     collapse_drift: float
     damage: float = 0.0
-    left: float = 0.0
+    residual_drift_ratio: float = 0.0
 
     @cached_property
     def stable(self) -> list[IdaRun]:
@@ -383,12 +386,14 @@ class IdaCurve:
         for i, run in enumerate(self.stable):
             if run.drift_ratio < threshold:
                 continue
-            if threshold <= self.left:
+            if threshold <= self.residual_drift_ratio:
                 return Capacity(threshold, math.nan, math.nan, math.nan, censored=False)
             # Below the first run, interpolate linearly from intensity 0, at which the drift is the
             # residual drift (0 if undamaged).
             if i == 0:
-                fraction = (threshold - self.left) / (run.drift_ratio - self.left)
+                fraction = (threshold - self.residual_drift_ratio) / (
+                    run.drift_ratio - self.residual_drift_ratio
+                )
                 return Capacity(threshold, run.im * fraction, 0.0, run.im, censored=False)
             # Otherwise the crossing is between the preceding run and this run.
             lower = self.stable[i - 1]
@@ -419,7 +424,7 @@ class IdaCurve:
             # If no run is below collapse, a censored capacity is NaN and remains NaN (unknown).
             is_infinite = capacity.censored and capacity.capacity > 0.0
             intensities.append(math.inf if is_infinite else capacity.capacity)
-        return np.where(drift_ratios <= self.left, 0.0, np.array(intensities))
+        return np.where(drift_ratios <= self.residual_drift_ratio, 0.0, np.array(intensities))
 
 
 @dataclass(frozen=True)
@@ -464,7 +469,9 @@ class PairCurve(IdaCurve):
             IdaRun(im, math.nan, DONE, drift)
             for im, drift in zip(levels, drifts.tolist(), strict=True)
         )
-        residual = float(combine(np.array([curve.left for curve in curves]), demand))
+        residual = float(
+            combine(np.array([curve.residual_drift_ratio for curve in curves]), demand)
+        )
         return cls(
             first.record,
             tuple(runs),
@@ -486,8 +493,9 @@ class PairCurve(IdaCurve):
         return min((part.collapse for part in self.parts), key=lambda limit: limit.capacity)
 
     def capacity(self, threshold: float) -> Capacity:
-        """Return the capacity for a drift ratio: the smaller capacity of the components for the
-        larger demand, or the capacity of the mean curve for the mean demand."""
+        """Return the intensity at which the pair first reaches the drift ratio `threshold`: the
+        smaller capacity of the two components for the rule `larger`, or the capacity of the mean
+        curve for the rule `mean`."""
         if threshold >= self.collapse_drift:
             return self.collapse
         if self.demand == MEAN:
@@ -520,7 +528,9 @@ def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
     intensities = np.asarray(levels)
     # Interpolate linearly from the residual drift at intensity 0 to the first run, then on
     # logarithmic axes.
-    below_first_run = curve.left + (drift[0] - curve.left) * intensities / im[0]
+    below_first_run = (
+        curve.residual_drift_ratio + (drift[0] - curve.residual_drift_ratio) * intensities / im[0]
+    )
     between_runs = np.exp(np.interp(np.log(intensities), np.log(im), np.log(drift)))
     return np.asarray(np.where(intensities < im[0], below_first_run, between_runs))
 

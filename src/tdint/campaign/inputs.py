@@ -217,7 +217,8 @@ def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
     if analysis.p_delta is not None:
         if analysis.p_delta and any(story.height is None for story in model.stories):
             raise ModelError(
-                f"{model.source}: p_delta of the campaign requires the heights of all stories"
+                f"{model.source}: p_delta of the campaign file requires the heights of all "
+                "stories; add the heights, or remove p_delta"
             )
         model = replace(model, p_delta=analysis.p_delta)
     return model
@@ -225,6 +226,11 @@ def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
 
 def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError, ...]]:
     """Read the buildings of an inventory.
+
+    Parameters
+    ----------
+    buildings : InventoryFile
+        Path, rules and units of the inventory.
 
     Returns
     -------
@@ -253,8 +259,9 @@ def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError
 
 
 def _check_costs(rows: InventoryRows) -> None:
-    """Raise ModelError, with all invalid cells, if the inventory has columns with the cost or the
-    number of buildings and a cell is not zero or a positive number. Empty cells are allowed."""
+    """Check the columns of an inventory with the cost and the number of buildings, if they exist.
+    Raise ModelError, with all invalid cells, if a cell is neither empty nor zero nor a positive
+    number."""
 
     def describe_error(_: int, text: str) -> str:
         """Return the error of a cell with this text; empty if the cell is valid."""
@@ -307,7 +314,8 @@ def _select_located(
     """
     if rows is None:
         raise UsageError(
-            f"{campaign.source}: motions at sites require an inventory with Latitude and Longitude"
+            f"{campaign.source}: ground motions at sites require an inventory with the columns "
+            "Latitude and Longitude"
         )
     # A row without a location is an error of the file; a row that is too far away is not. The sum
     # of longitude and latitude is NaN if one of them is missing.
@@ -684,7 +692,8 @@ def read_listed(
                 break
     failure_text = " ".join(map(str, suite.failures))
     for (file, component), motions in motions_of_row.items():
-        # A file that could not be read is reported among the failures.
+        # The row of a file that could not be read is no error here, because the file is reported
+        # among the failures of the suite.
         if component and len(motions) != 1 and file not in failure_text:
             problem = (
                 f"has {len(motions)} components named {component}"

@@ -121,6 +121,7 @@ class MotionIntensity:
         # resulting component. In the opposite direction only the sign of the motion differs.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
+        # The rotated records have no names (empty texts).
         values = [
             value(Record(math.cos(angle) * x + math.sin(angle) * y, dt, "", "", "", ""))
             for angle in angles.tolist()

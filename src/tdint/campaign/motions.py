@@ -120,8 +120,8 @@ class FieldMotions:
         return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), places)
 
     def draws(self, site: int) -> list[Draw]:
-        """Return the motions at a site. The sample number of a motion is the number of its
-        event."""
+        """Return the motions at the site with this index, sorted by their numbers. The sample
+        number of a motion is the number of its event."""
         site_rows = slice(int(self.start[site]), int(self.start[site + 1]))
         rows = zip(
             self.event[site_rows].tolist(),
@@ -178,8 +178,8 @@ class SiteEvents:
         return np.asarray(np.diff(cumulative[field.start])[self.site_of], dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        """Return the settings of the assignment, which identify the campaign together with other
-        settings (fingerprint)."""
+        """Return the settings of the assignment, which are part of the fingerprint that identifies
+        a campaign: names of the events, and SHA-256 of the fields."""
         field = self.field
         digest = hashlib.sha256(repr((field.sites, field.motions)).encode())
         for array in (field.start, field.event, field.record, field.value, self.site_of):
@@ -255,8 +255,8 @@ class EveryMotion:
         return np.full(buildings, sum(map(runs, range(self.count))), dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        """Return the settings of the assignment, which identify the campaign together with other
-        settings (fingerprint): none."""
+        """Return the settings of the assignment, which are part of the fingerprint that identifies
+        a campaign. This assignment has no settings."""
         return {}
 
 
@@ -376,8 +376,8 @@ class GridSamples:
         return near_points.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
-        """Return the settings of the assignment, which identify the campaign together with other
-        settings (fingerprint)."""
+        """Return the settings of the assignment, which are part of the fingerprint that identifies
+        a campaign: settings of the sampling, and SHA-256 of the grid."""
         settings = self.settings
         grid_text = repr((self._tree.data.tolist(), self.grid.motions))
         return {
@@ -444,8 +444,8 @@ def coordinates(places: Places, distance: str) -> Array:
 
 
 def unit_vectors(degrees: Array) -> Array:
-    """Return the unit vectors from the center of the earth to longitudes and latitudes, shape (k,
-    3)."""
+    """Return the unit vectors from the center of the earth to locations, shape (k, 3). `degrees`
+    contains their longitudes and latitudes, degrees, shape (k, 2)."""
     longitude, latitude = np.radians(degrees).T
     return np.column_stack(
         [
@@ -501,8 +501,8 @@ class Scales:
         return [self.values] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """Return the settings, which identify the campaign together with other settings
-        (fingerprint)."""
+        """Return the scale factors, which are part of the fingerprint that identifies a
+        campaign."""
         return {"scales": list(self.values)}
 
 
@@ -605,8 +605,8 @@ class MotionFactors:
         return [self.by_motion[motion]] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """Return the settings, which identify the campaign together with other settings
-        (fingerprint)."""
+        """Return the scale factors, which are part of the fingerprint that identifies a
+        campaign."""
         return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
 
 
@@ -672,9 +672,10 @@ class MeasureLevels:
         return periods if self.period is None else [self.period] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """Return the settings, which identify the campaign together with other settings
-        (fingerprint). The default damping ratio is omitted."""
-        measure = self.measure(1.0)  # name and damping do not depend on the period
+        """Return the levels and the intensity measure, which are part of the fingerprint that
+        identifies a campaign. The default damping ratio is omitted."""
+        # Any period is suitable, because only name and damping ratio of the measure are used.
+        measure = self.measure(1.0)
         damping = getattr(measure, "damping", SA_DAMPING)
         return {
             "measure": measure.name.partition("(")[0],

@@ -126,7 +126,9 @@ class PairRule:
 
         Parameters
         ----------
-            demand : str or None
+        motions : sequence of SuiteMotion
+            The motions, in the order of their numbers.
+        demand : str or None
             An item of `PAIR_DEMANDS`; None: the default.
         """
         records = {

@@ -166,6 +166,8 @@ class Plan:
     def buildings_of(self, chunks: Sequence[int]) -> list[int]:
         """Return the numbers of the buildings that have runs in the given chunks. A building
         without runs belongs to the chunk with the next run."""
+        # Runs are numbered from 0. `_starts` and `_ends` contain the first run of each building,
+        # and its last run plus 1; `_cuts` contains the first run of each chunk, and the end.
         # Number of the first building of each chunk: the building of its first run.
         first_buildings = np.searchsorted(self._ends, self._cuts[:-1], side="right")
         first_buildings[0] = 0
@@ -251,7 +253,7 @@ class Plan:
         stories = (
             buildings.rows.stories
             if isinstance(buildings, RowBuildings)
-            else np.array([last_building.stories for last_building in buildings])
+            else np.array([building.stories for building in buildings])
         )
         run_counts = np.maximum(self._counts, 1)
         # The estimated time of a run is the time of its time steps, and a part of the time to
@@ -278,6 +280,11 @@ class Plan:
         ----------
         slices : sequence of (int, slice)
             Number of each building, and the slice of its runs to return.
+
+        Returns
+        -------
+        tuple of BuildingRuns
+            The buildings with these runs and with the maximum time step that meets the tolerance.
         """
         sources = [self.buildings[number] for number, _ in slices]
         draws = [self.assignment.draws(number) for number, _ in slices]
@@ -384,7 +391,8 @@ class Plan:
 
 
 def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
-    """Return the plan of a campaign.
+    """Return the plan of a campaign: its buildings, ground motions, scale factors and settings, and
+    the notes and warnings that are shown before the runs.
 
     Parameters
     ----------
@@ -393,10 +401,15 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     inputs : Inputs
         Contents of its files.
 
+    Returns
+    -------
+    Plan
+        Campaign with all its input in memory.
+
     Raises
     ------
     ModelError
-        A file of factors does not contain a motion.
+        A file of factors does not contain a motion, or a building has no damage states.
     UsageError
         A time step does not fit a record.
     """

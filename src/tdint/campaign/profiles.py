@@ -376,7 +376,6 @@ def profiles(store: Store) -> Iterator[Profile]:
     store : Store
         Store of the campaign.
     """
-    # Without the peaks of stories, there are no profiles.
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
     # Query the tables before the loop, because there may be a million buildings.
@@ -563,6 +562,8 @@ class SuiteRules:
         scales : set of float
             Scale factors of the runs at this level.
         """
+        # With an intensity measure, the rank is the index of its value. Otherwise, levels are
+        # numbered from 1 if the motions have individual factors.
         is_common_scale = len(scales) == 1 and not self.has_several_levels
         scale = next(iter(scales)) if is_common_scale else math.nan
         if self.values:
@@ -577,6 +578,8 @@ def has_levels(store: Store) -> bool:
     of motions at sites, which already have individual factors.
     """
     settings = store.parameters()
+    # The settings contain the SHA-256 of a grid or of ground motion fields if the campaign has them
+    # (`has_sites`).
     has_several_factors = any(len(values) > 1 for values in settings.get("factors", {}).values())
     has_several_scales = len(settings.get("scales", ())) > 1
     has_sites = "grid_sha256" in settings or "field_sha256" in settings
@@ -591,7 +594,7 @@ def _peaks(
     Parameters
     ----------
     level : SuiteLevel
-        Level.
+        Intensity level with its completed runs.
     values_of_run : mapping of Run to ndarray, shape (stories, columns)
         Values of each run: in each story its height, the quantities of `STORY_QUANTITIES`, and
         their errors.
@@ -602,10 +605,11 @@ def _peaks(
 
     Returns
     -------
-    height : ndarray, shape (n,)
-        Story heights, m.
-    peaks, errors : dict of str to ndarray, shape (motions, n)
-        Quantities by name, and their errors; empty if not estimated.
+    height : ndarray, shape (stories,)
+        Story heights, m; NaN if no run is completed.
+    peaks, errors : dict of str to ndarray, shape (motions, stories)
+        Peaks by the name of the quantity, and their errors; the second dictionary is empty if
+        errors were not estimated.
     """
     if not level.completed:
         no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY_QUANTITIES}

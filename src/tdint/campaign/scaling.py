@@ -211,7 +211,7 @@ def scale_to_value(
     measure : IntensityMeasure
         The intensity measure.
     value : float
-        Its value (SI units).
+        Requested value of the measure, SI units.
     pair : str
         Combination of the components of a pair; by default the geometric mean.
 
@@ -419,8 +419,9 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
 
 
 def _minimum_average(fitted: Scaling) -> tuple[float, float]:
-    """Return the minimum of the average spectrum divided by the target, over the range of the
-    periods, and the period of the minimum, s.
+    """Return the minimum of the average spectrum of a suite divided by the target, over the range
+    of the periods, and the period of the minimum, s. `fitted` contains the suite with its factors,
+    the target and the periods.
 
     The minimum may be between the specified periods. A lower bound between two periods follows from
     the maximum slope on logarithmic axes (Piyavskii 1972; Shubert 1972). Intervals with a bound
@@ -507,7 +508,8 @@ def scale_p695(
     if not (math.isfinite(value) and value > 0.0):
         raise UsageError(f"Sa({period:g} s): the value must be positive, got {value:g}")
     measure = sa(period, damping)
-    # Apply the same factor to all motions, which preserves the differences between them.
+    # Multiply all normalized factors by a common factor, so that the median Sa of all components
+    # equals the value. This preserves the differences between the motions.
     values = [
         factor * measure.of(record)
         for pair, factor in zip(pairs, factors, strict=True)

@@ -251,7 +251,8 @@ def _check_pool_size(
     count : int
         Number of motions to select.
     pool_events : ndarray of int
-        Number of the event of each motion in the pool, that is, that can be selected.
+        Number of the event of each motion in the pool, which contains all motions that can be
+        selected.
     event_numbers : ndarray of int
         Number of the event of each motion, from 0, including the motions outside of the pool.
     per_event : int or None
@@ -479,7 +480,7 @@ class _EventGroups:
                 for name in names:
                     first_motion = motion_of_recording.setdefault(name, motion)
                     self._unite_if_same_event(motion, first_motion)
-        # Motions without a known event follow in a second pass.
+        # In a second pass, motions without a known event join the group of their recording.
         for motion, names in enumerate(recordings):
             if not self.events[motion].is_known:
                 for name in names:
@@ -768,6 +769,7 @@ class _Scores:
         events: NDArray[np.int64],
         max_per_event: int,
     ) -> None:
+        """Store the arguments, which the class describes, and compute squares of deviations."""
         self._deviations, self._target_scatter = deviations, target_scatter
         self._events, self._max_per_event = events, max_per_event
         # Squared deviations and their sums over the periods, and an array for intermediate results
@@ -794,7 +796,8 @@ class _Scores:
         deviations, events = self._deviations, self._events
         period_count = deviations.shape[1]
         total = deviations[selected].sum(axis=0)
-        # |total + row|^2 for each row, divided by size^2 k: the mean of (mean deviation)^2
+        # For each row, the mean over the k periods of (mean deviation)^2 is the sum over the
+        # periods of (total + row)^2, divided by size^2 k.
         result = (total @ total + 2.0 * (deviations @ total) + self._row_sums) / (
             size**2 * period_count
         )

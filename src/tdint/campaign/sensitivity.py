@@ -338,7 +338,7 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
                 is_valid = np.isfinite(parameter_values) & np.isfinite(peak_values)
                 samples = parameter_values[is_valid], peak_values[is_valid]
                 # The rank correlation with a constant is not defined.
-                is_varying = all(np.unique(ranks).size > 1 for ranks in samples)
+                is_varying = all(np.unique(sample).size > 1 for sample in samples)
                 coefficient = float(spearmanr(*samples)[0]) if is_varying else math.nan
                 correlations.append(
                     RankCorrelation(

@@ -743,7 +743,8 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
 
 
 def _site_places(file: str) -> dict[str, tuple[float, float]]:
-    """Return a dictionary from the name of each site to its longitude and latitude, degrees."""
+    """Read a table of sites, and return a dictionary from the name of each site to its longitude
+    and latitude, degrees. `file` is the path of the CSV file."""
     format_text = "sites are a CSV file with the columns site, longitude, latitude"
     table = read_table(
         file, format_text, columns=(*_SITE_NAMES, *_LONGITUDE_NAMES, *_LATITUDE_NAMES), comment="#"
@@ -779,6 +780,7 @@ class _FieldRecords:
     """
 
     def __init__(self, field: FieldFile) -> None:
+        """Create a reader without motions. `field` contains the settings of the fields."""
         self._field = field
         self.motions: list[SuiteMotion] = []
         self.failures: list[TdintError] = []
@@ -869,9 +871,9 @@ class _FieldRecords:
         return suite_motions(suite.motions)
 
     def _component_files(self, path: str) -> list[str]:
-        """Return the files of all components of a ground motion, by the path of one of these files.
+        """Return the files of all components of a ground motion. `path` is one of these files.
 
-        Files of a motion are in the same directory, and their names differ only in the component.
+        The files are in the same directory, and their names differ only in the component.
         """
         folder = Path(path).parent
         # Read each directory a single time.
@@ -919,6 +921,7 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
             f"{file}: the samples are accelerations, but their units are specified as {unit.text}"
         )
     motions = _read_components(Path(), file, unit.scale)
+    # Without a specified component (None or empty), all components are selected.
     component = component_name or field.choice.component
     selected = [motion for motion in motions if component in (None, "", motion.component)]
     if not selected:

@@ -694,7 +694,8 @@ class Store:
         return PairRule(self.pair_demand(), recording_numbers(self.records()))
 
     def choose_pair_demand(self, rule: str) -> None:
-        """Store the rule that combines the demands of the components of pairs, an item of
+        """Write the rule that combines the demands of the components of pairs to the store, unless
+        the store already has this rule. `rule` is an item of
         `tdint.campaign.pairs.PAIR_DEMANDS`."""
         if rule != self.pair_demand():
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
@@ -861,7 +862,7 @@ def open_or_create(
     with sqlite_errors_reported(name):
         store = Store(connect(name, log=log), name)
     with schema.closed_on_failure(store.connection):
-        # None: the file is new or empty.
+        # `remarks` is None if the file is new or empty.
         remarks = check_same(store, identity) if _has_contents(store) else None
         if remarks is None:
             with sqlite_errors_reported(name):
@@ -975,6 +976,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
     UsageError
         The store contains another campaign; the message has one line per difference.
     """
+    # An empty list of `inventory_files` represents a store without an inventory.
     if identity.fingerprint != store.meta("fingerprint"):
         lines = all_differences(
             store.compared_values(),
@@ -1070,8 +1072,8 @@ def _create(store: Store, identity: Identity) -> None:
 
 
 def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of the table `records`: number, name, component, direction, sampling interval
-    (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256 of each ground motion."""
+    """Yield the row of the table `records` for each ground motion: number, name, component,
+    direction, sampling interval (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256."""
     for number, motion in enumerate(motions):
         record = motion.record
         yield (
@@ -1088,8 +1090,8 @@ def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
 
 
 def _metadata(identity: Identity) -> dict[str, str]:
-    """Return the metadata that do not affect the results of runs, as texts by their keys in the
-    table `meta`."""
+    """Return the metadata of a campaign or study (`identity`) that do not affect the results of
+    runs, as texts by their keys in the table `meta`."""
     buildings = identity.buildings
     rows = buildings.rows if isinstance(buildings, RowBuildings) else None
     # The SHA-256 includes the cells of the columns that are copied to tables.

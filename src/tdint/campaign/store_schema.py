@@ -197,8 +197,8 @@ def transaction(connection: sqlite3.Connection, name: str) -> Iterator[None]:
 
 @contextmanager
 def sqlite_errors_reported(name: str) -> Iterator[None]:
-    """Convert errors of SQLite in a `with` block to OutputError. `name` is the path of the file,
-    for messages."""
+    """Convert errors of SQLite in a `with` block to OutputError, or to UntrustedStoreError if the
+    contents of the file are the reason. `name` is the path of the file, for messages."""
     try:
         yield
     except sqlite3.OperationalError as error:
@@ -266,9 +266,9 @@ def refuse_network(folder: Path) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a directory in the `with` block, so that no other process of tdint writes to it. The
-    directory is created if required, and removed again if no file was written. The lock ends with
-    the process.
+    """Lock the directory `folder` in the `with` block, so that no other process of tdint writes to
+    it. The directory is created if required, and removed again if no file was written. The lock
+    ends with the process.
 
     Raises
     ------
@@ -469,7 +469,7 @@ def _column_types(quantities: Iterable[Quantity], suffix: str = "") -> dict[str,
     quantities : iterable of Quantity
         Quantities of the columns.
     suffix : str
-        Suffix of the names, such as `_error`; columns with a suffix are numbers.
+        Suffix of the names, such as `_error`. Columns with a suffix contain floating-point numbers.
     """
     return {quantity.column + suffix: float if suffix else quantity.kind for quantity in quantities}
 
@@ -554,7 +554,8 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
 
 
 def corrupt_chunks(connection: sqlite3.Connection) -> set[int]:
-    """Return the numbers of the corrupt chunks of a store.
+    """Return the numbers of the corrupt chunks of a store. `connection` is an open connection to
+    the store, which is only read.
 
     A chunk is corrupt if its rows do not match the checksum or the number of rows in the table
     `chunks`, or if this table does not contain the chunk.

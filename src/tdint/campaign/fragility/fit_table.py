@@ -285,6 +285,13 @@ def _table_of_study(folder: Path, fit: str | None) -> str:
 def _table_type(table: CsvTable, fit: str | None) -> _TableType:
     """Return the type of a table, which follows from its columns and the requested fit.
 
+    Parameters
+    ----------
+    table : CsvTable
+        The table.
+    fit : str or None
+        `stripes`, `ida` or `cloud`; None: any fit.
+
     Raises
     ------
     ModelError
@@ -317,7 +324,15 @@ def _table_type(table: CsvTable, fit: str | None) -> _TableType:
 def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     """Fit stripes to a table with the columns `im`, `collapses` and `records`: for each intensity
     level, the number of records that cause collapse (or exceed a threshold), and the number of all
-    records. One function is fitted for each threshold."""
+    records. Each requested threshold (`request`) has a function.
+
+    Raises
+    ------
+    UsageError
+        The table does not contain a requested threshold.
+    ModelError
+        The table contains invalid values.
+    """
     im, exceeding, records = (
         np.array(table.numbers(name)) for name in ("im", "collapses", "records")
     )
@@ -351,7 +366,23 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     """Fit functions to the capacities of an incremental dynamic analysis, for each state of
-    previous damage and each threshold."""
+    previous damage (column `damage`) and each threshold.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Table with the column `capacity`.
+    request : FragilityRequest
+        Settings.
+
+    Raises
+    ------
+    UsageError
+        The table does not contain a requested threshold, or the requested rule for pairs of
+        components is not the rule of the table.
+    ModelError
+        The table contains invalid values.
+    """
     # A row without a capacity contains no information, not even that the building did not collapse.
     # It is omitted with a warning.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
@@ -408,6 +439,11 @@ def _fit_capacity_rows(
         Capacity in each row.
     rows : ndarray of bool, shape (n,)
         True for the rows that are used in the fit.
+
+    Returns
+    -------
+    list of Fragility or AnalysisError
+        Function of each threshold, or the error that prevents its fit.
     """
     censored = np.array(table.truths("censored"))
     motion = motions_if_known(table)
@@ -417,7 +453,8 @@ def _fit_capacity_rows(
         return [fit_capacities(capacity[is_selected], censored[is_selected].tolist())]
 
     def fit(threshold_rows: NDArray[np.bool_]) -> Fragility:
-        """Fit a function to the rows of a threshold."""
+        """Fit a function to the rows of a threshold, which a mask of all rows selects. Rows that
+        `rows` excludes are not used."""
         is_used = threshold_rows & rows
         # If each ground motion has one capacity, the capacities are independent, and the fit
         # provides their errors. If a motion occurs repeatedly, a jackknife over motions is used.
@@ -450,6 +487,21 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     """Fit stripes or a cloud to the runs of a study.
 
     Runs without a result count neither as exceedance nor as non-exceedance.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Table of the runs of one building.
+    request : FragilityRequest
+        Settings.
+
+    Raises
+    ------
+    UsageError
+        A threshold is missing, stripes cannot be fitted, or the table does not contain the
+        intensity measure.
+    ModelError
+        The table contains several buildings, or no run has a result.
     """
     runs = _runs_of(table, request)
     result = _fit_known_runs(table, request, runs)
@@ -472,6 +524,11 @@ def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> 
         Settings.
     runs : _Runs
         Runs of the table.
+
+    Raises
+    ------
+    UsageError
+        No threshold is specified, or stripes are requested for runs without common levels.
     """
     # Each stripe is a mask of the runs with a result at a level.
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
@@ -540,6 +597,13 @@ class _Runs:
 def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     """Return the runs of a table of runs of one building, with the components of pairs combined.
 
+    Parameters
+    ----------
+    table : CsvTable
+        Table of the runs.
+    request : FragilityRequest
+        Settings, with the intensity measure and the rule for pairs.
+
     Raises
     ------
     ModelError
@@ -601,8 +665,8 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
 def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
     """Return the column with the intensities of runs.
 
-    Without a requested intensity measure, it is the column `im` of the table if it exists,
-    otherwise the column of Sa(T1).
+    It is the column of the intensity measure in `request`. If no measure is requested, it is the
+    column `im` of the table if it exists, otherwise the column of Sa(T1).
 
     Returns
     -------
@@ -723,9 +787,9 @@ def _cloud(
     # Demands below the requested range are elastic and omitted. Demands above it are censored.
     low_edp, high_edp = request.edp_range
     is_kept = edp >= low_edp
-    # For each threshold, a mask of the rows for which exceedance of the threshold is known, and the
-    # rows that exceed it (1.0). A demand that is only known to be above a value below the threshold
-    # may or may not exceed the threshold.
+    # For each threshold, `is_known` is True for the rows of which it is known whether they exceed
+    # the threshold. A censored demand below the threshold may or may not exceed it. `exceeding` is
+    # 1.0 for rows that exceed the threshold and 0.0 for other rows.
     is_known = [is_kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
     exceeding = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
     censored = censored | (edp >= high_edp)
@@ -780,7 +844,7 @@ def _by_threshold(
         The column `threshold` is empty.
     """
     names = (table.only("im_name"), table.only("unit"))
-    # Without the column, all rows refer to the same threshold.
+    # Without a column `threshold`, all rows refer to the same threshold.
     if not table.has("threshold"):
         if len(request.thresholds) > 1:
             raise UsageError(

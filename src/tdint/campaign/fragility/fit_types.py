@@ -131,7 +131,10 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             "functions by type use the damage states of the campaign: remove --threshold"
         )
     if request.fit == IDA:
-        raise UsageError(f"functions by {by} are fitted to runs: use --fit stripes or --fit cloud")
+        raise UsageError(
+            f"--fit ida cannot be used with functions by {by}, which are fitted to runs; use --fit "
+            "stripes or --fit cloud"
+        )
     measure = measure_named(request.measure or "sa")
     requested_states = _requested_states(request)
     # Read the store one time, building by building. The fits follow after it is closed.

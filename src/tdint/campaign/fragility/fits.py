@@ -177,9 +177,9 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
 
 
 def _is_flat(hessian: Array) -> bool:
-    """Return True if the log-likelihood with this Hessian, shape (k, k), has no curvature in some
-    direction of the parameters. In this case it increases without limit in this direction, or the
-    observations do not distinguish the parameters."""
+    """Return True if the log-likelihood with the second derivatives `hessian`, shape (k, k), has no
+    curvature in some direction of the parameters. In this case it increases without limit in this
+    direction, or the observations do not distinguish the parameters."""
     diagonal = -np.diagonal(hessian)
     if not np.all(diagonal > 0.0):
         return True
@@ -495,6 +495,7 @@ class Fragility:
             motion_counts = np.bincount(distinct_pairs[:, 0])
         z, z_error = self._standardize(bin_im)
         density = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        # An unknown error of the fit (nan) is omitted from the variance.
         fit_error = np.nan_to_num(z_error) * density
         difference_error = np.sqrt(
             np.maximum(fitted * (1.0 - fitted), 0.0) / motion_counts + fit_error**2
@@ -598,7 +599,7 @@ class Fragility:
         UsageError
             The unit of the intensity is unknown.
         """
-        # For each SI unit, the units of the same quantity and their values in the SI unit.
+        # For each SI unit, the units of the same quantity with their factors to the SI unit
         units_by_si = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH}
         si_unit = next((si for si, names in units_by_si.items() if self.unit in names), "")
         if not si_unit:
@@ -810,7 +811,7 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
     Parameters
     ----------
     capacity : array, shape (n,)
-        Capacities, positive; for censored capacities the limit above which they are.
+        Capacities, positive. A censored capacity is only known to be above the specified value.
     censored : sequence of bool, shape (n,), optional
         True for censored capacities; default none censored.
 
@@ -829,7 +830,10 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
     x = np.asarray(capacity, float)
     above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
     if x.ndim != 1 or above.shape != x.shape:
-        raise UsageError("capacities and censored must be arrays of the same length")
+        raise UsageError(
+            "capacities and censored must be arrays of the same length, got the shapes "
+            f"{x.shape} and {above.shape}"
+        )
     _check_positive(x, "capacities")
     # The dispersion cannot be estimated from one exact capacity, even with many censored
     # capacities.
@@ -845,7 +849,9 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
     if not above.any():
         beta = float(np.std(logarithms, ddof=1))
         if not beta > _MIN_DISPERSION:
-            raise AnalysisError("all capacities are equal: the dispersion cannot be estimated")
+            raise AnalysisError(
+                "all capacities are equal: the dispersion cannot be estimated; add records"
+            )
         covariance = np.diag([beta**2 / x.size, beta**2 / (2.0 * x.size)])
         solution: tuple[float, float, Array] | None = (float(np.mean(logarithms)), beta, covariance)
     else:
@@ -874,14 +880,15 @@ def fit_cloud(
 ) -> list[Fragility]:
     """Fit a fragility function for each threshold to a cloud, by maximum likelihood.
 
-    The model is ln EDP = b0 + b1 ln IM + sigma N. The functions have
-    theta = exp((ln threshold - b0) / b1) and beta = sigma / b1. Without censored demands sigma is
-    the root mean square of the residuals.
+    The model is ln EDP = b0 + b1 ln IM + sigma N, where N is a standard normal variable. The
+    functions have theta = exp((ln threshold - b0) / b1) and beta = sigma / b1. Without censored
+    demands sigma is the root mean square of the residuals.
 
     Parameters
     ----------
     im, edp : array, shape (n,)
-        Intensities and demands, positive; for censored demands the limit above which they are.
+        Intensities and demands, positive. A censored demand is only known to be above the specified
+        value.
     thresholds : sequence of float
         Demands for which the exceedance is computed, positive.
     censored : sequence of bool, shape (n,), optional
@@ -906,7 +913,10 @@ def fit_cloud(
     x, y = np.asarray(im, float), np.asarray(edp, float)
     above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
     if x.ndim != 1 or not x.shape == y.shape == above.shape:
-        raise UsageError("intensities and demands of a cloud must be arrays of the same length")
+        raise UsageError(
+            "intensities, demands and censored of a cloud must be arrays of the same length, got "
+            f"the shapes {x.shape}, {y.shape} and {above.shape}"
+        )
     for values, name in (
         (x, "intensities"),
         (y, "demands"),
@@ -915,8 +925,8 @@ def fit_cloud(
         _check_positive(values, name)
     lower_threshold = between(lower_threshold, "lower_threshold")
     below = ~above & (y < lower_threshold)
-    # Use demands as upper limits only if the exact demands determine a line: at least three exact
-    # demands at more than one intensity.
+    # Small demands count only as below the limit if the remaining exact demands determine a line:
+    # at least three demands at more than one intensity. Otherwise all these demands are exact.
     exact = ~(above | below)
     if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
         below = np.zeros(x.size, bool)
@@ -988,7 +998,10 @@ def _line(
     sigma = float(np.sqrt(np.mean((y[exact] - intercept - slope * x[exact]) ** 2)))
     # A residual of this size (1e-12 of the range of ln EDP) is a rounding error.
     if not sigma > 1e-12 * float(np.ptp(y)):
-        raise AnalysisError("all demands are on one line: the dispersion cannot be estimated")
+        raise AnalysisError(
+            "all demands are exactly on one line over the intensities: the dispersion cannot be "
+            "estimated; add runs under other ground motions"
+        )
     # With demands known only to be below a limit, the few exact demands may have a slope of either
     # sign. Start from the line through all demands instead.
     if below.any():
@@ -1094,7 +1107,7 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
     Parameters
     ----------
     capacity : ndarray, shape (n,)
-        Capacities; for censored capacities the limit above which they are.
+        Capacities. A censored capacity is only known to be above the specified value.
     censored : ndarray of bool, shape (n,)
         True for censored capacities.
 
@@ -1104,8 +1117,8 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
         Capacities that are not censored, in ascending order, and the fraction of records that
         exceed at each capacity: the middle of the step of the empirical distribution.
     """
-    # Sort by capacity. Of equal capacities, the censored capacities are last, because they are
-    # above this value.
+    # Sort by capacity. Among equal values, the censored capacities are last, because they are above
+    # the value.
     order = np.lexsort((censored, capacity))
     # `not_exceeded` is the estimated fraction of records that do not exceed below the present
     # capacity; `remaining_count` is the number of records with a capacity at or above it.

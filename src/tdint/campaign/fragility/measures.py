@@ -162,7 +162,8 @@ def run_measure(text: str) -> RunMeasure:
 
 
 def _period(text: str) -> tuple[float | None, str, str]:
-    """Parse a period, which is `T1`, empty (T1), or a number of seconds.
+    """Parse the period of an intensity measure: `T1` or an empty text for the first period of each
+    building, or a number of seconds.
 
     Returns
     -------
@@ -172,6 +173,13 @@ def _period(text: str) -> tuple[float | None, str, str]:
         Description of the period.
     symbol : str
         Text in the name of the measure; {} for the first period, which is inserted later.
+
+    Raises
+    ------
+    ValueError
+        The text is not a number.
+    UsageError
+        The period is not positive.
     """
     if text in ("", FIRST):
         return None, "the first period of the building", "{}"
@@ -188,8 +196,9 @@ def _column_name(*parts: object) -> str:
 
 
 def _spectral(parameters: str) -> RunMeasure:
-    """Return the measure Sa at a period. `parameters` is the text of the period."""
-    period, period_text, symbol = _period(parameters)
+    """Return the measure Sa at a period. `parameters` is the text of the period, empty or `T1` for
+    the first period of each building."""
+    period, period_text, symbol = _period(parameters)  # the period is None for the first period
 
     def value(record: Record, first_period: float) -> float:
         """Return Sa of a record, m/s^2."""
@@ -207,7 +216,7 @@ def _spectral(parameters: str) -> RunMeasure:
 def _average(parameters: str) -> RunMeasure:
     """Return the measure Sa_avg, the geometric mean of Sa over a range of periods. `parameters` is
     FIRST:LAST[:COUNT] with periods in s; empty: the default multiples of the first period of the
-    building (`AVERAGE`)."""
+    building (`AVERAGE`). Raise UsageError if the parameters are invalid."""
     # Add the default number of periods if COUNT is omitted.
     with_count = parameters if parameters.count(":") == 2 else f"{parameters}:{AVERAGE.count}"
     grid = parse_grid(with_count) if parameters else None
@@ -237,7 +246,8 @@ def _average(parameters: str) -> RunMeasure:
 
 def _inelastic(parameters: str) -> RunMeasure:
     """Return the measure SDi, the maximum displacement of an elastoplastic oscillator. `parameters`
-    is PERIOD:STRENGTH, where the strength is the yield force divided by the weight."""
+    is PERIOD:STRENGTH, where the strength is the yield force divided by the weight. Raise
+    UsageError if the strength is not positive."""
     parameter_text, _, strength_text = parameters.partition(":")
     period, oscillator_period_text, symbol = _period(parameter_text)
     strength = parse_ratio(strength_text)
@@ -300,11 +310,13 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
     # record, and then multiplied. Other measures are computed for each scale factor.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
-        """Return a measure, by its index, of the unscaled record with a number."""
+        """Return the measure with the index `measure` for the unscaled record with the number
+        `motion`."""
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
 
     def value(measure: int, motion: int, factor: float, first_period: float) -> float:
-        """Return a measure, by its index, of the scaled record with a number."""
+        """Return the measure with the index `measure` for the record with the number `motion`,
+        multiplied by `factor`."""
         power = measures[measure].power
         if power is None:
             return measures[measure].of(plan.motions[motion].record, factor, first_period)
@@ -393,7 +405,8 @@ class RunIntensities:
                 for number, (_, _, direction) in records.items()
             }
             rule = replace(rule, recordings=first_components)
-        # With any rule other than SEPARATE, the runs of both components form one group.
+        # `_pairs` is used to group the runs of both components. With the demand SEPARATE each run
+        # would be a group, so another demand is set.
         self._pairs = replace(rule, demand=LARGER)
         # Negative levels reverse the direction of a motion, so the levels are sorted by their
         # absolute values.
@@ -452,6 +465,13 @@ class RunIntensities:
     def _next_value(self, building: BuildingDamage, run: Run) -> float:
         """Return the value in the next row of measures.csv, SI units; nan if the cell is empty.
 
+        Parameters
+        ----------
+        building : BuildingDamage
+            Building of the run to which the next row must belong.
+        run : Run
+            Record, factor and sample of the run.
+
         Raises
         ------
         ModelError
@@ -480,6 +500,7 @@ def _has_levels_of(settings: Mapping[str, Any], measure: RunMeasure) -> bool:
     # sa-avg of runs is an average over multiples of the first period, so only these levels match.
     if name == "sa-avg" and period != FIRST:
         return False
+    # Compare the names with the period, for example `sa(T1)` or `sa(0.5)`.
     period_text = ""
     if name in SPECTRAL:
         period_text = f"({FIRST})" if period == FIRST else f"({period:g})"
@@ -753,6 +774,7 @@ def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     # Without any variance, the points are exactly on the line.
     if not variance > 0.0:
         return 0.0
+    # Probability of a slope of at least this size, in both directions
     return 2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance)))
 
 
@@ -888,6 +910,11 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
         Rule that combines the demands of the components of pairs.
     groups : list of list of int
         Indices of the rows of each group.
+
+    Raises
+    ------
+    UsageError
+        The components of a pair were run at different levels.
     """
     separate_rows = [[row] for row in range(len(table.rows))]
     if not table.has("record", "component"):
@@ -899,13 +926,15 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
         stored_records = store.records().values() if store else ()
         directions = {(name, component): number for name, component, number in stored_records}
         demand = pair_demand or (store.pair_demand() if store else LARGER)
+    # Name, component and direction of each record of the table; direction 0: not in the store
     records = {number: (*name, directions.get(name, 0)) for name, number in number_of_name.items()}
     rule = PairRule(demand, recording_numbers(records))
     if rule.demand == SEPARATE or not rule.pairs:
         return rule, separate_rows
 
-    # Levels are defined by the intensity if the table contains it, otherwise by the rank of the
-    # factors, because the factors of the components may differ.
+    # A level is identified by the intensity, rounded to six digits, if the table contains it.
+    # Otherwise it is identified by the rank of the factor, because the factors of the components
+    # may differ.
     samples = table.texts("sample") if table.has("sample") else [""] * len(names)
     column = next((name for name in ("im", "scale") if table.has(name)), None)
     intensities = table.numbers(column, empty=True) if column else [1.0] * len(names)
@@ -965,6 +994,7 @@ def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
     result, keys = im.copy(), _keys(table)
     row_of_key = {key: row for row, key in enumerate(keys)}
     for row, (building, record, component, *scale_and_sample) in enumerate(keys):
+        # Empty names, for which no row exists, represent a record without a first component.
         first_component = first_components.get((record, component), ("", ""))
         first_row = row_of_key.get((building, *first_component, *scale_and_sample))
         if first_row is not None:

@@ -134,6 +134,11 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
         Demands, SI units.
     status : sequence of str
         Status at the end of each run.
+
+    Returns
+    -------
+    ndarray, shape (runs, outcomes)
+        Probabilities in the order of `states.outcomes`; nan for a run without a result.
     """
     # The probability of a state is the probability of reaching it minus the probability of reaching
     # the next state. The first outcome is no damage; the last outcomes are the types of collapse.
@@ -241,7 +246,8 @@ def building_damages(
     # The rows are sorted by building, so that the rows of one building at a time are read.
     for number, rows_of_building in groupby(all_rows, key=itemgetter(0)):
         rows = list(rows_of_building)
-        # Common states are thresholds of the maximum drift ratio, which does not depend on a type.
+        # Common states are thresholds of the maximum drift ratio, which is a value of the runs
+        # (divisor 1). Each building is its own type.
         if common_states:
             building, divisor, period = names[number][0], 1.0, store.period(number) or math.nan
             type_name = building
@@ -279,7 +285,14 @@ def runs_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
     the runs of each group.
 
     A group has the run of each component of a pair, even if their scale factors differ. If the
-    rule counts components separately, each group has one run.
+    rule counts components separately, each group has a single run.
+
+    Parameters
+    ----------
+    damage : BuildingDamage
+        Damage after each run, with the ground motion, sample and level of the run.
+    rule : PairRule
+        Rule that states which components form a pair.
     """
     indices: dict[tuple[int, int, int], list[int]] = {}
     for index, (key, rank) in enumerate(zip(damage.keys, damage.rank.tolist(), strict=True)):
@@ -288,12 +301,20 @@ def runs_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
 
 
 def damage_by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
-    """Return the damage of a building with one entry per ground motion instead of per run.
+    """Combine the damage after the runs of both components of each pair, and return the damage of a
+    building with one entry per ground motion and level instead of per run.
 
-    The demand of a pair follows from the rule, and its damage follows from that demand. A pair is a
-    collapse if the building collapses under at least one component. A pair has no result if one
-    component has no result. Key, rank, intensity and peak acceleration are taken from the first
-    component. If components count separately, the damage is returned unchanged.
+    The rule determines the demand of a pair, from which its damage follows. The building has
+    collapsed under a pair if it has collapsed under at least one component. A pair has no result if
+    one component has no result. Key, rank, Sa(T1) and PGA are those of the first component.
+
+    Parameters
+    ----------
+    damage : BuildingDamage
+        Damage after each run.
+    rule : PairRule
+        Rule that combines the demands. If it counts components separately, the damage is returned
+        unchanged.
     """
     if rule.demand == SEPARATE or not rule.pairs:
         return damage
@@ -402,6 +423,7 @@ class _Group:
     """
 
     def __init__(self, states: DamageStates) -> None:
+        """Create a group with these damage states and without runs."""
         self.states, self.buildings, self.runs, self.failed = states, 0, 0, 0
         # For each ground motion: number of runs, and sums of the probability of each outcome, of
         # the loss ratio and of its square.
@@ -486,6 +508,7 @@ class _Group:
         # The sums have one row per ground motion, because the jackknife omits one ground motion at
         # a time: runs under the same ground motion are correlated.
         sum_rows = np.array(list(self._sums.values()))
+        # Without any run with a result, all means and errors are nan.
         mean = _mean(sum_rows) if len(sum_rows) else Mean(*np.full((2, outcome_count), math.nan))
         probability = Mean(mean.value[:outcome_count], mean.error[:outcome_count])
         loss = money = Mean(*np.full((2, 1), math.nan))
@@ -500,7 +523,8 @@ class _Group:
         # number of runs, which was the weight of each building.
         variance_sum, deviation_sum = self._scatter[0 if self._money else 1].tolist()
         divisor = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
-        # The mean loss is a fraction of the cost under each ground motion, averaged over them.
+        # `_mean` returns the sum of the losses divided by the sum of the costs over the ground
+        # motions; multiplied by the total cost, it is the mean loss.
         if self._money:
             money_rows = np.array(list(self._money.values()))
             value = float(money_rows[:, 0].sum())
@@ -527,12 +551,19 @@ class _Group:
 
 
 def _mean(sums: Array) -> Mean:
-    """Return the mean over all runs with a jackknife standard error over ground motions.
+    """Return the mean of quantities over all runs with a jackknife standard error over ground
+    motions.
 
     Parameters
     ----------
     sums : ndarray, shape (motions, 1 + k)
-        Number of runs under each ground motion, and the sums of k quantities over these runs.
+        Number of runs under each ground motion (or another weight, such as their cost), and the
+        sums of k quantities over these runs.
+
+    Returns
+    -------
+    Mean
+        Mean of each quantity and its standard error, nan for a single ground motion, shape (k,).
     """
     counts, motions = sums[:, :1], len(sums)
     value = sums[:, 1:].sum(axis=0) / counts.sum()
@@ -562,6 +593,7 @@ def group_damages(
         Column of the inventory that defines the groups, for all types together; "" for a single
         group of all buildings. By default the groups are the types.
     """
+    # Events are numbered from 1; the index 0 is the empty name of campaigns without events.
     rule, levels, events = store.pair_rule(), level_values(store), ["", *store.events()]
     groups: dict[tuple[str, int, int], _Group] = {}
     columns = [title.lower() for title in store.inventory_columns()]

@@ -219,6 +219,11 @@ class ClassDamage:
 def read_class_damage(request: DamageRequest | None) -> ClassDamage:
     """Read the tables of thresholds and loss ratios by class that a campaign file lists.
 
+    Parameters
+    ----------
+    request : DamageRequest or None
+        Settings of the campaign file; None: the campaign has no damage states.
+
     Raises
     ------
     ModelError
@@ -255,8 +260,18 @@ def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
     damage states of each class by its name.
 
     The columns are `class`, one column for each state with the unit of the demand (`slight` for a
-    ratio, `slight_m`, `slight_g`), and optionally `beta`. One row of a class must contain the
-    values; the other rows may repeat them or be empty.
+    ratio, `slight_m`, `slight_g`), and optionally `beta`, the dispersion. One row of a class must
+    contain the values; the other rows may repeat them or be empty.
+
+    Parameters
+    ----------
+    request : DamageRequest
+        Settings of the campaign file, with the path of the CSV file.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read or contains invalid values.
     """
     table = read_table(
         request.source,
@@ -281,7 +296,7 @@ def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
     states_of_class = {}
     for name, values in rows.items():
         dispersion = values.pop("beta", request.dispersion or 0.0)
-        # The constructor checks the order of the medians.
+        # `DamageStates` raises UsageError if the medians are not in ascending order.
         try:
             medians = tuple(suffixes[suffix] * values[state] for state in request.states)
             states_of_class[name] = DamageStates(
@@ -314,6 +329,7 @@ def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, d
         A value is missing or invalid, or a class has different values in two rows.
     """
     table.need("class", *columns.values())
+    # For each key, the line number and the text of the cell in each row
     cells = {key: list(table.lines(column)) for key, column in columns.items()}
     by_class: dict[str, dict[str, float]] = {}
     for row, name in enumerate(table.texts("class", empty=False)):
@@ -396,14 +412,15 @@ def damage_of(
     ModelError
         A type has no states, or a building lacks data from which the demand is computed.
     """
-    # Models can specify states; in this case all of them must.
+    # If one model specifies damage states, all models must specify them (`_model_states`).
     models = models_of(buildings)
     if request is None and not any(model.damage for model in models):
         return None
     types: dict[str, DamageStates] = {}  # the states of a type are those of its first building
     building_types: list[BuildingType] = []
-    # Buildings of an inventory that differ only by location and size have the same properties. They
-    # are computed for the first of these buildings; `first_alike` has its index for each building.
+    # Buildings of an inventory that differ only by location and size have the same properties,
+    # which are computed for the first of these buildings. `first_alike` contains, for each
+    # building, the index of the first building with the same properties.
     first_alike: Sequence[int] = range(len(buildings))
     has_random_factors = isinstance(buildings, RowBuildings) and (
         buildings.rules.stiffness or buildings.rules.damping
@@ -462,10 +479,16 @@ def type_of(facts: BuildingFacts | CapacityFacts) -> str:
 
 
 def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
-    """Return the spectral displacements of four damage states from a capacity curve, m.
+    """Return the median spectral displacements of four damage states from a capacity curve, m, the
+    lightest state first.
 
     The formulas are those of GEM's toolkit for single-degree-of-freedom systems. They use the
     displacement at which damage begins and the displacement at the end of the curve.
+
+    Parameters
+    ----------
+    facts : CapacityFacts
+        Data of the building in the inventory, with its capacity curve.
     """
     yielding, ultimate = facts.curve.damage_begins, facts.curve.displacement[-1]
     return (
@@ -517,7 +540,7 @@ def _states(
             f"{request.source}: damage thresholds of the class {name!r} not found; "
             "add a row for the class"
         )
-    # Loss ratios can be in another file than thresholds, by class.
+    # The loss ratios of the classes can be in a separate file from the thresholds.
     if request.loss_file and name not in classes.losses:
         raise ModelError(
             f"{request.loss_file}: losses of the class {name!r} not found; add a row for the class"
@@ -587,14 +610,27 @@ def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tup
         Demand of the damage states.
     name : str
         Source of the model in messages.
+
+    Returns
+    -------
+    tuple of two floats
+        Divisor (m, or without unit), and period, s.
+
+    Raises
+    ------
+    ModelError
+        A drift ratio is required, but heights of stories are missing.
     """
     # The roof drift ratio is divided (`per`) by the total height, and requires the heights of all
     # stories. Other drift ratios require the height of at least one story.
     heights = [story.height for story in stories]
     lacks_height = None in heights if DEMANDS[demand].per else not any(heights)
     if "ratio" in demand and lacks_height:
-        raise ModelError(f"{name}: damage by {demand} requires the heights of the stories")
-    links = np.minimum(np.arange(len(stories)), 1.0)  # 0 for the first story, 1 for all others
+        raise ModelError(
+            f"{name}: damage by {demand} requires the heights of the stories; add the heights"
+        )
+    # A story is linked to the story below it (1), except for the first story (0).
+    links = np.minimum(np.arange(len(stories)), 1.0)
     modes = solve_modes(
         np.array([story.mass for story in stories]),
         np.array([story.stiffness for story in stories]),

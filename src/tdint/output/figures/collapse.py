@@ -455,7 +455,7 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
     look : dict
         Line style.
     """
-    drift = [curve.left, *(run.drift_ratio for run in curve.stable)]
+    drift = [curve.residual_drift_ratio, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
     if not curve.collapse.censored and curve.stable:
         drift += [drift[-1], _DRIFT_MARGIN * limit]
