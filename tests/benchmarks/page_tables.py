@@ -276,23 +276,43 @@ def _count_near_minimum(chart: FieldChart, smallest_tolerance: float) -> dict[st
     return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
 
-def leading_methods(chart: FieldChart, smallest_tolerance: float) -> str:
-    """Return the methods that most often cost at most twice the minimum, with their counts.
+def leading_methods(charts: Sequence[FieldChart], smallest_tolerance: float) -> list[str]:
+    """Return the methods that lead on at least one machine.
 
-    Counts that differ by at most the factor `ALIKE` are equal within the scatter of the times, so
-    that several methods can lead.
+    A method leads if it costs at most twice the minimum in the most cases. Counts that differ by at
+    most the factor `ALIKE` are equal within the scatter of the times, so that several methods can
+    lead. Methods that lead on a single machine are included, because a verdict of the page has to
+    hold on all measured machines.
+
+    Parameters
+    ----------
+    charts : sequence of FieldChart
+        Results of the same problems on each machine.
+    smallest_tolerance : float
+        Smallest tolerance that is included.
+    """
+    leaders: list[str] = []
+    for chart in charts:
+        counts = _count_near_minimum(chart, smallest_tolerance)
+        largest = max(counts.values())
+        leaders += [name for name, count in counts.items() if count * ALIKE >= largest]
+    return list(dict.fromkeys(leaders))
+
+
+def describe_methods(chart: FieldChart, names: Sequence[str], smallest_tolerance: float) -> str:
+    """Return methods with the number of cases in which they cost at most twice the minimum.
 
     Parameters
     ----------
     chart : FieldChart
         Results of the problems.
+    names : sequence of str
+        Methods.
     smallest_tolerance : float
         Smallest tolerance that is included.
     """
     counts = _count_near_minimum(chart, smallest_tolerance)
-    largest = max(counts.values())
-    leaders = [f"`{name}` ({n} cases)" for name, n in counts.items() if n * ALIKE >= largest]
-    return " and ".join(leaders)
+    return " and ".join(f"`{name}` ({counts.get(name, 0)} cases)" for name in names)
 
 
 def compare_verdicts(first: FieldChart, second: FieldChart) -> str:
@@ -305,8 +325,9 @@ def compare_verdicts(first: FieldChart, second: FieldChart) -> str:
     """
     rows = []
     for text, tolerance in (("all tolerances", 0.0), (f"{percent(COARSE)} and more", COARSE)):
-        leaders = [leading_methods(chart, tolerance) for chart in (first, second)]
-        rows.append([f"most often at most twice the minimum cost, {text}", *leaders])
+        names = leading_methods([first, second], tolerance)
+        counts = [describe_methods(chart, names, tolerance) for chart in (first, second)]
+        rows.append([f"most often at most twice the minimum cost, {text}", *counts])
     safest = [f"`{chart.leaders().safest}`" for chart in (first, second)]
     rows.append(["method that fails least often", *safest])
     # Solved problems: errors and stability, which do not depend on the speed of a machine.

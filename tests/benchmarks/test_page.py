@@ -204,17 +204,28 @@ def test_ratios_of_errors_and_the_cheapest_method_of_made_up_points():
     )
 
 
+def chart_with_slow(method, factor):
+    """Return the results of a machine that needs `factor` times as long for a method."""
+    problem = made_up()
+    points = tuple(
+        replace(p, times=(factor * p.times[0],)) if p.line == method else p for p in problem.points
+    )
+    return run.field_chart([replace(problem, points=points)])
+
+
+def test_a_method_that_leads_on_one_machine_is_in_the_verdict():
+    charts = [chart_with_slow(name, 3.0) for name in ("newmark-average", "impulse4")]
+    leading_methods = run.page_tables.leading_methods
+    assert leading_methods(charts[:1], 0.0) == ["impulse4"]
+    assert leading_methods(charts[1:], 0.0) == ["newmark-average"]
+    assert leading_methods(charts, 0.0) == ["impulse4", "newmark-average"]
+    counts = run.page_tables.describe_methods(charts[0], ["impulse4", "gauss4"], 0.0)
+    assert re.fullmatch(r"`impulse4` \(\d+ cases\) and `gauss4` \(0 cases\)", counts)
+
+
 def test_verdicts_of_two_machines_are_compared():
     """One machine needs twice the time for one method, the other machine for the other method."""
-
-    def with_slow(method):
-        problem = made_up()
-        points = tuple(
-            replace(p, times=(2.0 * p.times[0],)) if p.line == method else p for p in problem.points
-        )
-        return run.field_chart([replace(problem, points=points)])
-
-    first, second = with_slow("newmark-average"), with_slow("impulse4")
+    first, second = (chart_with_slow(name, 2.0) for name in ("newmark-average", "impulse4"))
     equal = run.page_tables.compare_verdicts(first, first)
     assert "equal in 36 of 36 cells" in equal
     assert "in 6 of 6 cases, and at most 1.00 times" in equal
