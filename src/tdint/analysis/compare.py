@@ -391,7 +391,7 @@ def _start_offset(signal: Signal, reference: Signal, notes: dict[str, None]) -> 
 
 
 def _with_label(signal: Signal, texts: Sequence[str]) -> list[str]:
-    """Return texts, each preceded by the label of a signal."""
+    """Return the texts with the label of a signal before each text."""
     return [f"{signal.label}: {text}" for text in texts]
 
 
@@ -561,10 +561,10 @@ class Comparison(Tabular):
 
 
 def absolute_displacements(comparison: Comparison) -> list[str]:
-    """Return a warning for each floor whose recorded displacement probably is absolute.
+    """Return a warning for each floor with a recorded displacement that probably is absolute.
 
-    Displacements are compared relative to the base. The recorded displacement is probably absolute
-    if the displacement of the base, subtracted from it, improves the agreement considerably.
+    Displacements are compared relative to the base. A recorded displacement is probably absolute if
+    subtracting the displacement of the base improves the agreement considerably.
     """
     event, messages = comparison.event, []
     for floor in comparison.floors:
@@ -660,17 +660,24 @@ def is_linear(model: Model) -> bool:
 
 
 def respond(case: Case, dt: float | None, band: tuple[float, float] | None = None) -> Response:
-    """Return the response over the complete base motion, with its time history.
+    """Integrate a model over the complete base motion, and keep the time history.
 
     Parameters
     ----------
     case : Case
         Model under the base motion.
     dt : float or None
-        Time step, s. By default it is the sampling interval of the base, or a fraction of it that
+        Time step, s. None for the sampling interval of the base, or a fraction of the interval that
         is short for all modes in the band, so that the discretization error is negligible.
     band : tuple of two floats, optional
-        Band of the comparison, Hz.
+        Frequency band of the comparison, Hz; by default all frequencies.
+
+    Raises
+    ------
+    UsageError
+        The time step exceeds the sampling interval of the base, or does not divide it.
+    FailedRun
+        The run fails.
     """
     record = case.record
     assert record is not None
@@ -839,7 +846,7 @@ def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> 
     ----------
     comparison : Comparison
         Computed and recorded response.
-    requirements : sequence of tuple
+    requirements : sequence of (str, float)
         Names of compared values, such as `correlation`, with their limits.
     """
     messages = []

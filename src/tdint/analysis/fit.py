@@ -296,6 +296,8 @@ class _Problem:
         free_values: Sequence[_FreeValue],
         progress: Callable[[int], None],
     ) -> None:
+        # The method `exact` is the fastest and has no discretization error; None selects the
+        # default.
         self._model = model
         self.event = event
         self.free_values = free_values
@@ -413,7 +415,7 @@ def _minimize(
         return stored[x.tobytes()]
 
     def derivatives(x: Array) -> Array:
-        """Return the derivatives of the residuals by differences, one column per parameter."""
+        """Return the Jacobian of the residuals by finite differences, shape (m, n)."""
         # SciPy has usually just evaluated the residuals at x: use these if they are still stored.
         base = stored[x.tobytes()] if x.tobytes() in stored else evaluate(x)
         differences = np.where(
@@ -431,10 +433,11 @@ def _minimize(
 def _start_values(
     problem: _Problem, model_logarithms: Array, bounds: Array, fits_stiffness: bool
 ) -> list[Array]:
-    """Return start values of the fit: the values of the model, and the same with other stiffnesses.
+    """Return several start values from which the spectra are fitted.
 
-    The stiffnesses of all stories are multiplied by a common factor. Up to three factors that are
-    local minima of the spectral difference are used.
+    The first are the values of the model. In the others, the stiffnesses of all stories are
+    multiplied by a common factor. Up to three factors that are local minima of the spectral
+    difference are used.
 
     Parameters
     ----------
@@ -446,6 +449,11 @@ def _start_values(
         Bounds of the logarithms.
     fits_stiffness : bool
         True if stiffnesses are fitted.
+
+    Returns
+    -------
+    list of ndarray, shape (n,)
+        Logarithms of the start values.
     """
     if not fits_stiffness:
         return [model_logarithms]
@@ -511,11 +519,16 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
 
 
 def _standard_errors(solution: object) -> Array:
-    """Return the standard errors of the logarithms of the fitted values, shape (values,).
+    """Return the relative standard errors of the fitted values, shape (values,).
 
-    They are the relative standard errors of the values. They result from the covariance matrix
-    variance (J^T J)^-1 with the Jacobian J of the residuals at the minimum (`solution`, result of
-    SciPy). The standard error of a value that the residuals do not determine is inf.
+    These are the standard errors of the logarithms of the values. They are computed from the
+    covariance matrix variance (J^T J)^-1, where J is the Jacobian of the residuals at the minimum.
+    The standard error of a value that the residuals do not determine is inf.
+
+    Parameters
+    ----------
+    solution : scipy.optimize.OptimizeResult
+        Result of `scipy.optimize.least_squares` for the logarithms.
     """
     jacobian: Array = solution.jac  # type: ignore[attr-defined]
     residual_count, value_count = jacobian.shape

@@ -118,7 +118,7 @@ class Match(Tabular):
 
     @property
     def parts(self) -> tuple[Match, ...]:
-        """One match per component, each with the spectra of the pair; itself if not a pair."""
+        """One match per component of a pair, with the spectra of the pair; otherwise this match."""
         if isinstance(self.record, Record):
             return (self,)
         component_pairs = zip(components(self.record), components(self.seed), strict=True)
@@ -417,7 +417,21 @@ class _MatchTarget:
 
 
 def _spectra(motion: GroundMotion, periods: Array, dampings: Sequence[float]) -> Array:
-    """Return pseudo-accelerations, m/s^2, shape (damping ratios, periods); RotD100 for a pair.
+    """Compute the pseudo-acceleration spectra of a motion for several damping ratios.
+
+    Parameters
+    ----------
+    motion : Record or Horizontals
+        Ground motion, or a pair of components.
+    periods : ndarray, shape (k,)
+        Periods, s.
+    dampings : sequence of float
+        Damping ratios.
+
+    Returns
+    -------
+    ndarray, shape (damping ratios, k)
+        Pseudo-accelerations, m/s^2; RotD100 for a pair.
 
     Raises
     ------
@@ -565,10 +579,10 @@ def _score(misfit: Array) -> float:
 
 
 def _with_worst(periods: Array, checked: Array, misfit: Array) -> Array:
-    """Return the matched periods of a damping ratio, with additional periods of large misfit.
+    """Add periods with a large misfit to the matched periods of a damping ratio.
 
     Checked periods are added at local maxima of the misfit above `SMALL_MISFIT`, except next to
-    matched periods (within 0.3 %).
+    matched periods (within 0.3 %). The result is sorted.
 
     Parameters
     ----------

@@ -859,10 +859,23 @@ class _Chain:
         return drift, base_shear
 
     def _trial(self, controlling: int, drift_step: float) -> tuple[Array, float] | None:
-        """Return the drifts (m) and the base shear (N) after a drift step (m) of one story.
+        """Compute the state of equilibrium after a drift step of one story, without accepting it.
 
-        Its force determines the base shear, and the base shear determines the shears and drifts of
-        the other stories. The result is None if another story cannot carry its shear.
+        The force of this story determines the base shear, and the base shear determines the shears
+        and drifts of the other stories.
+
+        Parameters
+        ----------
+        controlling : int
+            Index of the story with the drift step.
+        drift_step : float
+            Change of its drift, m.
+
+        Returns
+        -------
+        tuple of (ndarray, float) or None
+            Drifts of the stories (m) and base shear (N); None if another story cannot resist its
+            shear.
         """
         force, _ = self.stories[controlling].response_at(self.drift[controlling] + drift_step)
         base_shear = force / self.shear_fraction[controlling]

@@ -121,7 +121,7 @@ def choose_steps(
 
 
 def _count(duration: float, h: float) -> int:
-    """Return the number of steps (h, s) for a duration (s), rounded up.
+    """Return the number of time steps of length h (s) in a duration (s), rounded up.
 
     A remainder within the rounding errors does not count as a further step.
 

@@ -353,7 +353,18 @@ def observed_order(
 def _integrate(
     integrator: Integrator, problem: OrderProblem, parts: int, count: int
 ) -> tuple[float, Array]:
-    """Integrate a problem with the time step `COARSEST` / `parts` over `count` coarsest steps.
+    """Integrate a problem with a fraction of the largest time step.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Method.
+    problem : OrderProblem
+        Oscillator with its load.
+    parts : int
+        Number of time steps in the largest time step `COARSEST`.
+    count : int
+        Duration of the run, as a number of largest time steps.
 
     Returns
     -------
@@ -382,12 +393,12 @@ def _integrate(
 
 
 def _sampled_motion(stride: int) -> Array:
-    """Return the ground acceleration at sampling intervals of 0.02 s / stride, m/s^2.
+    """Return a random ground acceleration at sampling intervals of 0.02 s / stride, m/s^2.
 
-    For stride 1 this is seeded white noise. If a time step contains several samples, the noise is
-    limited to frequencies up to `_MAX_FREQUENCY`, as in ground motions. With white noise, each step
-    would neglect a second moment as large as the two moments that it uses, and the observed order
-    would be at most 2.6.
+    The random numbers are the same in each call. For stride 1 the motion is white noise. If a time
+    step contains several samples, the noise is limited to frequencies up to `_MAX_FREQUENCY`, as in
+    ground motions. With white noise, each step would neglect a second moment as large as the two
+    moments that it uses, and the observed order would be at most 2.6.
     """
     generator = np.random.default_rng(20221120)
     if stride == 1:
@@ -542,10 +553,9 @@ def check_method(integrator: Integrator) -> MethodCheck:
 
 
 def check_law(model: Model, story: int) -> list[str]:
-    """Return the faults of the hysteresis model of a story in a cyclic test.
+    """Check the hysteresis model of a story in a cyclic test, and return a message for each fault.
 
-    The faults are tangents that differ from the slope of the force, and errors of the energy
-    balance.
+    Faults are tangents that differ from the slope of the force, and errors of the energy balance.
 
     Parameters
     ----------

@@ -357,14 +357,15 @@ def _steps(example: Example, dt: float) -> int:
 
 
 def _as_run(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
-    """Run a method without a variant."""
+    """Integrate an example with a method and time step dt (s), as `tdint run` does."""
     return reference(example, dt, integrator.label, 1)
 
 
 def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
     """Run the central difference method with u(-dt) = 0 instead of u(-dt) = dt^2 a0 / 2.
 
-    This is equivalent to the initial velocity v0 = dt a0 / 2.
+    u(-dt) is the displacement one time step dt (s) before the start, and a0 the initial
+    acceleration. The change is equivalent to the initial velocity v0 = dt a0 / 2.
     """
     building = assemble(example.model)
     # v0 = dt a0 / 2 with the initial acceleration M a0 = p(0) - C v0 for zero displacements: solve
@@ -376,7 +377,7 @@ def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> Ex
 
 
 def _load(model: Model, times: Array) -> Array:
-    """Return the forces on the floors at the times, N, shape (times, n)."""
+    """Return the applied forces on the floors of a model at times (s), N, shape (times, n)."""
     loads: Array = np.zeros((times.size, len(model.stories)))
     for force in model.excitation.forces:
         angle = force.omega * times

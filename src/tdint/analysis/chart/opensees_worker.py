@@ -138,7 +138,17 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     """Define the chain of masses, the loads, the initial state, and the analysis in OpenSees.
 
     Node 0 is the ground, and node i + 1 is floor i. Element i + 1 is the hysteresis model of
-    story i; its parallel elements have the same tag plus `_TAG_OFFSET` or twice that number.
+    story i; its parallel elements have the same tag plus `_TAG_OFFSET` or twice that number. The
+    previous model in OpenSees is deleted.
+
+    Parameters
+    ----------
+    ops : module
+        OpenSeesPy.
+    problem : dict
+        Arrays of the building and of its excitation.
+    run : dict
+        Integrator of the run, name and parameters.
     """
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
@@ -193,12 +203,13 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
 
 
 def _load_floors(ops: Any, problem: Content) -> None:
-    """Apply the forces cosine cos(omega t) + sine sin(omega t), one load pattern per term.
+    """Define the forces cosine cos(omega t) + sine sin(omega t) of the problem in OpenSees.
 
-    OpenSees' series Trig is factor sin(omega t + shift). A cosine is thus a sine with the shift
-    pi / 2. A force with omega = 0 is the constant factor sin(shift), because Trig needs a period.
+    Each term that is not zero is one load pattern. OpenSees' series Trig is factor sin(omega t +
+    shift). A cosine is thus a sine with the shift pi / 2. A force with omega = 0 is the constant
+    factor sin(shift), because Trig needs a period.
     """
-    tag = 2
+    tag = 2  # the ground motion has the tag 1
     for floor, cosine, sine, omega in problem["forces"]:
         for factor, shift in ((cosine, 0.5 * math.pi), (sine, 0.0)):
             if factor == 0.0:
@@ -216,7 +227,7 @@ def _load_floors(ops: Any, problem: Content) -> None:
 
 
 def _integrate(ops: Any, problem: Content, run: Content) -> Content:
-    """Integrate step by step and return the results by name.
+    """Integrate the model that `_build` defined step by step, and return the results by name.
 
     Accelerations satisfy equilibrium at the end of each step, as those of tdint do. They are
     computed from OpenSees' displacements, velocities and story forces. OpenSees' own accelerations
@@ -265,10 +276,10 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
 
 
 def _run_steps(ops: Any, problem: Content, run: Content) -> tuple[list[Any], Any, int]:
-    """Run the time steps and return what OpenSees recorded.
+    """Run the time steps, and return the motion and the forces that OpenSees records.
 
-    OpenSees writes the motion of the nodes to files, because queries from Python take more time
-    than the steps.
+    The model in OpenSees is deleted afterwards. OpenSees writes the motion of the nodes to files,
+    because queries from Python take more time than the steps.
 
     Returns
     -------

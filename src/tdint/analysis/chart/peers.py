@@ -406,7 +406,7 @@ def _run_worker(
 
 
 def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
-    """Return the arrays of a problem that `opensees_worker` reads, by name; SI units.
+    """Return the arrays that describe a problem for `opensees_worker`, by name, in SI units.
 
     Dampers in proportion to the stiffness are passed as the Rayleigh coefficient `beta_stiffness`,
     other dampers as separate `dashpot` elements. `largest` is the maximum inertia force, N.
@@ -423,7 +423,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         for parameters, maximum_drift in zip(story_parameters, maximum_drifts.tolist(), strict=True)
     ]
     dampers = building.linear_terms[rows.STORY_DAMPER, :-1]
-    beta = _proportion(dampers, stiffness)
+    beta = _proportion(dampers, stiffness)  # None for dampers without proportion
     # Compute the acceleration of equilibrium, because OpenSees does not compute it at the start.
     start_force = (
         -building.damping_matrix() @ problem.velocity
@@ -837,9 +837,10 @@ def with_peers(
     repeats: int,
     progress: Progress = silent,
 ) -> tuple[Chart, list[str]]:
-    """Return the chart with additional points of OpenSeesPy and SciPy, and notes on omitted points.
+    """Add points of OpenSeesPy and SciPy to a chart.
 
-    Their errors refer to the same reference. Their times include only their analysis loops.
+    The errors of these points refer to the same reference, and their times include only the
+    analysis loops of the programs.
 
     Parameters
     ----------
@@ -853,6 +854,13 @@ def with_peers(
         Number of times that each run is timed.
     progress : callable
         Callback for progress reports.
+
+    Returns
+    -------
+    chart : Chart
+        Chart with the additional points and programs.
+    notes : list of str
+        Notes on omitted points.
     """
     progress("openseespy", 0.0)
     opensees_points, notes = openseespy_points(
@@ -869,7 +877,7 @@ def with_peers(
 
 
 def peers_of(points: Iterable[Point]) -> tuple[Peer, ...]:
-    """Return the other programs to which the points belong, with their versions and settings."""
+    """Return a description of each other program (OpenSeesPy, SciPy) that has points."""
     programs = {point.line.partition("/")[0] for point in points}
     used_peers = []
     for name, settings, timed_call in (

@@ -72,9 +72,10 @@ class FloorMotion:
         return np.diff(self.displacement, axis=1, prepend=0.0)
 
     def every(self, stride: int, row_count: int) -> FloorMotion:
-        """Return a motion with every `stride`-th row of this motion, `row_count` rows in total.
+        """Return the motion at every `stride`-th sample, `row_count` rows in total.
 
-        This motion must contain all samples. The peaks are not changed.
+        This motion must contain all samples. Its peaks are not changed, although they may occur at
+        omitted samples.
         """
         selected_rows = slice(0, (row_count - 1) * stride + 1, stride)
         return FloorMotion(
@@ -437,7 +438,10 @@ def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
 
 
 def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
-    """Return the error of the peak drifts of a run without history; the other errors are nan."""
+    """Return the errors of a run without history relative to a reference.
+
+    Only the error of the peak drifts is available; all other errors are nan.
+    """
     not_available = dict.fromkeys(QUANTITIES[:-1], math.nan)
     return Errors(
         **not_available,
@@ -514,10 +518,16 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
 
 
 def _solve(problem: Problem, samples: int) -> Reference:
-    """Return the reference for a problem over a number of samples (intervals).
+    """Compute the reference for a problem over a number of sampling intervals.
 
     The time step is halved until the gap is at most the target of the methods, decreases by less
-    than half, or the time is used up. The solution with the smallest gap is returned.
+    than half, or the time is used up. The gap is the difference from the solution of a second
+    method. The solution with the smallest gap is returned.
+
+    Raises
+    ------
+    AnalysisError
+        One of the solutions cannot be computed.
     """
     # Select the methods. Kinks of the force increase the gap between two solutions.
     building = problem.building
@@ -587,7 +597,23 @@ def _solve_once(
 
 
 def _motion(problem: Problem, samples: int, method: str, steps_per_interval: int) -> FloorMotion:
-    """Return the motion at all samples, computed with several time steps per interval.
+    """Integrate a problem by a method with several time steps in each sampling interval.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    samples : int
+        Number of intervals.
+    method : str
+        Method specification.
+    steps_per_interval : int
+        Number of time steps in an interval.
+
+    Returns
+    -------
+    FloorMotion
+        Motion at all samples.
 
     Raises
     ------
@@ -687,9 +713,9 @@ def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
 
 
 def _save(file: Path, reference: Reference) -> None:
-    """Store a reference and delete the oldest references above the size limit.
+    """Store a reference in a file, and delete the oldest references above the size limit.
 
-    Write errors are ignored, so the cache is optional.
+    If files cannot be written, the reference is not stored, and no error is raised.
     """
     motion = reference.motion
     content: dict[str, Any] = {

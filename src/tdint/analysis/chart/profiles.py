@@ -132,7 +132,9 @@ class PeakErrors(RelativeErrors):
 
     @classmethod
     def between(cls, peaks: StoryPeaks, true_peaks: StoryPeaks) -> PeakErrors:
-        """Return the maximum errors over the stories of peaks relative to the true peaks."""
+        """Return the maximum over the stories of the error of each peak relative to its true
+        value.
+        """
         return cls(
             *(largest_relative(getattr(peaks, name), getattr(true_peaks, name)) for name in PEAKS)
         )
@@ -209,10 +211,21 @@ class Measured:
         return self.gap.of(quantity) <= _SURE * tolerance
 
     def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
-        """Return the minimum time (s) at which each line meets a tolerance, by name of the line.
+        """Return the minimum computing time with which each method meets a tolerance.
 
-        The time is nan if the line does not meet the tolerance. A step meets the tolerance only if
-        all smaller steps meet it also.
+        A time step meets the tolerance only if all smaller time steps meet it also.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of the error, for example `peak_drift`.
+        tolerance : float
+            Maximum relative error.
+
+        Returns
+        -------
+        dict of str to float
+            Time, s, by the name of the line of the method; nan if no step meets the tolerance.
         """
         lines = dict.fromkeys(point.line for point in self.points)
         executed = [point for point in self.points if point.outcome != NOT_RUN]
@@ -225,10 +238,19 @@ class Measured:
         }
 
     def is_unknown(self, line: str, quantity: str, tolerance: float) -> bool:
-        """Return True if it is unknown whether a line can meet a tolerance.
+        """Return True if it is unknown whether a method can meet a tolerance.
 
-        This is the case if no executed step of the line meets the tolerance, and smaller steps were
-        not run, because the time of the program was used up.
+        This is the case if no executed time step meets the tolerance, and smaller steps were not
+        run, because the time limit of the program was reached.
+
+        Parameters
+        ----------
+        line : str
+            Name of the line of the method.
+        quantity : str
+            Name of the error, for example `peak_drift`.
+        tolerance : float
+            Maximum relative error.
         """
         of_line = [point for point in self.points if point.line == line]
         executed = [point for point in of_line if point.outcome != NOT_RUN]
@@ -351,6 +373,11 @@ class FieldChart(Tabular):
         and tolerances; `coarse` does so for tolerances of 3 % and more. The method `safest` has the
         fewest failures, and of these the smallest maximum ratio. A problem that a method does not
         accept counts as a failure.
+
+        Raises
+        ------
+        AnalysisError
+            No reference is accurate enough for any tolerance.
         """
         profiles = [profile for profile in self.profiles if of_steps(profile.method)]
         lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
@@ -360,16 +387,18 @@ class FieldChart(Tabular):
                 "for any of the tolerances; add other problems"
             )
 
-        # Number of problems, over all quantities and tolerances, solved at most at twice the cost.
         def count_near_minimum(line: str, smallest_tolerance: float) -> int:
+            """Return the number of problems solved within twice the minimum cost, summed over all
+            quantities and over tolerances from `smallest_tolerance`.
+            """
             return sum(
                 p.within(2.0)
                 for p in profiles
                 if p.method == line and p.tolerance >= smallest_tolerance
             )
 
-        # Number of unsolved problems, and the maximum cost ratio of the solved problems.
         def failures(line: str) -> tuple[int, float]:
+            """Return the number of unsolved problems, and the maximum cost ratio of the others."""
             of_line = [p for p in profiles if p.method == line]
             return sum(p.problems - p.solved for p in of_line), max(
                 (p.worst for p in of_line if p.solved), default=math.inf
@@ -480,10 +509,19 @@ def measure_problem(
 
 
 def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
-    """Return the reference, its difference from a second method, and the name of that method.
+    """Compute the reference of a problem, and confirm it by a second method.
 
     The time step of the second method is reduced until the difference is small enough to confirm
-    the reference at the smallest tolerance. The difference is the minimum over these steps.
+    the reference at the smallest tolerance.
+
+    Returns
+    -------
+    reference : Response
+        Response by impulse4 with small time steps.
+    gap : PeakErrors
+        Difference of the peaks of the second method, the minimum over its time steps.
+    confirmed_by : str
+        Second method with its last time step.
 
     Raises
     ------
@@ -542,9 +580,10 @@ def _peak_errors(true_peaks: StoryPeaks, response: Response) -> PeakErrors:
 def _points_of_method(
     posed: Problem, integrator: Integrator, dts: Sequence[float], true_peaks: StoryPeaks
 ) -> list[Point]:
-    """Return the points of one method until two successive errors are far below all tolerances.
+    """Measure one method with decreasing time steps, and return a point for each.
 
-    Each point has been timed one time.
+    No smaller step is run after two successive errors far below all tolerances. Each point is timed
+    one time.
 
     Parameters
     ----------
@@ -576,7 +615,7 @@ def _points_of_method(
         if response.status == DONE:
             point = replace(point, errors=_peak_errors(true_peaks, response))
         points.append(point)
-        # Two successive errors are required, because a single error may be small by chance.
+        # Two successive small errors are required, because a single error may be small by chance.
         last_errors = [point.errors for point in points[-2:] if point.errors]
         if len(last_errors) == 2 and max(errors.worst for errors in last_errors) < _FAR_BELOW * min(
             TOLERANCES
@@ -607,11 +646,10 @@ def _contenders(points: Iterable[Point]) -> list[Point]:
 def _opensees_results(
     posed: Problem, dts: Sequence[float], true_peaks: StoryPeaks
 ) -> tuple[list[Point], float, str]:
-    """Return OpenSeesPy's points, its difference from the reference, and a note.
+    """Measure OpenSeesPy with all time steps.
 
     Points are returned only if OpenSees integrates the same building: with small steps, its
-    histories must equal the reference within a fifth of the smallest tolerance. The note describes
-    these steps and omitted points, or contains the reason if there are no points.
+    histories must equal the reference within a fifth of the smallest tolerance.
 
     Parameters
     ----------
@@ -621,6 +659,15 @@ def _opensees_results(
         Time steps, s.
     true_peaks : StoryPeaks
         Peaks of the reference.
+
+    Returns
+    -------
+    points : list of Point
+        Points; empty if OpenSees cannot be used for this problem.
+    gap : float
+        Relative difference between OpenSees with small steps and the reference; nan if unknown.
+    note : str
+        Description of these steps and of omitted points, or the reason for an empty list.
     """
     from tdint.analysis.chart.peers import ITERATED, opensees_gap, openseespy_points
 

@@ -309,12 +309,12 @@ def halved_steps(problem: Problem, halvings: int) -> tuple[float, ...]:
 
 
 def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrator]:
-    """Return the methods that can integrate the building.
+    """Return those of the methods `integrators` that support the building of a problem.
 
     Raises
     ------
     UsageError
-        No method can integrate the building.
+        No method supports the building.
     """
     suitable = [
         integrator
@@ -438,7 +438,7 @@ def by_tolerance(
     judge: Callable[[Response], RelativeErrors],
     repeats: int,
 ) -> list[Point]:
-    """Return the points of a method that chooses its time steps, with decreasing tolerances.
+    """Measure a method that chooses its time steps, and return a point for each tolerance.
 
     The first run with each tolerance compiles the method and determines the errors. It is not
     timed.
@@ -455,6 +455,11 @@ def by_tolerance(
         Function that returns the errors of a response.
     repeats : int
         Number of times that each run is timed.
+
+    Returns
+    -------
+    list of Point
+        Points with decreasing tolerances. A point of a failed run has no errors and no times.
     """
     points = []
     for tolerance in sorted(set(tolerances), reverse=True):

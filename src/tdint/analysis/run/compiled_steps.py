@@ -97,10 +97,9 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
 
 
 def unsupported_reason(integrator: Integrator, building: Building) -> str:
-    """Return the reason why a method does not support a building: nonlinear stories or power-law
-    dashpots.
+    """Return a message if a method does not support a building; empty if it does.
 
-    The result is empty if the method supports the building.
+    Some methods do not support nonlinear stories or power-law dashpots.
     """
     if integrator.family.linear_only and not building.linear:
         return (
@@ -166,6 +165,11 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     (k, m, m).
 
     Column j of a matrix is the state after one step from the value 1 in row j of the memory.
+
+    Raises
+    ------
+    AnalysisError
+        The step fails.
     """
     memory = integrator.family.memory
     k = building.stories
@@ -204,7 +208,13 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
 
 
 def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
-    """Return the spectral radii of the measured amplification matrices, shape (k,)."""
+    """Return the spectral radii of the amplification matrices of oscillators, shape (k,).
+
+    Parameters
+    ----------
+    integrator, omega, damping, h
+        As for `amplification`.
+    """
     matrices = amplification(integrator, omega, damping, h)
     # The memory of a method contains quantities in m, m/s and m/s^2. Scale its rows to similar
     # magnitudes, which reduces rounding errors of the eigenvalues.

@@ -446,7 +446,10 @@ def ended_at_rest(response: Response) -> Response:
 
 
 def attempt(case: Case, steps: Steps, history: bool = False) -> Response | FailedRun:
-    """Return the response to `steps`, or the failure of the run."""
+    """Integrate a case over `steps`, and return the response or, if the run fails, its failure.
+
+    With `history`, the response history is kept.
+    """
     try:
         return case.integrate(steps, history)
     except FailedRun as failure:
@@ -454,7 +457,7 @@ def attempt(case: Case, steps: Steps, history: bool = False) -> Response | Faile
 
 
 def _unknown(response: Response, reason: str) -> Response:
-    """Return the response with unknown errors (nan) and a note with the reason."""
+    """Return a response with errors of nan, and a note on the reason why they are unknown."""
     unknown = np.full_like(response.stories.peak_drift, np.nan)
     errors = StoryErrors(*(unknown for _ in fields(StoryErrors)))
     notes = (*response.notes, f"no error estimate: {reason}")

@@ -102,7 +102,14 @@ def slope_errors(derivatives: Array, others: Array, by: EstimateFactors) -> Arra
 
 
 def number_at(model: Model, name: str) -> float:
-    """Return the value of a parameter in a model; 1 for factors.
+    """Return the value of a parameter in a model, SI units; 1 for factors.
+
+    Parameters
+    ----------
+    model : Model
+        Building.
+    name : str
+        Parameter, as in `vary` of `run_many`.
 
     Raises
     ------

@@ -859,7 +859,7 @@ def kernels_of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel,
 def _other_kernels(
     prepared: PreparedBuilding, integrator: Integrator
 ) -> list[tuple[Kernel, Variant]]:
-    """Return the kernels of a run that its time loop does not call."""
+    """Return further kernels of a run, which its time loop does not call, with their variants."""
     from tdint.kernels.oscillators.elastic import peaks  # few runs need their kernels in advance
 
     others = (peaks, *separate_kernels(prepared.building.law_parameters))

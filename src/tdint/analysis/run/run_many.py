@@ -585,6 +585,22 @@ def _integrate_with_histories(
 ) -> BatchResult:
     """Integrate runs of one building with one time step, and write the requested histories to
     `result`.
+
+    Parameters
+    ----------
+    subject : Subject
+        Building and method.
+    request : RunsRequest
+        Ground motions.
+    result : Runs
+        Result whose history arrays are filled.
+    runs : sequence of RunSpec
+        Runs of the building.
+
+    Returns
+    -------
+    BatchResult
+        Peaks and energies of the runs.
     """
     prepared, h = subject.prepared, runs[0].steps.h
     time = (

@@ -211,7 +211,17 @@ def event_responses(
 
 
 def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, ...]:
-    """Integrate the joined case in parts, one for each event, and return their peaks."""
+    """Integrate a sequence in parts, one for each event, and return the peaks of each part.
+
+    Parameters
+    ----------
+    joined : Case
+        Case under the joined record.
+    sequence : ShockSequence
+        Events with their start times.
+    steps : Steps
+        Time steps of the complete run. Events that start after its end are omitted.
+    """
     # The ground acceleration of an event starts to change at the sample before its first sample.
     firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
     building, dt = joined.building, sequence.records[0].dt
@@ -226,7 +236,8 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
 
 
 def _steps(case: Case, record: Record, dt: float | None) -> Steps:
-    """Return the time steps over a complete record.
+    """Return the time steps over a complete record, with the time step dt (s) or, for None, that of
+    the model or of the record.
 
     The duration in the model's analysis section is not used, because it does not apply to a
     sequence.

@@ -279,7 +279,11 @@ class _Stories:
     @property
     def shapes(self) -> Array:
         """Contributions of the modes to the drift ratios of the stories and, in the last column, to
-        the roof drift ratio, shape (modes, n + 1)."""
+        the roof drift ratio, 1/m, shape (modes, n + 1).
+
+        A contribution is multiplied by the displacement of the oscillator of the mode, m.
+        """
+        # Ordinates of the modes at the ground and all floors.
         floors = np.sin(np.outer(self.theta, np.arange(self.n + 1)))
         participation = floors.sum(axis=1) / np.square(floors).sum(axis=1)
         drift_ratios = np.diff(floors, axis=1) * (self.n / self.height)
@@ -316,7 +320,12 @@ class _Beam:
     @property
     def shapes(self) -> Array:
         """Contributions of the modes to the drift ratio at the base and to the roof drift ratio,
-        shape (modes, 2)."""
+        1/m, shape (modes, 2).
+
+        A contribution is multiplied by the displacement of the oscillator of the mode, m.
+        """
+        # The participation factor of mode j is 4 / ((2j - 1) pi), the slope of its shape at the
+        # base (2j - 1) pi / 2H, and its ordinate at the roof +1 or -1, alternating.
         signs = np.where(np.arange(self.modes) % 2 == 0, 1.0, -1.0)
         return (
             np.column_stack([np.full(self.modes, 2.0), 4.0 / math.pi * signs / self.odd_numbers])

@@ -561,7 +561,9 @@ LONGEST_PERIOD = 1e6
 
 
 def checked_periods(periods: Numbers) -> Array:
-    """Return the periods as an array, shape (k,); raise UsageError if they are invalid."""
+    """Return periods (s) as an array, shape (k,); raise UsageError if one is negative, not finite,
+    or above `LONGEST_PERIOD`.
+    """
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
         raise UsageError(

@@ -108,7 +108,7 @@ def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
     t0 = 0.2 * ts
 
     def curve(periods: Array) -> Array:
-        """Return the pseudo-accelerations at periods, m/s^2."""
+        """Return the pseudo-accelerations (m/s^2) at periods (s), shape (k,)."""
         t = np.maximum(periods, t0)  # avoids a division by 0
         # Constant acceleration, constant velocity and constant displacement; g.
         shape = np.where(t <= ts, sds, np.where(t <= tl, sd1 / t, sd1 * tl / t**2))
@@ -163,7 +163,7 @@ def _ec8(parameters: Texts) -> DesignSpectrum:
     te = _TE[parameters["soil"].upper()]
 
     def curve(periods: Array) -> Array:
-        """Return the pseudo-accelerations at periods, m/s^2."""
+        """Return the pseudo-accelerations (m/s^2) at periods (s), shape (k,)."""
         t = np.maximum(periods, tb)  # avoids a division by 0
         # Branches of constant acceleration, velocity and displacement, relative to ag S.
         shape = plateau * np.where(t <= tc, 1.0, np.where(t <= td, tc / t, tc * td / t**2))
