@@ -395,7 +395,7 @@ def _with_label(signal: Signal, texts: Sequence[str]) -> list[str]:
     return [f"{signal.label}: {text}" for text in texts]
 
 
-# ---- Compare
+# ---- Comparison of the computed with the recorded motions
 
 _LONGEST_SHIFT = 10.0
 """Maximum shift, s; a larger difference of clocks is not a matter of synchronization."""
@@ -411,9 +411,8 @@ _SHORT_STEP = 0.25
 """Maximum product of the circular frequency of a mode (rad/s) and the time step (s), below which
 the error of a fourth-order method is less than 1e-4."""
 
-_MAX_STEPS_PER_INTERVAL = (
-    64  # maximum number of steps per sampling interval for short periods (six halvings)
-)
+# Maximum number of time steps in a sampling interval, if short periods require small steps
+_MAX_STEPS_PER_INTERVAL = 64
 
 # A limit r of the peak ratio also limits the inverse: the ratio must be between r and 1 / r.
 _REQUIREMENTS: dict[str, tuple[Callable[[float, float], bool], str]] = {

@@ -41,14 +41,13 @@ _DAMPING_BOUNDS = (1e-4, 0.5)  # bounds of a damping ratio
 _DIFFERENCE_STEP = 1e-4
 _SCANNED_FACTORS = np.geomspace(0.4, 2.5, 41)  # common factors of the stiffnesses as start values
 _MAX_SCANNED_STARTS = 3  # maximum number of these factors with which a fit of the spectra starts
-_CONTINUED_FITS = 2  # number of fits of the spectra, the best first, that the histories continue
+_CONTINUED_FITS = 2  # number of best fits of the spectra from which the histories are fitted
 _BANDWIDTH = 0.1  # half width of the smoothing, in the logarithm of frequency
 _FREQUENCIES = 120  # number of frequencies of the smoothed spectrum, in equal ratios
 # The lowest frequency of a spectrum has this number of periods within the recording
 _LOWEST_CYCLES = 5
-_POORLY_DETERMINED = (
-    0.1  # relative standard error above which a value is reported as poorly determined
-)
+# Relative standard error above which a value is reported as poorly determined
+_POORLY_DETERMINED = 0.1
 _BOUND_DISTANCE = 1e-2  # relative distance from a bound within which a value is on the bound
 _STANDARD_ERRORS = 0.01  # distance from the minimum, in standard errors, at which a fit ends
 _FAILED_DIFFERENCE = 10.0  # rms difference assigned to a run without result
@@ -181,7 +180,8 @@ def fit(
     # above this limit.
     if not best.cost < 0.5 * _FAILED_DIFFERENCE:
         raise AnalysisError(
-            "no values were found for which the model has a result; start from other values"
+            "no run of the fit has a result, for any of the tried values of stiffness and damping; "
+            "start from other values in the model"
         )
     relative_errors = _standard_errors(best)
     values = tuple(
@@ -223,14 +223,14 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
     event, free_values = problem.event, problem.free_values
     bounds = np.log([value.bounds for value in free_values]).T
     model_logarithms = np.clip(np.log([value.start for value in free_values]), *bounds)
-    # Fit the spectra from all starts.
+    # The spectra converge from distant start values, so they are fitted from all start values.
     spectral_fits = []
     for start in _start_values(problem, model_logarithms, bounds, is_stiffness_fitted):
         solution = _minimize(
             problem.spectral_differences, start, bounds, xtol=1e-4, ftol=1e-4, max_nfev=15
         )
         spectral_fits.append((solution.cost, solution.x))
-    # Continue the best fits with the histories.
+    # Fit the histories from the results with the smallest differences of the spectra.
     spectral_fits.sort(key=lambda candidate: float(candidate[0]))
     best = None
     for _, start in spectral_fits[:_CONTINUED_FITS]:

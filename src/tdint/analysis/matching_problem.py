@@ -355,7 +355,8 @@ class MatchingProblem:
         # the remaining time.
         remaining = np.arange(sample_count - 1, -1, -1.0)
         end_derivatives = np.stack([np.full(sample_count, dt), dt * dt * remaining])
-        # Impulse response and free vibrations after the filter, in reversed order of time
+        # The filtered impulse response and free vibrations are stored in reversed order of time.
+        # The samples before the start, which the filter also affects, are appended.
         band32 = band.astype(np.float32)
         sample_order = np.concatenate(
             [np.arange(sample_count - 1, -1, -1), -np.arange(1, filter_reach + 1)]
@@ -443,10 +444,11 @@ class MatchingProblem:
         SparseRows
             One row for each extreme, relative to its target; then two rows for each component.
         """
-        # Factors of the four parts of each row: free vibration and the two samples at the extreme
+        # A row is the sum of four parts: cosine and sine of the free vibration, and the effects of
+        # the two samples next to the extreme. Compute the factors of these parts.
         sample_before = np.minimum((when / self.dt).astype(int), self.envelope.size - 2)
         factors_of_rows = self._factors_of_rows(oscillator, when - self.dt * sample_before)
-        # Rows of the extremes, times the envelope
+        # The rows of the extremes are multiplied by the envelope.
         starts, lines = [], list[NDArray[np.float32]]()
         envelope = self.envelope.astype(np.float32)
         for k, row_factors, sample_of_extreme in zip(
@@ -456,7 +458,8 @@ class MatchingProblem:
             row_values *= envelope[row_start : row_start + row_values.size]
             starts.append(row_start)
             lines.append(row_values)
-        # Rows of the final velocity and displacement, for each component
+        # Append two rows for each component: its final velocity and its final displacement. The
+        # unit vector in `relative_directions` selects the component.
         relative_directions = directions / self.wanted[oscillator]
         component_count = len(directions)
         for component in range(component_count):
@@ -545,7 +548,7 @@ class MatchingProblem:
         # Free vibration: stored in reversed order of time, so that it is read forward here.
         first_vibration = vibration.shape[1] - self.filter_reach - 1 - sample_of_extreme + row_start
         row_values = factors[:2] @ vibration[:, first_vibration : first_vibration + row_size]
-        # The two samples next to the extreme
+        # Add the impulse responses of the filter at the two samples next to the extreme.
         first_impulse = sample_count - 1 - sample_of_extreme + row_start
         row_values += factors[2] * self.impulse_response[first_impulse : first_impulse + row_size]
         row_values += (
@@ -732,7 +735,7 @@ class MatchingProblem:
         change = (state.samples - self.scaled_seed).ravel()
         shortfall = np.concatenate([shortfall, -end_derivatives @ change])
         is_equality = np.concatenate([is_equality, np.ones(len(end_derivatives), bool)])
-        # Scale the rows to products of 1 with themselves.
+        # Scale the rows to unit length, so that the same damping is suitable for all rows.
         gram = rows.products()
         scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         gram *= scales[:, None] * scales

@@ -298,17 +298,17 @@ def _n2(
     """
     roof = curve.idealized_to(roof)
     # Forces and displacements of the equivalent oscillator are those of the building divided by the
-    # participation factor. Numbers in parentheses are equations of the annex.
+    # participation factor. Equation numbers are those of annex B of EN 1998-1.
     yield_strength = curve.maximum_shear(roof) / participation
     oscillator_displacement = roof / participation
     area = curve.response_at(roof)[1] / participation**2
-    yield_displacement = 2.0 * (oscillator_displacement - area / yield_strength)  # (B.6)
-    period = 2.0 * math.pi * math.sqrt(mass * yield_displacement / yield_strength)  # (B.7)
+    yield_displacement = 2.0 * (oscillator_displacement - area / yield_strength)  # eq. B.6
+    period = 2.0 * math.pi * math.sqrt(mass * yield_displacement / yield_strength)  # eq. B.7
     acceleration = float(demand.at(np.array([period]))[0])
-    elastic_displacement = acceleration * (period / (2.0 * math.pi)) ** 2  # (B.8)
+    elastic_displacement = acceleration * (period / (2.0 * math.pi)) ** 2  # eq. B.8
     strength_ratio = acceleration * mass / yield_strength
     displacement_ratio = 1.0
-    if period < demand.corner and strength_ratio > 1.0:  # (B.10)
+    if period < demand.corner and strength_ratio > 1.0:  # eq. B.10, for short periods
         displacement_ratio = min(
             max((1.0 + (strength_ratio - 1.0) * demand.corner / period) / strength_ratio, 1.0),
             _MAX_DISPLACEMENT_RATIO,
@@ -349,7 +349,6 @@ def _coefficients(
         Roof displacement up to which the curve is idealized, m.
     """
     roof = curve.idealized_to(roof)
-    # Numbers in parentheses are equations of ASCE 41-17.
     modes = building.modes()
     strength, yield_displacement = _two_lines(curve, roof)
     initial_stiffness = float(curve.shear[1] / curve.roof[1])
@@ -358,13 +357,12 @@ def _coefficients(
     acceleration = float(demand.at(np.array([period]))[0])
     strength_ratio = acceleration * mass_factor * float(building.mass.sum()) / strength
     strength_excess = max(strength_ratio - 1.0, 0.0)
-    c1 = (
-        1.0 if period > 1.0 else 1.0 + strength_excess / (site_factor * max(period, 0.2) ** 2)
-    )  # (7-29)
-    c2 = 1.0 if period > 0.7 else 1.0 + (strength_excess / period) ** 2 / 800.0  # (7-30)
+    # Equations 7-29 (C1), 7-30 (C2) and 7-28 (target displacement) of ASCE 41-17.
+    c1 = 1.0 if period > 1.0 else 1.0 + strength_excess / (site_factor * max(period, 0.2) ** 2)
+    c2 = 1.0 if period > 0.7 else 1.0 + (strength_excess / period) ** 2 / 800.0
     displacement = (
         float(modes.participation[0]) * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2
-    )  # (7-28)
+    )
     return _IdealizedCurve(
         period, strength, yield_displacement, acceleration, strength_ratio, (c1, c2), displacement
     )

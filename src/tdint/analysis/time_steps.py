@@ -1,5 +1,5 @@
-"""Time steps that an analysis may take: the step and number of steps for a requested dt, duration
-and record."""
+"""Time steps of an analysis: length and number of the time steps for a requested dt, duration and
+record."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 
 from tdint.errors import UsageError
 
-_STEP_TOLERANCE = (
-    1e-9  # dimensionless; relative difference below which time steps are considered equal
-)
+# Dimensionless. Relative difference below which time steps are considered equal
+_STEP_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)

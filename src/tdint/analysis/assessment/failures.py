@@ -196,7 +196,8 @@ def _hardening() -> HardProblem:
 
 # ---- Softening oscillator: u'' + 100 tanh u = 0 from u = 4
 
-_SOFTENING_AMPLITUDE, _STRENGTH = 4.0, 100.0  # m, initial displacement; N, limit of the force
+# Initial displacement, m, and limit of the restoring force, N
+_SOFTENING_AMPLITUDE, _STRENGTH = 4.0, 100.0
 
 
 def _log_cosh(u: Array) -> Array:
@@ -273,7 +274,8 @@ def _softening() -> HardProblem:
 # ---- Stiff and soft node of Bathe and Noh: a spring of 1e7 N/m transmits the motion sin 1.2 t of
 # the base node
 
-_STIFF, _DRIVE = 1e7, 1.2  # N/m, stiff spring; rad/s, circular frequency of the base
+# Stiffness of the stiff spring, N/m, and circular frequency of the motion of the base, rad/s
+_STIFF, _DRIVE = 1e7, 1.2
 # Amplitudes (m) of the exact motion of the soft node: free vibration at 1 rad/s, and forced
 # vibration at the frequency of the base.
 _NATURAL_AMPLITUDE, _DRIVEN_AMPLITUDE = 1.0 / (1.0 - _DRIVE**2) * -_DRIVE, 1.0 / (1.0 - _DRIVE**2)
@@ -360,7 +362,8 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
 # ---- Stiff pair: two halves of a mass with the frequency of a pendulum, sqrt(9.81) rad/s,
 # connected by a spring with the frequency 1e4 rad/s
 
-_PENDULUM_STIFFNESS, _HALF_MASS, _JOINT_STIFFNESS = 9.81, 0.5, 2.5e7  # N/m, kg, N/m
+# Stiffness below the masses, N/m; each mass, kg; stiffness of the spring between the masses, N/m
+_PENDULUM_STIFFNESS, _HALF_MASS, _JOINT_STIFFNESS = 9.81, 0.5, 2.5e7
 
 
 def _stiff_pair() -> HardProblem:
@@ -551,7 +554,7 @@ def problems() -> Mapping[str, HardProblem]:
     return {problem.name: problem for problem in every}
 
 
-# ---- Failures
+# ---- Trials: each method integrates each problem, and the result is judged
 
 PASS = "pass"
 BLOWS_UP = "blows up"
@@ -748,7 +751,8 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
         return trial
     steps = case.steps(dt, dt * count)
     # A run with an unstable time step ends with an error that states the largest stable time step.
-    # Computing this step takes longer than most runs, so that unstable steps are detected here.
+    # Computing this step takes longer than most runs. The stability is therefore checked here, and
+    # no run with an unstable step is started.
     outcome = UNSTABLE
     if case.prepared.instability(integrator, dt) is None:
         ended = error_estimate.attempt(case, steps, history=True)

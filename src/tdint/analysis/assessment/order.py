@@ -51,11 +51,11 @@ OBSERVED_HALVINGS = 4
 
 _OMEGA = 2.0 * math.pi
 _XI = 0.02  # damping ratio; strong damping would reduce the errors that show the order
-_START = (0.7, 2.0)  # u (m) and v (m/s)
+_START = (0.7, 2.0)  # initial displacement (m) and velocity (m/s) of the oscillator
 _AMPLITUDE = 20.0  # N; amplitude of the harmonic force
 _COARSE_STEPS = 200  # number of the largest time steps in the motion of 4 s
 _MAX_FREQUENCY = 10.0  # Hz; maximum frequency in a record with several samples per time step
-_ROUNDING = 3e-12  # errors relative to the largest value; smaller errors are rounding errors
+_ROUNDING = 3e-12  # error relative to the maximum motion, below which it is a rounding error
 # Numbers of largest time steps after which the acceleration stored by the method is compared.
 _COMPARED_STEPS = (40, 90, 130, 170, 200)
 

@@ -380,8 +380,12 @@ _NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
 """Rounding error of a step divided by the initial value. The initial acceleration is omega^2 u(0)
 or 2 xi omega v(0).
 """
-_FAR = 1e3  # omega h at which the roots of an unstable method are outside the unit circle
-_TINY = 1e-200  # factor on the start of the linear motion, so that growth does not overflow
+# Product of circular frequency and time step, rad, at which an unstable method is detected by a
+# spectral radius above 1
+_FAR = 1e3
+# Factor on the initial condition of linear motion, so that a growing response does not exceed the
+# range of floating-point numbers
+_TINY = 1e-200
 
 LAWS = ("linear", "hardening", "softening")
 """Restoring forces of the oscillator: linear, or that of a problem of
@@ -626,7 +630,8 @@ def _first_steps(
         Displacement u and h v, where v is the velocity, m, at the initial time and after each time
         step; nan after the response has grown without bound.
     """
-    # The motion is linear in the start. A tiny start prevents overflow, and is divided out again.
+    # The motion is proportional to the initial condition. A tiny initial condition prevents
+    # overflow, and the motion is divided by the same factor at the end.
     displacement, velocity = np.multiply(_TINY, STARTS[start])
     building = oscillators(omega_h, np.array([damping]))
     prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)

@@ -38,8 +38,10 @@ TOLERANCE = 1e-9  # residual divided by the maximum inertia force of the referen
 ITERATIONS = 50  # maximum Newton iterations per step; converging steps need fewer iterations
 _GROUND, _PATTERN = 0, 1  # node of the ground, and tag of the load pattern of the ground motion
 _RECORDED = ("disp", "vel", "accel")  # responses of the nodes that OpenSees writes to files
-_TAG_OFFSET = 100_000  # offset of the tags of parallel elements; maximum number of stories
-_SIGNAL_AT_PARENTS_DEATH = 1  # PR_SET_PDEATHSIG of Linux
+# Difference between the tags of parallel elements of one story; more than the number of stories
+_TAG_OFFSET = 100_000
+# Option PR_SET_PDEATHSIG of the Linux function prctl: send a signal when the parent process ends
+_SIGNAL_AT_PARENTS_DEATH = 1
 _FOREVER = 1e9  # s; later than the end of any run
 
 Content = dict[str, Any]
@@ -57,7 +59,8 @@ def main() -> int:
     if sys.platform == "linux" and len(sys.argv) > 1:
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, signal.SIGKILL)
-        # The parent may have ended before the request.
+        # If the parent ended before the request, no signal is sent. This process then has another
+        # parent.
         if os.getppid() != int(sys.argv[1]):
             return 1
     if find_spec("openseespy") is None:
@@ -251,7 +254,8 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     )
     if not np.all(np.isfinite(u)):
         return {"outcome": np.array("diverged")}
-    # Accelerations relative to the ground, and absolute accelerations
+    # Compute accelerations relative to the ground and absolute accelerations. The ground
+    # acceleration decreases linearly to 0 after the last sample.
     times, ground_samples = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
     ground_acceleration = np.interp(
         times, problem["interval"] * np.arange(ground_samples + 1), [*problem["ground"], 0.0]

@@ -34,8 +34,10 @@ from tdint.model.damage_states import DONE
 from tdint.model.definition import CODES
 from tdint.model.plugins import peers
 
-_REPEATS = 3  # maximum; OpenSeesPy is up to 500 times slower than tdint
-_MINUTES = 5.0  # min; time limit of the process
+# Maximum number of times that a run is timed, because OpenSeesPy is up to 500 times slower than
+# tdint
+_REPEATS = 3
+_MINUTES = 5.0  # min; time limit of the process of OpenSeesPy
 # A force curve is given to OpenSees as a table. These are its drifts over the maximum drift of the
 # table; linear interpolation deviates from a smooth curve by 1e-6 of the force.
 _TABLE = np.linspace(-1.0, 1.0, 8001)
@@ -44,7 +46,7 @@ _REACH = 4.0
 # Numbers of steps per sampling interval of OpenSees, tried in this order until the extrapolated
 # response shows that OpenSees' hysteresis models equal the models of tdint
 _CHECKED = (8, 16, 32, 64, 128)
-_SAME = 1e-9  # relative tolerance of equality; exceeds the rounding errors of a division
+_SAME = 1e-9  # relative difference of ratios that are considered equal, because of rounding errors
 
 
 NO_PROCESS = "its process did not start or did not end"

@@ -105,12 +105,15 @@ _FINER = (32, 128)
 # a larger difference, the problem cannot show which methods meet the tolerance.
 _SURE = 0.2
 _NEAR = 1.5  # points with a cost up to this multiple of the minimum are timed again
-# Fraction of the smallest tolerance: after two steps with smaller errors, no smaller step is run
+# Fraction of the smallest tolerance. After two time steps with errors below it, no smaller time
+# step is run
 _FAR_BELOW = 0.25
 # Fraction of the time limit of OpenSees for a problem; with the full time, OpenSees would take
 # longer than all methods of tdint in many problems
 _SHARE = 0.3
-_REPEATS = 3  # times per point; their minimum is the cost, because disturbances only increase times
+# Number of times that a point is timed. The cost is the minimum time, because disturbances by other
+# processes only increase times
+_REPEATS = 3
 
 
 @dataclass(frozen=True)
@@ -273,8 +276,8 @@ class Leaders(NamedTuple):
     safest: str
 
 
-COARSE = 0.03  # relative error; larger tolerances are typical of coarse steps
-PEER = "/"  # separator in the names of lines of other programs: program/method
+COARSE = 0.03  # relative error from which a tolerance is considered coarse
+PEER = "/"  # separator in the name of a line of another program, such as openseespy/hht
 
 
 APART = ("openseespy/generalized-alpha",)

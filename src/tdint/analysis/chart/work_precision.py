@@ -75,7 +75,9 @@ _INTERMEDIATE_RATIO = 1.7
 _DEFAULT_SECONDS = 30.0  # s; approximate duration of all timed runs of a chart by default
 _STORY_STEP = 6e-8  # s; approximate cost of one time step per story
 
-_SAME_COST = 1.1  # ratio; times on a shared machine scatter by 10 %
+# Ratio of two costs below which they are considered equal, because times scatter by 10 % on a
+# shared machine
+_SAME_COST = 1.1
 _MORE_REPEATS = 4  # maximum number of repetitions, as a multiple of the requested number
 # Fractions of the total work that are complete after the compilation and after the reference
 _COMPILED, _PREPARED = 0.1, 0.25
@@ -173,10 +175,11 @@ class Timing:
     def of(cls, points: Iterable[Point]) -> Timing:
         """Return the conditions for points of a chart that have just been timed."""
         timed = [point for point in points if point.times]
-        # Only processor time can be compared with wall time; other clocks measure wall time.
         repeat_counts = [len(point.times) for point in timed] or [0]
         processor_seconds = sum(sum(point.times) for point in timed)
         wall_seconds = sum(sum(point.walls) for point in timed)
+        # The ratio of wall time to processor time shows disturbances by other processes. It is
+        # unknown if the clock does not measure processor time.
         is_measured = (
             system.clock() == "thread_time" and processor_seconds > 0.0 and wall_seconds > 0.0
         )

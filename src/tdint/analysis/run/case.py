@@ -409,7 +409,7 @@ HISTORIES: dict[str, FieldFunction] = {
 """Functions that compute the fields of `History` for stories and floors, shape (rows, n)."""
 
 
-# ---- Case
+# ---- Case: building, ground motion and method of a run
 
 _LARGE_IMBALANCE = 0.01
 """Dimensionless. Energy error above which the result of a run includes a warning."""

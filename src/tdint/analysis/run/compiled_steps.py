@@ -202,7 +202,10 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
         space.step_status[rows.STEPS_DONE] = _COMPLETED_STEPS
         code = step(coefficients, *scene, h, np.zeros(rows.LOAD_SIZE), *space.memory)
         if code < 0:
-            raise AnalysisError(f"{integrator.label}: a step of an oscillator failed")
+            raise AnalysisError(
+                f"{integrator.label}: the time step {h:.6g} s of a linear oscillator failed, so that "
+                "the stability of the method cannot be measured"
+            )
         result[:, :, column] = state[list(memory), :k].T
     return result
 

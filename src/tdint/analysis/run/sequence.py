@@ -202,11 +202,10 @@ def event_responses(
     others = _parts(reference(joined), sequence, reference_steps(joined, steps))
     # A motion of the building at the start affects the error estimate of the first event only.
     starts = (start_peaks(joined, steps), *(None for _ in shocks[1:]))
+    # The additional run may end earlier and contain fewer events (`strict=False`).
     return tuple(
         replace(shock, errors=story_errors(shock, other, factors(joined.method), start=start))
-        for shock, other, start in zip(
-            shocks, others, starts, strict=False
-        )  # the second run may end earlier
+        for shock, other, start in zip(shocks, others, starts, strict=False)
     )
 
 

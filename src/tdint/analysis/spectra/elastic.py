@@ -56,11 +56,12 @@ InterpolationName = Annotated[
 ]
 """Declarations that all spectra have in common. The last two are columns only if requested."""
 
-_MAX_LANES = (
-    56  # maximum number of oscillators integrated together; their data fit into the L1 cache
-)
-_REGISTER = 8  # number of values in a vector register
-_ROUNDING = 1e-9  # relative; prevents rounding an integer quotient up to the next integer
+# Maximum number of oscillators integrated together; their data fit into the L1 cache
+_MAX_LANES = 56
+_REGISTER = 8  # number of values in a vector register of the processor
+# Relative amount by which a quotient is reduced before it is rounded up, so that a rounding error
+# does not increase an integer quotient by 1
+_ROUNDING = 1e-9
 
 
 def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -> Array:
@@ -274,7 +275,7 @@ def _lanes(count: int) -> int:
     return -(-count // (group_count * _REGISTER)) * _REGISTER
 
 
-# ---- Elastic
+# ---- Elastic response spectra
 
 Choice = TypeVar("Choice")
 

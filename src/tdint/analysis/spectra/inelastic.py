@@ -26,14 +26,19 @@ SHORTEST = 1e-3
 
 # Allowed ratios of yield force to weight; structures are far within these limits.
 _MIN_STRENGTH, _MAX_STRENGTH = 1e-9, 1e6
-_STRENGTH_STEP = 0.97  # ratio of successive strengths in the search for the largest strength
+# The largest strength that leads to a ductility (the target) is searched downward from the elastic
+# strength.
+_STRENGTH_STEP = 0.97  # ratio of successive strengths in the search
 _MIN_RATIO = 1e-9  # fraction of the elastic strength at which the search ends without a result
-_PARTS = 6  # number of parts into which a bracket of the target is divided repeatedly
-# Ductility at the lower end of the bracket divided by the target, at which the division ends
+# Number of parts into which an interval of strengths that contains the target is divided repeatedly
+_PARTS = 6
+# Ductility divided by the target, at the lower end of the interval, at which the division ends
 _MAX_OVERSHOOT = 1.15
-_REFINED_FRACTION = 0.8  # fraction of the target above which a maximum of the ductility is refined
-_MAXIMUM_TOLERANCE = 1e-4  # tolerance of the position of that maximum, relative to the strength
-_DUCTILITY_TOLERANCE = 1e-9  # tolerance of the logarithm of ductility over target
+# Fraction of the target. A local maximum of the ductility above it is computed by an optimization,
+# because it may reach the target between two strengths
+_REFINED_FRACTION = 0.8
+_MAXIMUM_TOLERANCE = 1e-4  # tolerance of the strength at this maximum, relative to the strength
+_DUCTILITY_TOLERANCE = 1e-9  # tolerance of ln(ductility / target) of the result
 
 
 @dataclass(frozen=True, repr=False)

@@ -66,8 +66,10 @@ and 3.3)."""
 _MIN_ETA = 0.55  # minimum damping correction factor eta, EN 1998-1 3.2.2.2 (3)
 _EC8_END = 4.0
 """Period, s, above which EN 1998-1 Annex A applies, which covers only spectra of type 1."""
-_TE = {"A": 4.5, "B": 5.0, "C": 6.0, "D": 6.0, "E": 6.0}  # s, EN 1998-1:2004 table A.1
-_TF = 10.0  # s; from this period on, the spectral displacement is the ground displacement
+# Period TE, s, by ground type (EN 1998-1:2004 table A.1), from which the displacements of Annex A
+# apply
+_TE = {"A": 4.5, "B": 5.0, "C": 6.0, "D": 6.0, "E": 6.0}
+_TF = 10.0  # s; period TF, from which the spectral displacement equals the ground displacement
 
 _MAX_PERIOD = 20.0
 """Maximum period of a two-period spectrum, s. TL of the maps is 4 to 16 s, and spectra of isolated
@@ -214,7 +216,7 @@ _MULTI_PERIOD = {
 _MULTI_PERIOD_PATTERN = re.compile(
     rf"({'|'.join(_MULTI_PERIOD)})(?::(.*))?", re.DOTALL | re.IGNORECASE
 )
-_MAX_BYTES = 1_000_000  # bytes; a file of the service has 10 000
+_MAX_BYTES = 1_000_000  # maximum size of a file of the USGS service, which has about 10 000 bytes
 _MAX_SA = 10.0  # g; values of ASCE 7-22 are below 5, a larger value is probably in m/s^2
 _PERIOD_NAMES = ("t", "period", "periods")
 _ACCELERATION_NAME = re.compile(r"(?:(?:rotd\d+|geometric mean) )?(?:psa|sa)")
@@ -467,9 +469,11 @@ def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
         raise UsageError(
             f"{source}: add the JSON file of the USGS design maps service, such as {name}:site.json"
         )
-    needs = f"a JSON file of the USGS design maps service for ASCE 7-22 with response.data.{key}"
-    large = f"is larger than {_MAX_BYTES} bytes; it must be {needs}"
-    data = read_whole(file, ModelError, {}, large, _MAX_BYTES)
+    required_file = (
+        f"a JSON file of the USGS design maps service for ASCE 7-22 with response.data.{key}"
+    )
+    size_message = f"is larger than {_MAX_BYTES} bytes; it must be {required_file}"
+    data = read_whole(file, ModelError, {}, size_message, _MAX_BYTES)
     record_digest(file, data)
     try:
         content: Any = json.loads(data)
@@ -479,7 +483,7 @@ def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
             for part in ("periods", "ordinates")
         )
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise ModelError(f"{file}: must be {needs}") from None
+        raise ModelError(f"{file}: must be {required_file}") from None
     if periods.size != ordinates.size or periods.size < 3:
         raise ModelError(
             f"{file}: {key}: periods and ordinates must be lists of equal length, got "
