@@ -375,10 +375,10 @@ def _mean_signal(
 
 
 def _start_offset(signal: Signal, reference: Signal, notes: dict[str, None]) -> float:
-    """Return the start of a signal after the start of a reference signal, s.
+    """Return the time from the start of a reference signal to the start of another signal, s.
 
     The result is negative if the signal starts earlier. It is 0 if the clocks cannot be compared;
-    this assumption is added to `notes`.
+    this assumption is added to the keys of `notes`.
     """
     if signal.start is None or reference.start is None or signal.clock != reference.clock:
         if signal.label != reference.label:

@@ -953,9 +953,11 @@ def check_peaks(problem: MatchingProblem, seed: GroundMotion, samples: Array) ->
         The response increases until the end of the record at more than half of the periods, as
         under a ramp. A change cannot bring such a response to the target.
     """
-    maxima = problem.extremes(samples, _CONTROLLED_FRACTION * problem.wanted)[1]
+    # Lower the level to slightly below the maximum of each oscillator. An oscillator without an
+    # extreme above this level reaches its maximum at the end of the motion.
+    _, maxima = problem.extremes(samples, _CONTROLLED_FRACTION * problem.wanted)
     level = np.minimum(_CONTROLLED_FRACTION * problem.wanted, 0.9999 * maxima[0])
-    maxima = problem.extremes(samples, level)[1]
+    _, maxima = problem.extremes(samples, level)
     growing_count = int(np.sum(maxima[1] < 0.0))
     if growing_count > _MAX_GROWING_FRACTION * problem.omega.size:
         raise RecordError(

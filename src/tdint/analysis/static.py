@@ -901,11 +901,12 @@ class _Chain:
         """
         # The maximum base shear of the step is at its end, or at the maximum force of the
         # controlling story. If the tangent of this story changes its sign within the step, its
-        # maximum force is found by bisection.
+        # maximum force is found by bisection. `response_at` returns force and tangent.
         story = self.stories[controlling]
         step_to_maximum = float(drift[controlling] - self.drift[controlling])
         maximum_state = (base_shear, drift)
-        if story.tangent > 0.0 and story.response_at(float(drift[controlling]))[1] <= 0.0:
+        _, end_tangent = story.response_at(float(drift[controlling]))
+        if story.tangent > 0.0 and end_tangent <= 0.0:
             start = self.drift[controlling]
             _, step_to_maximum = bisect_interval(
                 lambda step: story.response_at(start + step)[1] > 0.0,

@@ -138,6 +138,7 @@ class _PushoverCurve:
         """
         drift, shear = pushed.way
         roof = drift.sum(axis=1)
+        # The base shear is linear between two states, so that the area is a sum of trapezoids.
         is_increasing = roof > np.maximum.accumulate(np.concatenate(([-math.inf], roof[:-1])))
         roof, shear, drift = roof[is_increasing], shear[is_increasing], drift[is_increasing]
         area = np.concatenate(([0.0], np.cumsum(np.diff(roof) * (shear[:-1] + shear[1:]) / 2.0)))
@@ -227,8 +228,8 @@ def target_displacements(
     site_class : str
         Site class A to F for C1; default D, for unknown sites.
     mass_factor : float
-        Factor C_m, the effective mass of the first mode in the strength ratio; default 1. Table 7-4
-        permits smaller values for some buildings.
+        Factor C_m, the effective mass of the first mode divided by the total mass, in the strength
+        ratio; default 1. ASCE 41-17, table 7-4, permits smaller values for some buildings.
 
     Returns
     -------
@@ -301,7 +302,8 @@ def _n2(
     # participation factor. Equation numbers are those of annex B of EN 1998-1.
     yield_strength = curve.maximum_shear(roof) / participation
     oscillator_displacement = roof / participation
-    area = curve.response_at(roof)[1] / participation**2
+    _, area_of_building = curve.response_at(roof)
+    area = area_of_building / participation**2
     yield_displacement = 2.0 * (oscillator_displacement - area / yield_strength)  # eq. B.6
     period = 2.0 * math.pi * math.sqrt(mass * yield_displacement / yield_strength)  # eq. B.7
     acceleration = float(demand.at(np.array([period]))[0])

@@ -619,7 +619,7 @@ def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: 
             raise _TimeExceeded
         u, v = state[:floor_count], state[floor_count : 2 * floor_count]
         shear = elastic * np.diff(u, prepend=0.0)
-        hysteretic_rate = state[2 * floor_count :]
+        hysteretic_rate = state[2 * floor_count :]  # empty without bilinear stories
         if has_hysteresis:
             # The hysteretic part of a bilinear story is elastic until it reaches its strength, and
             # constant afterwards.

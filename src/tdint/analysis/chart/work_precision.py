@@ -633,6 +633,7 @@ def _timed(
                     times=(*point.times, integration.seconds),
                     walls=(*point.walls, integration.wall),
                 )
+        # Without `judge` both results are None, so that the loop ends after `repeats` repetitions.
         previous_result, result_of_judge = (
             result_of_judge,
             judge(list(points.values())) if judge else None,

@@ -249,11 +249,14 @@ def run_batch(
     AnalysisError
         The method does not support this building.
     """
-    prepared, h = subject.prepared, runs[0][2].h
+    prepared = subject.prepared
+    _, _, first_steps = runs[0]
+    h = first_steps.h  # all runs have the same time step
 
     def case(i: int) -> Case:
         """Return the case of run `i`."""
-        return subject.case(motions.records[runs[i][0]], runs[i][1])
+        number, scale, _ = runs[i]
+        return subject.case(motions.records[number], scale)
 
     # Error estimates require a second run of each run, and an unstable time step an error message
     # of each run. Integrate the runs individually in both cases.
@@ -329,7 +332,9 @@ def run_sampled(
     AnalysisError
         The method does not support these buildings.
     """
-    h, samples = runs[0][1][2].h, [sample for sample, _ in runs]
+    _, (_, _, first_steps) = runs[0]
+    h = first_steps.h  # all runs have the same time step
+    samples = [sample for sample, _ in runs]
     specs = [(sample, motions.run_spec(*run)) for sample, run in runs]
     batch = subject.prepared.integrate_sampled(subject.integrator, h, motions.samples, specs, drawn)
     outcomes = Outcomes.of(drawn.combine_runs(samples), batch, False)

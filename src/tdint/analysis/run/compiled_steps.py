@@ -203,7 +203,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
         code = step(coefficients, *scene, h, np.zeros(rows.LOAD_SIZE), *space.memory)
         if code < 0:
             raise AnalysisError(
-                f"{integrator.label}: the time step {h:.6g} s of a linear oscillator failed, so that "
+                f"{integrator.label}: the time step {h:.6g} s of a linear oscillator failed, so "
                 "the stability of the method cannot be measured"
             )
         result[:, :, column] = state[list(memory), :k].T

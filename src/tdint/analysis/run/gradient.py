@@ -69,12 +69,13 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
 
 
 def slope_errors(derivatives: Array, others: Array, by: EstimateFactors) -> Array:
-    """Estimate the errors of derivatives from those of a run with half the time step.
+    """Estimate the errors of derivatives from the same derivatives with half the time step.
 
-    The factors are those of the error estimates of peaks (`tdint.analysis.run.error_estimate`),
-    which are larger for methods of order 3 and more. The term that all stories have in common is
-    absolute, because derivatives have zeros, and it has no limit: at orders 3 and more, most
-    estimates that are too small are accidental agreements of the two runs in a story.
+    The error of a derivative is the maximum of three terms, as for peaks
+    (`tdint.analysis.run.error_estimate`): a factor times the difference of the two derivatives; a
+    factor times the root mean square of these products over all stories; and a small fraction of
+    the derivative. The second term covers a story in which the two derivatives agree by accident.
+    It is not relative to the derivative, because derivatives can be zero.
 
     Parameters
     ----------

@@ -207,7 +207,10 @@ class Runs(Tabular):
         return checks
 
     def _suites(self) -> dict[tuple[int, str], NDArray[np.int64]]:
-        """Return the runs of each suite (`limit_checks`).
+        """Return the runs of each suite, over which `limit_checks` averages the demands.
+
+        A suite contains one run under each record, of one building with equal parameters. If a
+        record has several factors, each factor belongs to another suite.
 
         Returns
         -------

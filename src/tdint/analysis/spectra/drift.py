@@ -334,13 +334,13 @@ class _Beam:
 
     @property
     def static(self) -> Array:
-        """Static contribution of the omitted modes for a unit acceleration, shape (2,).
+        """Static contribution of the omitted modes for a unit acceleration, s^2/m, shape (2,).
 
         The static responses of the complete beam are the drift ratio H / c^2 at the base and the
-        roof displacement H^2 / (2 c^2), with the wave velocity c. The contributions of the included
-        modes are subtracted.
+        roof drift ratio H / (2 c^2), with the height H and the wave velocity c. The contributions
+        of the included modes are subtracted.
         """
-        velocity = 4.0 * self.height / self.period
+        velocity = 4.0 * self.height / self.period  # the period is 4 H / c
         all_modes = np.array([self.height, 0.5 * self.height]) / velocity**2
         return np.asarray(all_modes - (self.shapes / np.square(self.omega)[:, None]).sum(axis=0))
 
@@ -397,13 +397,13 @@ def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: fl
         for omega in omegas
     ]
     steps = [np.full(omega.size, record.dt / p) for omega, p in zip(omegas, parts, strict=True)]
-    ends = np.cumsum([omega.size for omega in omegas])[:-1]
+    boundaries = np.cumsum([omega.size for omega in omegas])[:-1]  # between the buildings
     # Compute the table of modes for all buildings together, because one call for each building
     # takes longer.
     omega = np.concatenate(omegas)
     all_modes = recursion_table(omega, np.concatenate(steps), damping, more=2)
     all_modes[drifts.OMEGA], all_modes[drifts.DAMPING] = omega, damping
-    tables = np.split(all_modes, ends, axis=1)
+    tables = np.split(all_modes, boundaries, axis=1)
     ground = record.acceleration.copy()
     results = np.empty((len(buildings), drifts.RESULTS))
     for building, p, table, result in zip(buildings, parts, tables, results, strict=True):

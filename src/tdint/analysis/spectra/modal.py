@@ -140,7 +140,8 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
     # A drift is the displacement of a floor minus that of the floor below. LINK is 0 for a story on
-    # the ground. A shear is the sum of the forces above, from the roof down.
+    # the ground, so the value that `np.roll` moves to the first story has no effect. A shear is the
+    # sum of the forces above, from the roof down.
     peaks = {
         "drift": displacement
         - building.linear_terms[rows.LINK, :-1] * np.roll(displacement, 1, axis=1),

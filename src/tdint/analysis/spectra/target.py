@@ -374,11 +374,15 @@ def read_target(source: str) -> TargetSpectrum:
         )
     except UsageError as error:
         raise UsageError(f"{source[:60]!r}: {error}") from None
+    # The points of a formula are used for plots and tables.
     low, count = _GRID
     grid = np.geomspace(low, longest, int(count))
     periods = np.unique([*grid, *(corner for corner in corners if grid[0] < corner < grid[-1])])
     zero = float(curve(np.zeros(1))[0])
-    return TargetSpectrum(source, periods, curve(periods), zero, damping, curve, corners[1])
+    _, end_of_constant_acceleration, _ = corners
+    return TargetSpectrum(
+        source, periods, curve(periods), zero, damping, curve, end_of_constant_acceleration
+    )
 
 
 def _name_and_parameters(source: str) -> tuple[str, str] | None:
@@ -585,7 +589,9 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
             f"{table.source}:1: the table contains several spectra, {', '.join(values)}; keep only "
             "one of these columns"
         )
-    value, factor = values[0], ACCELERATION[canonical(name_and_units(values[0])[1])]
+    value = values[0]
+    _, unit_of_value = name_and_units(value)
+    factor = ACCELERATION[canonical(unit_of_value)]
     periods, psa = (
         np.array(table.numbers(period)),
         factor * np.array(table.numbers(value, positive=True)),
