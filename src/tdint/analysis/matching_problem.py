@@ -114,6 +114,7 @@ class SparseRows:
         for block_start in range(0, self.size, _BLOCK):
             block_end = min(block_start + _BLOCK, self.size)
             indices = np.flatnonzero((self.starts < block_end) & (row_ends > block_start))
+            # Copy the parts of the rows that are in this block of samples.
             block = np.zeros((indices.size, block_end - block_start), np.float32)
             for block_row, index in zip(block, indices, strict=True):
                 row_start = self.starts[index]
@@ -130,6 +131,7 @@ class SparseRows:
             upper_triangle = ssyrk(1.0, block.T, trans=True)
             for column, index in enumerate(indices):
                 result[index, indices[: column + 1]] += upper_triangle[: column + 1, column]
+        # Complete the symmetric matrix, and include the factors of the rows for the components.
         for row in range(1, len(result)):
             result[:row, row] = result[row, :row]
         result *= self.directions @ self.directions.T
@@ -494,6 +496,7 @@ class MatchingProblem:
         # Response x to a ramp, x'' + 2 z w x' + w^2 x = -t / dt from rest: the particular solution
         # -t / (dt w^2) + constant, minus the free vibration with the same initial displacement and
         # velocity.
+        # The free vibration is the real part of `free_amplitude` times exp(exponent t).
         exponent = w * (-z + 1j * np.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
         free_amplitude = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / exponent.imag
@@ -501,7 +504,10 @@ class MatchingProblem:
             -t / dt / w**2 + constant - (free_amplitude * np.exp(exponent * t)).real
             for t in (time_after_sample + dt, time_after_sample)
         ]
-        # The hat function is the second difference of the ramp.
+        # A hat function is the sum of three ramps that start at successive samples, with the
+        # factors 1, -2 and 1. After the hat, only the free vibrations of the three ramps remain. At
+        # the two samples next to the extreme, only the first two ramps or the first ramp have
+        # started. All responses are multiplied by w^2, because they are pseudo-accelerations.
         vibration_after = (
             -w
             * w

@@ -238,6 +238,7 @@ def _track_principal_root(
     spurious : ndarray, shape (k,)
         Maximum modulus of the roots other than the principal root and its conjugate.
     """
+    # Exact root exp((-xi + sqrt(xi^2 - 1)) omega h); complex below critical damping
     guess = np.exp((-damping + np.emath.sqrt(damping**2 - 1.0)) * first)
     principal, spurious = np.empty(len(roots), dtype=np.complex128), np.zeros(len(roots))
     for index, candidates in enumerate(roots):
@@ -282,8 +283,8 @@ def critical_step(method: Integrator, damping: float = 0.0) -> float:
     exceeds 1.
 
     The search uses 4000 points up to `LARGEST` and points just above the declared limit of the
-    method, then bisection. An unstable interval elsewhere that is narrower than 0.5 % of omega dt
-    can be missed.
+    method, then bisection. Results are cached. An unstable interval elsewhere that is narrower than
+    0.5 % of omega dt can be missed.
 
     Parameters
     ----------

@@ -431,6 +431,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         -building.damping_matrix() @ problem.velocity
         - building.stiffness_matrix() @ problem.displacement
     )
+    # At t = 0, the sine terms of the forces are 0.
     for row in problem.forces:
         start_force[int(row[rows.FLOOR])] += row[rows.COSINE]
     return {

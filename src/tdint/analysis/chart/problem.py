@@ -652,7 +652,8 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
     building = problem.building
     digest = hashlib.sha256(Path(__file__).read_bytes() + digest_of_all().encode())
     digest.update(repr((problem.interval, samples)).encode())
-    # Laws of plug-ins are numbered in the order in which they are loaded.
+    # The number of a law of a plug-in depends on the order in which laws are loaded. The digest
+    # therefore contains the names and the sources of these laws.
     laws = {
         name
         for name, code in CODES.items()

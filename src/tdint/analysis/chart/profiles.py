@@ -677,6 +677,7 @@ def _opensees_results(
     h = posed.interval / _FINE
     motion = posed.motion(parse("impulse4"), posed.steps(h))
     assert motion is not None  # the reference has reached its end with the same step
+    # The functions below use only the motion of the reference, not its error.
     reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
     gap, note = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
     if not gap <= _SURE * min(TOLERANCES):

@@ -152,6 +152,7 @@ class Outcomes:
     def status(self) -> dict[int, str]:
         """Status of the runs that were evaluated individually, by their index. All other runs are
         done."""
+        # A run that continued after its collapse is also in `responses`, with the same status.
         return {
             i: ended.status
             for i, ended in (self.collapses | self.responses | self.failures).items()

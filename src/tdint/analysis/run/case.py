@@ -112,10 +112,11 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     """Return approximate amplitudes of the drifts about their positions of rest at the end of a
     run.
 
-    At rest, no story has a force. The distance of a story from this position is its force divided
-    by its present stiffness. The drift rate adds the rate times the ratio of the maximum
-    displacement to the maximum velocity of the run (s), times the square root of the ratio of
-    initial to present stiffness. The amplitude is the square root of the sum of the squares.
+    As in a free vibration, the amplitude is sqrt(d^2 + (v / omega)^2), with the distance d from the
+    position of rest and the drift rate v. At rest, no story has a force, so d is the force of the
+    story divided by its present stiffness. 1 / omega is approximated by the maximum displacement
+    divided by the maximum velocity of the run, times the square root of the ratio of initial to
+    present stiffness.
 
     Parameters
     ----------
@@ -144,9 +145,9 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     displacement, velocity = (
         float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
     )
-    seconds = displacement / velocity if velocity > 0.0 else 0.0
+    initial_inverse_omega = displacement / velocity if velocity > 0.0 else 0.0  # s
     softening = np.sqrt(initial_stiffness / present_stiffness)
-    return np.asarray(np.hypot(distance, rate * seconds * softening))
+    return np.asarray(np.hypot(distance, rate * initial_inverse_omega * softening))
 
 
 def _drift_rates(building: Building, floors: Array) -> Array:

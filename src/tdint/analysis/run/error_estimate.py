@@ -254,9 +254,10 @@ def reference_steps(case: Case, steps: Steps) -> Steps:
 
 
 def shorter_steps(steps: Steps) -> Steps:
-    """Return time steps under a record that are half as long.
+    """Return the time steps of the run that estimates the errors of a run under a record.
 
-    If a step covers at least `_LONG_STEP` sampling intervals, they are one sampling interval long.
+    They are half as long as `steps`, or one sampling interval long if a step covers at least
+    `_LONG_STEP` sampling intervals.
     """
     if steps.per_sample == 1 and steps.stride >= _LONG_STEP:
         return replace(steps, h=steps.h / steps.stride, count=steps.count * steps.stride, stride=1)

@@ -64,6 +64,8 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
     slope_1, slope_2 = (
         (near[:, :, side] - base[:, None]) / offset for side, offset in ((0, first), (1, second))
     )
+    # The slope of a secant of a parabola is a linear function of the offset of its end. Extrapolate
+    # from the two offsets to the offset 0, where the secant is the tangent.
     derivative = (slope_1 * second - slope_2 * first) / (second - first)
     return derivative, 0.5 * np.abs(slope_2 - slope_1)
 

@@ -721,7 +721,9 @@ class Response(Tabular):
 
     @property
     def isolator_check(self) -> LimitCheck | None:
-        """Displacement of the isolators with an infinite limit; None without isolators."""
+        """Peak displacement of the isolators, as a comparison with an infinite limit; None without
+        isolators.
+        """
         from tdint.model.limits import check_limits, isolator_limits
 
         isolators = [i for i, story in enumerate(self.model.stories, start=1) if story.isolator]

@@ -571,7 +571,7 @@ class PreparedBuilding:
             for name in varied_arrays:
                 getattr(prepared.building, name)[...] = getattr(drawn, name)[sample]
             space.flags[rows.UNRESOLVED_MODES] = is_unresolved[sample]
-            space.limits[1] = drawn.heights[sample]
+            space.limits[1] = drawn.heights[sample]  # heights for the collapse drift ratio
             integrate_runs([spec], result.part(i, i + 1))
         return result
 

@@ -663,6 +663,7 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
     check = response.check is not None
     request = RunsRequest((subject,), (label,), (record,), None, None, check, {})
     plan = [RunSpec(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
+    # The index None adds the axis of the runs, with a single run.
     peaks = StoryPeaks(
         **{field.name: getattr(response.stories, field.name)[None] for field in fields(StoryPeaks)}
     )
@@ -721,7 +722,20 @@ def _gradient(
 def _integrate_all(
     request: RunsRequest, result: Runs, plan: Sequence[RunSpec], threads: int
 ) -> None:
-    """Integrate all runs of a plan on threads, and write them to the result."""
+    """Integrate all runs of a plan on threads, and write them to the result.
+
+    Parameters
+    ----------
+    request : RunsRequest
+        Buildings and ground motions.
+    result : Runs
+        Result with a row for each run, whose arrays are filled.
+    plan : sequence of RunSpec
+        Runs.
+    threads : int
+        Number of threads.
+    """
+    # Each thread receives at least one part if there are enough runs.
     size = max(1, min(_RUNS_PER_BATCH, math.ceil(len(plan) / threads)))
     parts = [plan[first : first + size] for first in range(0, len(plan), size)]
     for _ in on_threads(partial(_integrate_part, request, result), parts, threads):
@@ -815,7 +829,8 @@ def _neighbor_runs(
     numbers: Mapping[tuple[int, int], list[float]],
     near: Mapping[tuple[int, int], list[tuple[float, float]]],
 ) -> tuple[RunsRequest, list[RunSpec]]:
-    """Return the samples and the runs with one parameter at a time at a neighboring value.
+    """Plan the runs from which derivatives are computed: one parameter at a time has a neighboring
+    value.
 
     The runs are in the order of `plan`, then of the parameters, then of the two neighbors.
 

@@ -271,7 +271,8 @@ def _lanes(count: int) -> int:
     The result is a multiple of the number of values in a vector register of the processor. More
     than `_MAX_LANES` oscillators are divided into several parts of equal size.
     """
-    group_count = -(-count // _MAX_LANES)  # rounded up
+    # Both quotients are rounded up (floor division of the negative number).
+    group_count = -(-count // _MAX_LANES)
     return -(-count // (group_count * _REGISTER)) * _REGISTER
 
 

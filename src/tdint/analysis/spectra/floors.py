@@ -104,6 +104,7 @@ def floor_motion(response: Response, floor: int) -> Record:
         if len(component) == 3 and component.isalnum() and component[1] == "N"
         else _CHANNEL
     )
+    # The number of the floor has at least two digits, and in all floors the same number of digits.
     station = f"F{floor:0{max(2, len(str(len(response.model.stories))))}d}"
     return Record(
         acceleration=history.acceleration[:, floor - 1],

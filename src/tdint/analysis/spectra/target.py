@@ -390,6 +390,7 @@ def _name_and_parameters(source: str) -> tuple[str, str] | None:
 
     The second text is empty if there are no parameters.
     """
+    # A text without parameters is the name of a file, unless it is the name of a code.
     match = _NAME_PATTERN.fullmatch(source.strip())
     if match is None or (match[2] is None and match[1].lower() not in CODES):
         return None
@@ -430,7 +431,7 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
     ModelError, UsageError
         As by `read_target`; or the source lacks a spectrum for a ratio.
     """
-    named = _name_and_parameters(source)
+    named = _name_and_parameters(source)  # name and text of the parameters; None for a file
     if named is None and not _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
         table = read_table(source, _NEEDS)
         if table.has("damping"):
@@ -682,7 +683,7 @@ class PublishedSpectrum:
                 f"{self.source} has no period {other:.6g} s; omit the periods to use those of the "
                 "file, or interpolate with --against-interpolation log-log"
             )
-        positive = (self.periods > 0.0) & (self.values > 0.0)
+        positive = (self.periods > 0.0) & (self.values > 0.0)  # values with a logarithm
         low, high = self.periods[positive][0], self.periods[positive][-1]
         outside = (periods < low * (1.0 - _TOLERANCE)) | (periods > high * (1.0 + _TOLERANCE))
         if np.any(outside):
