@@ -93,7 +93,8 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
     statements = [Statement(SAMPLES, count, size)]
     delta, begin, end = values[_DELTA], values[_BEGIN], values[_END]
     if _UNKNOWN not in (begin, end):
-        # Some programs write the time of the sample after the last sample.
+        # Some programs write the time of the sample after the last sample, so a difference of one
+        # sampling interval is permitted.
         rounding = 1.01 * abs(delta) + _SINGLE * (abs(end) + abs(begin))
         last = begin + (size - 1) * delta
         statements.append(
@@ -238,7 +239,7 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
     samples = b"".join(line.strip() for line in lines[begins[0] + 1 : ends[0]])
     if not _CM6.fullmatch(samples):
         raise Damaged("the compressed data contain an invalid character")
-    # Each sample has exactly one last character.
+    # A sample consists of several characters. Only its last character has no continuation bit.
     sample_count = len(_CM6_LAST.findall(samples))
     if sample_count != count:
         raise Damaged(

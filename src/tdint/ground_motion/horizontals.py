@@ -663,7 +663,8 @@ def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
     by_end = sorted(by_start, key=lambda name: name[::-1])
     patterns: list[tuple[str, str]] = []
     for first, other in map(sorted, [*pairwise(by_start), *pairwise(by_end)]):
-        # Lengths of the common start and of the common end, which must not overlap.
+        # `start` and `end` are the lengths of the common start and of the common end of the names,
+        # which must not overlap.
         start = _common_start(first, other)
         end = min(_common_start(first[::-1], other[::-1]), len(first) - start, len(other) - start)
         # A number is not divided: 000 and 090 are different components, not {}00 and {}90.

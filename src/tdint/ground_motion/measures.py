@@ -476,7 +476,8 @@ def bracketed_duration(record: Record, threshold: float) -> float:
         The acceleration is linear between two neighboring samples: `outside` is the index of the
         sample below the threshold, `inside` that of the sample at or above the threshold.
         """
-        # The record starts or ends above the threshold, so there is no crossing.
+        # If the record starts or ends above the threshold, its first or last sample is used instead
+        # of a crossing.
         if not 0 <= outside < size.size:
             return float(inside)
         # The signs are changed so that the inner sample is positive.

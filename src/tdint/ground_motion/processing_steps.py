@@ -195,7 +195,7 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
     rows = max(1, _AT_ONCE // taps.size)
     for start in range(0, count, rows):
         times = np.arange(start, min(start + rows, count)) * (new / dt)
-        # Index of the last sample before each time.
+        # Each new sample is at or after the old sample with this index.
         indices = np.minimum(np.floor(times).astype(np.int64), samples.size - 1)
         distance = (times - indices)[:, None] - taps
         weights = np.sinc(cutoff / stretch * distance) * np.i0(
@@ -383,7 +383,7 @@ def remove_baseline(record: Record, shape: str) -> Record:
     if shape == "constant":
         note = f"the mean of {mean:.4g} m/s^2 is removed"
         return _replace_samples(record, samples - mean, note)
-    # Relative time, -1 at the first and 1 at the last sample.
+    # The time is normalized: it is -1 at the first and 1 at the last sample, and its mean is zero.
     time = np.linspace(-1.0, 1.0, samples.size)
     slope = float(np.dot(time, samples) / np.dot(time, time))
     line = mean + slope * time

@@ -93,7 +93,8 @@ class Sweep:
     pga: float
 
     def acceleration(self, t: NDArray[np.floating]) -> Array:
-        """Return the ground acceleration, m/s^2; 0 before the start and after the duration.
+        """Return the ground acceleration of the sweep, m/s^2: a sine with a frequency that changes
+        linearly from `first` to `last`. It is 0 before the start and after the duration.
 
         Parameters
         ----------

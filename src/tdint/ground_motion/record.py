@@ -462,6 +462,8 @@ class JoinedRecord(Record):
             not finite.
         """
         shocks, starts = at_one_interval(records), [0]
+        # Without a specified rest, the joined record has only the minimum of one sampling interval
+        # between events.
         for shock in shocks[:-1]:
             last_sample = starts[-1] + shock.acceleration.size - 1
             starts.append(last_sample + rest_intervals(rest or 0.0, shock.dt))

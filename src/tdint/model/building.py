@@ -190,8 +190,9 @@ class Building:
         stiffness matrix K.
         """
         stiffness, link = np.abs(self.initial_stiffness), self.linear_terms[rows.LINK, :-1]
-        # Row i with the stiffnesses k and the links c: diagonal entry k[i] + c[i + 1] k[i + 1],
-        # off-diagonal entries c[i] k[i] and c[i + 1] k[i + 1].
+        # With the stiffnesses k and the links c, row i of the stiffness matrix has the diagonal
+        # entry k[i] + c[i + 1] k[i + 1] and the off-diagonal entries c[i] k[i] and
+        # c[i + 1] k[i + 1], without signs.
         row_sums = stiffness + link * stiffness
         row_sums[:-1] += 2.0 * link[1:] * stiffness[1:]
         return math.sqrt((row_sums / self.mass).max())
@@ -463,7 +464,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         P-delta exceeds the stiffness of a story.
     """
     draw_count, n = len(next(iter(values.values()))), base.stories
-    # Keys: index of the story, and index of the value in `story_numbers`.
+    # The keys are the index of the story and the index of the value in `story_numbers`.
     changed_values = _changed_numbers(model, values, draw_count)
 
     # Copy the tables of the base and insert the changed numbers.
@@ -482,7 +483,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
             )
             for i, story in enumerate(model.stories)
         ]
-        # Sum the masses from the roof downwards.
+        # P-delta depends on the weight above each story: sum the masses from the roof downwards.
         mass_above = np.cumsum(linear_terms[:, rows.MASS, :n][:, ::-1], axis=1)[:, ::-1]
         weight_above = STANDARD_GRAVITY * mass_above
         linear_terms[:, rows.GEOMETRIC, :n] = -(weight_above / np.stack(story_heights, axis=1))
@@ -494,7 +495,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         for _, column in changed_values
     )
     ratios = values["damping"].tolist() if "damping" in values else [math.nan] * draw_count
-    # A nan keeps the damping of the model.
+    # A sample without a damping ratio (nan) keeps the damping of the model.
     damped_models = [
         model if math.isnan(ratio) else replace(model, damping=damped_by(model, ratio))
         for ratio in ratios

@@ -148,13 +148,13 @@ def stream_exposure(
     assets.read_elements(source)
     assets.check()
     table = CsvTable(
-        files[0] if len(files) == 1 else source,
-        tuple(title.lower() for title in assets.titles),
-        assets.titles,
-        1,
-        (),
-        _REQUIRED,
-        ModelError,
+        source=files[0] if len(files) == 1 else source,
+        header=tuple(title.lower() for title in assets.titles),
+        titles=assets.titles,
+        header_line=1,
+        rows=(),
+        needs=_REQUIRED,
+        error=ModelError,
     )
     return table, iter(assets.rows)
 
@@ -254,7 +254,7 @@ class _Assets:
                     f"{file_name}:{line}: the row has {pluralize(len(cells), 'cell')}, but "
                     f"the header has {pluralize(len(table.header), 'column')}"
                 )
-            # A row may have fewer cells than the header.
+            # A row may have fewer cells than the header; its last fields are then missing.
             values = {
                 name: cells[index].strip()
                 for name, index in column_indices.items()

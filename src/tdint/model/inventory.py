@@ -829,7 +829,8 @@ def _sample_factor(random: np.random.Generator, deviation: float) -> float:
     deviation : float
         Standard deviation of the normal distribution.
     """
-    # Negative values of the normal distribution are sampled again.
+    # A factor on a stiffness or a damping ratio must be positive. Other values of the normal
+    # distribution are sampled again.
     factor = 0.0
     while factor <= 0.0:
         factor = 1.0 + deviation * random.standard_normal()

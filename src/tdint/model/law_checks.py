@@ -244,7 +244,8 @@ def path_faults(
             max_force = max(max_force, abs(point.force))
             max_slope = max(max_slope, *map(abs, point.slopes))
             tolerance = _FORCE_TOLERANCE * max_force
-            # Compare the force from the branches with the result of `force`.
+            # A curved branch does not determine the force, so the forces are compared only on
+            # branches with a finite slope.
             is_on_curve = law.curved and not math.isfinite(point.branch_force)
             if not (is_on_curve or abs(point.branch_force - point.force) <= tolerance):
                 return [_branch_force_fault(story, point)]
@@ -463,7 +464,11 @@ def _evaluate(
 
 
 def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Copy the first trial state to the committed state, as `law_state.commit` and `resume` do.
+    """Accept the first trial state of a law as its committed state, as `law_state.commit` and
+    `resume` do.
+
+    The dissipated energy of the step is added first. A law without the function `keep` then starts
+    a new branch.
 
     Parameters
     ----------
@@ -487,7 +492,11 @@ def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arr
 
 
 def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Set the branch of the committed state, as `branches.enter` does.
+    """Start the branch of the committed state of a law, as `branches.enter` does.
+
+    It is an unlimited branch with the initial stiffness; for a curved law, an infinite slope
+    indicates that the branch is not linear. A law with the function `enter` then replaces this
+    branch.
 
     Parameters
     ----------

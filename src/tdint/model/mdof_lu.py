@@ -305,8 +305,8 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     n = facts.stories
     row = hazus_types()[code_of(facts)]
     # Compute the stiffness from the period of the type. In a chain of n equal floors and stories
-    # it is `factor` times the mass of a floor times the squared circular frequency. The polynomial
-    # approximates the exact factor (0.997 instead of 1 for one story).
+    # it is `stiffness_factor` times the mass of a floor times the squared circular frequency. The
+    # polynomial of the rules approximates the exact factor (0.997 instead of 1 for one story).
     mass = _FLOOR_MASS * facts.area
     period = n * row.period_per_story_s
     stiffness_factor = 0.4053 * n**2 + 0.405 * n + 0.1869

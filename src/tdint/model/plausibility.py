@@ -211,7 +211,8 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         if not usual_range.contains(value)
     ]
     warnings += peak_warnings(pga)
-    # Strength divided by the weight of the floors above, as codes specify base shears.
+    # The strength is divided by the weight of the floors above, because codes specify base shears
+    # in this form.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
     warnings += [

@@ -51,7 +51,8 @@ class Origin:
     package: str = ""
 
     def keep_code(self, noun: str, registered: Any) -> None:
-        """Store the SHA-256 of all files that define a law or method, in `sources.CODE`.
+        """Store the SHA-256 of all files that define a law or method, in `sources.CODE`, for the
+        description of the code that computed a result.
 
         Parameters
         ----------

@@ -139,7 +139,7 @@ def story_model(
             stiffness_text = f"stiffness: {stiffness[i]:.9g}, "
             law_text = f"type: bilinear, yield_force: {strength[i]:.6g}, hardening: {_HARDENING}"
         else:
-            # A backbone curve determines the initial stiffness.
+            # A backbone curve determines the initial stiffness, so the key `stiffness` is omitted.
             initial_stiffness = laws[i].stiffness * LENGTH[units.length] / FORCE[units.force]
             stiffness_text = "" if laws[i].backbone else f"stiffness: {initial_stiffness:.9g}, "
             law_text = _law_text(laws[i], units)
@@ -224,6 +224,7 @@ def _law_text(law: FittedLaw, units: _UnitSystem) -> str:
     if law.backbone:
         points = [f"[{drift / length:.6g}, {shear / force:.6g}]" for drift, shear in law.backbone]
         entries.append(f"backbone: [{', '.join(points)}]")
+        # With these values, the law has no pinching.
         entries.append("pinching: {drift: 1, force: 1, unloading: 0}")
     return ", ".join(entries)
 

@@ -47,7 +47,12 @@ def is_afad(file: Any, **_: Any) -> bool:
 
 @reader
 def read_afad(lines: Lines) -> list[Series]:
-    """Read the components of an AFAD file; see `tdint.ground_motion.formats`.
+    """Read an AFAD file, and return its components with the units and the peaks in the header.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
 
     Raises
     ------

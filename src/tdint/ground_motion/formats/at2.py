@@ -46,7 +46,12 @@ def is_at2(file: Any, **_: Any) -> bool:
 
 @reader
 def read_at2(lines: Lines) -> list[Series]:
-    """Read a PEER file or a similar file; see `tdint.ground_motion.formats`.
+    """Read a PEER file or a similar file, and return its only component.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
 
     Raises
     ------
@@ -82,8 +87,8 @@ def read_at2(lines: Lines) -> list[Series]:
             )
         lines.take()
 
-    # The units are the first text at a possible position that is a unit of ground motion. They must
-    # be units of the quantity in the header.
+    # The header may state the units at several positions. The first unit of ground motion that is
+    # found there is used; it must be a unit of the quantity in the header.
     text = "\n".join(header)
     other = _OTHER.search(text)
     quantity = other[1].lower() if other else "acceleration"
@@ -118,7 +123,7 @@ def _matches(lines: list[str]) -> bool:
     indices = [index for index, line in enumerate(lines) if _count_and_step(line)]
     if not indices:
         return False
-    # The last line with NPTS and DT is used, as when the file is read.
+    # Like `read_at2`, this check uses the last of several lines with NPTS and DT.
     next_line = next((line for line in lines[indices[-1] + 1 :] if line.strip()), None)
     return is_row_of_numbers(next_line)
 

@@ -89,12 +89,16 @@ def is_cosmos(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_cosmos(lines: Lines) -> list[Series]:
-    """Read the accelerations of the next channel of a COSMOS file; see
-    `tdint.ground_motion.formats`.
+    """Read and return the accelerations of the next channel of a COSMOS file.
 
     The series also contain the peaks of the velocity and the displacement of the channel. A channel
     without acceleration gives its first velocity or displacement instead. Counts of a recorder
     (volume 0) have no units.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file; the next line is the first of the channel.
 
     Raises
     ------
@@ -258,7 +262,7 @@ def _series(
             "its header states that the samples are counts, but they are not 32-bit integers"
         )
 
-    # The time of the first sample, if it is known and in UTC.
+    # The time of the first sample is used only if it is completely known and in UTC.
     year, month, day, hour, minute = (
         integers[index] for index in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
     )

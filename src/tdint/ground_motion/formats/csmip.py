@@ -186,8 +186,12 @@ def is_csmip(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_csmip(lines: Lines) -> list[Series]:
-    """Read the acceleration of the next channel of a CSMIP file; see
-    `tdint.ground_motion.formats`.
+    """Read and return the acceleration of the next channel of a CSMIP file, in a list of length 1.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file; the next line is the first of the channel.
 
     Raises
     ------

@@ -69,7 +69,12 @@ def is_cwb(file: Any, **_: Any) -> bool:
 
 @reader
 def read_cwb(lines: Lines) -> list[Series]:
-    """Read the components of a CWB file; see `tdint.ground_motion.formats`.
+    """Read a CWB file, and return its components with the units and the peaks in the header.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
 
     Raises
     ------

@@ -57,7 +57,13 @@ def _event(header: dict[str, str]) -> str:
 
 @reader
 def read_esm(lines: Lines) -> list[Series]:
-    """Read an ESM file; see `tdint.ground_motion.formats`.
+    """Read an ESM file, and return its only component: an acceleration, a velocity or
+    a displacement.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
 
     Raises
     ------

@@ -60,8 +60,13 @@ def is_geonet(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_geonet(lines: Lines) -> list[Series]:
-    """Read the acceleration of the next component of a GeoNet file, with the peaks of its velocity
-    and displacement; see `tdint.ground_motion.formats`.
+    """Read and return the acceleration of the next component of a GeoNet file, with the peaks of
+    its velocity and displacement, in a list of length 1.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file; the next line is the first of the component.
 
     Raises
     ------
@@ -80,7 +85,7 @@ def read_geonet(lines: Lines) -> list[Series]:
     pgv, pgd = (
         _MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in integrals
     )
-    # The header states the sampling interval twice, as a number and in a sentence.
+    # The header states the sampling interval as a number and in a sentence; both must agree.
     dt = reals[_STEP]
     match = first_match(_INTERVAL, texts)
     in_text = match[1] or match[2] if match else ""

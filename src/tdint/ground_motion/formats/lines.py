@@ -303,12 +303,13 @@ class Lines:
         if self._ends_with_newline or has_later_lines or not ROW.fullmatch(self._lines[-1]):
             return numbers
 
-        # Zeros without a decimal point are not evidence if the file contains several of them.
+        # Some programs write zero as 0, without decimals. A final 0 is therefore accepted if
+        # another row also ends with 0.
         if _ends_with_zero(self._lines[-1]) and any(map(_ends_with_zero, self._lines[first:-1])):
             return numbers
 
-        # Compare with the decimals of the last numbers of the preceding rows. If the file has only
-        # a few long rows, compare with the other numbers of the last row.
+        # A number that is cut off has fewer decimals than the last numbers of the preceding rows.
+        # If the file has only a few long rows, the other numbers of the last row are compared.
         last = _decimals(self._lines[-1])
         rows = self._lines[max(first, len(self._lines) - _MAX_ROWS) : -1]
         before = (
@@ -411,7 +412,8 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
         if _is_binary(data):
             return False
         *lines, last = _decode(data).split("\n")
-        # The incomplete last line is used only if it is the start of a long line of values.
+        # The first bytes of a larger file usually end within a line. This incomplete line is
+        # omitted, unless it is very long: some files contain all values in a single line.
         if len(data) < _HEAD or len(last) > _HEADER_LINE:
             lines.append(last)
         return bool(check(list(map(_beginning, lines))))
@@ -468,7 +470,8 @@ def _decimals(line: str) -> list[int]:
 
 
 def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, float]:
-    """Return the sampling interval of printed times and their departure from equal steps.
+    """Return the sampling interval of times in a file, which are rounded to their last decimal, and
+    the departure of the times from equal steps.
 
     Parameters
     ----------

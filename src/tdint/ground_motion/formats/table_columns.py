@@ -350,7 +350,7 @@ def read_header(lines: list[str], width: int) -> TableHeader:
     RecordError
         The header is contradictory, or has another number of column names.
     """
-    # Collect the declarations of all lines, with the keys of _KEYS.
+    # A declaration may be repeated with the same value, but not with a different value.
     declared: dict[str, str] = {}
     for line in lines:
         for key, value in declared_in(line) or []:
@@ -385,8 +385,8 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
         declaration nor a line of column names.
     """
     header = read_header(lines, width)
-    # Indices of the lines with text, and of the unknown lines, which are not comments or
-    # declarations.
+    # Unknown lines are neither blank, comments, declarations nor recognized names of columns. Only
+    # the last unknown line can name the columns in arbitrary text.
     filled = [index for index, line in enumerate(lines) if line.strip()]
     unknown = [index for index in filled if declared_in(lines[index]) is None]
     # The last line names the columns if no other line does.

@@ -172,7 +172,7 @@ def table_in(data: bytes, layout: TextLayout) -> str:
 def read_text(
     file: Any, headonly: bool = False, layout: TextLayout = AS_STATED, **_: Any
 ) -> Stream:
-    """Read a text table; see the module description and `tdint.ground_motion.formats`.
+    """Read a text table, and return its components as an ObsPy stream.
 
     Parameters
     ----------
@@ -236,8 +236,8 @@ def read_text(
         warnings.warn(
             f"using the specified sampling interval of {dt:g} s; the file states none", stacklevel=2
         )
-    # A file with five samples per line of one motion looks the same. Each column would then be
-    # read as every fifth sample, at wrong times.
+    # A file with one ground motion and five samples per line cannot be distinguished from five
+    # ground motions. Each column would then contain every fifth sample, at wrong times.
     if width > 2 and not header.names and not has_times:
         assumption = f"each of {width} columns without names is read as a separate ground motion"
         warnings.warn(
@@ -275,7 +275,8 @@ def _check_first_name(header_lines: list[str], skipped: int) -> None:
 def _sampling_interval(
     header: TableHeader, times: NDArray[np.float64] | None, layout: TextLayout
 ) -> tuple[float, bool]:
-    """Return the sampling interval, s, and True if the file states it, False if only the user does.
+    """Return the sampling interval of a text table, s, and True if the file states it, False if
+    only the user specifies it.
 
     Parameters
     ----------

@@ -60,7 +60,12 @@ def is_unam(file: Any, **_: Any) -> bool:
 
 @reader
 def read_unam(lines: Lines) -> list[Series]:
-    """Read the channels of an ASA file; see `tdint.ground_motion.formats`.
+    """Read an ASA file, and return its channels with the units and the peaks in the header.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
 
     Raises
     ------

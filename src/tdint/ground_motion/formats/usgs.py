@@ -74,7 +74,13 @@ def is_smc(file: Any, **_: Any) -> bool:
 
 @reader
 def read_smc(lines: Lines) -> list[Series]:
-    """Read an SMC file; see `tdint.ground_motion.formats`.
+    """Read an SMC file, and return its only component: an acceleration, a velocity or
+    a displacement.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
 
     Raises
     ------
@@ -224,7 +230,12 @@ def is_usc(file: Any, **_: Any) -> bool:
 
 @reader
 def read_usc(lines: Lines) -> list[Series]:
-    """Read the component of a USC file; see `tdint.ground_motion.formats`.
+    """Read a USC file, and return its only component, an acceleration.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
 
     Raises
     ------

@@ -99,7 +99,7 @@ def read_bytes(source: str | Path) -> bytes:
     RecordError
         The file is missing, not a regular file, not readable, empty, or larger than 256 MiB.
     """
-    # Explain common mistakes in the name of a missing file.
+    # The message about a missing file also explains common mistakes in its name.
     hint = ""
     if "://" in str(source):
         hint = "; addresses are not fetched, download the record first"
@@ -447,7 +447,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         raise RecordError(
             f"{source}: the file is truncated within its header ({plugin.name})"
         ) from error
-    # Omit text channels, for example the log of a recorder.
+    # Text channels, for example the log of a recorder, contain no ground motion.
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
         raise RecordError(

@@ -62,10 +62,10 @@ class FileUnits:
             (units for pattern, units in self.entries if _matches(pattern, path, format_name)), None
         )
 
-    def refuse_unfit(
+    def require_matches(
         self, files: Iterable[str], record_formats: Callable[[str], Iterable[tuple[str, str]]]
     ) -> None:
-        """Raise UsageError if an entry matches no file.
+        """Raise UsageError if an entry of the units by file matches no file.
 
         An entry with a spelling error would otherwise be ignored, and units assumed for its file.
 

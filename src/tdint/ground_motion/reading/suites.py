@@ -101,7 +101,7 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
         skipped = [name for name in other_names if name != "LICENSE"]
         if skipped:
             notes.append(f"{argument}: skipped (not records): {abbreviate(skipped, _MAX_NAMES)}")
-    file_units(choice.units).refuse_unfit(files, partial(record_formats, layout=layout))
+    file_units(choice.units).require_matches(files, partial(record_formats, layout=layout))
     return Sources(tuple(files), tuple(notes), tuple(failures))
 
 
@@ -320,7 +320,7 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
     UsageError
         No file matches the names.
     """
-    # Files are grouped by their names before they are read.
+    # The two components may be in separate files, which their names identify as a pair.
     groups, unmatched = files_of_motions(files, names)
     pairs: list[GroundMotion] = []
     failures: list[RecordError] = []
@@ -369,20 +369,20 @@ class SuiteMotion:
     direction: int = 1
 
 
-def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
+def suite_motions(motions: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
     """Return the components of ground motions in order, with their names in tables.
 
     Components of one file with the same name are named by their full ids.
 
     Parameters
     ----------
-    whole : sequence of Record or Horizontals
+    motions : sequence of Record or Horizontals
         Ground motions with one or two components.
     """
-    records = [record for motion in whole for record in components(motion)]
+    records = [record for motion in motions for record in components(motion)]
     names = iter(component_names(records))
     return tuple(
         SuiteMotion(record, record.source, next(names), motion, direction)
-        for motion in whole
+        for motion in motions
         for direction, record in enumerate(components(motion), start=1)
     )

@@ -157,7 +157,7 @@ def _read_level(
     for quantity in _QUANTITIES:
         if entry := section.get(quantity):
             values = _read_values(entry, quantity, unit, stories)
-            # After an error in the value, no story has a limit.
+            # A limit with a reported error has no finite value and is omitted.
             if values is not None and any(map(math.isfinite, values)):
                 limits.append(Limit(level, quantity, values))
     return limits

@@ -180,7 +180,7 @@ def _damping_type(count: int | None) -> Either:
     count : int or None
         Number of stories of the building, which limits the modes; None if it is unknown.
     """
-    # Rayleigh damping: {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}
+    # The value of `rayleigh` is {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}.
     mode = numbered(count)
     two_ratios = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT_LIST_ERROR)
     modes = EntriesOf(
@@ -207,8 +207,8 @@ def _damping_type(count: int | None) -> Either:
         what="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
         make=lambda value, **entries: _rayleigh(value, count, **entries),
     )
-    # Modal damping: a ratio for all modes, a list of ratios, or {ratio: ..., modes: ...} for the
-    # first modes
+    # The value of `modal` is a ratio for all modes, a list of ratios, or {ratio: ..., modes: ...}
+    # for the first modes.
     first_modes = Keys(
         (
             Key("ratio", RATIO, "damping ratio", True),

@@ -237,7 +237,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
 
 
 def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: ModelUnits) -> Group:
-    """Return the values of a group of parameters.
+    """Return the values of a group of parameters in the mapping of a hysteretic law.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
     """
     outer, _, name = group.rpartition(".")
     outer_values = groups.get(outer)
-    # If the outer group is omitted or one number, so are its inner groups.
+    # If the outer group is omitted or is a number, the same applies to its inner groups.
     if not group or not isinstance(outer_values, Section):
         return outer_values
     parameters = [parameter for parameter in law.parameters if parameter.group == group]
