@@ -142,6 +142,7 @@ def _printed_by_c() -> Iterator[list[str]]:
     with _spool() as spool:
         if sys.stderr is not None:
             sys.stderr.flush()
+        # From here on, standard error of the process is written to the spool file.
         os.dup2(spool.fileno(), 2)
         try:
             yield lines

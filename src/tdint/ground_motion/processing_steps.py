@@ -127,7 +127,8 @@ def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Arra
     # end from the next period.
     size = 2 * next_fast_len(samples.size, real=True)  # even, with no prime factors above 5
     spectrum = np.fft.rfft(samples, size)
-    # In the longer transform below, this frequency has a separate negative frequency.
+    # At the highest frequency, the spectrum contains the sum of a positive and a negative
+    # frequency. They are separate in the longer transform below, which adds the negative frequency.
     spectrum[-1] *= 0.5
     if for_lines:
         # Linear interpolation multiplies the amplitude by sinc(f h)^2, where f is the frequency

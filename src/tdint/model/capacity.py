@@ -287,6 +287,7 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     stiffness = forces[:, 0] / drifts[:, 0]
     omega = solve_modes(mass_fractions, stiffness, links).omega
     damping: RayleighRatio | RayleighCoefficients = RayleighRatio((ratio, ratio), (1, 2))
+    # A single story has no second mode. Its damping is proportional to the mass, a0 = 2 xi omega.
     if n == 1:
         damping = RayleighCoefficients(mass=2.0 * ratio * float(omega[0]), stiffness=0.0)
     height = n * STORY_HEIGHT if facts.height is None else facts.height

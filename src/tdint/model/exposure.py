@@ -449,7 +449,7 @@ def _parse(source: str, data: bytes) -> _ExposureModel:
 
     def start(name: str, attributes: dict[str, str]) -> None:
         """Store the attributes of an element when its start tag is read."""
-        local = name.rpartition(" ")[2]
+        local = name.rpartition(" ")[2]  # expat writes the namespace and a blank before the name
         path.append(local)
         texts.clear()
         if len(path) == 2 and path != ["nrml", "exposureModel"]:

@@ -153,6 +153,7 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     # In the flattened matrix, successive elements of a diagonal are n + 1 elements apart.
     lower.flat[:: n + 1] = root_spring / root_mass
     lower.flat[n :: n + 1] = -(root_spring * link)[1:] / root_mass[:-1]
+    # The singular values are in decreasing order, and are therefore reversed.
     _, omega, right_vectors = np.linalg.svd(lower)
     omega = omega[::-1]
     shapes = (right_vectors[::-1] / root_mass).T

@@ -122,6 +122,7 @@ def read_threshold(value: Value, demand: str) -> float:
     unit = DEMANDS[demand].unit
     if unit == "1":
         return value.number(POSITIVE_RATIO)
+    # A threshold that is not a ratio is a text with a unit, such as 0.3 g.
     return value.parsed(lambda text: parse_with_unit(text, *_THRESHOLD_UNITS[unit])) or math.nan
 
 
