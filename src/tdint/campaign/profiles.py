@@ -633,9 +633,10 @@ def _peaks(
 
 
 def _by_name(values: Array) -> dict[str, Array]:
-    """Return the values of each quantity of `STORY_QUANTITIES` by its name, shape (motions, n).
+    """Return the values of each quantity of `STORY_QUANTITIES` by its name, shape (motions,
+    stories).
 
-    `values` is an array of shape (n, quantities, motions).
+    `values` is an array of shape (stories, quantities, motions).
     """
     return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY_QUANTITIES)}
 

@@ -649,5 +649,5 @@ def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:
     if not all(isinstance(pair, Horizontals) for pair in pairs):
         raise UsageError(
             f"the rule {rule} requires pairs of horizontal components, but a motion is a single "
-            "component"
+            "component; use pairs, or another rule"
         )

@@ -632,6 +632,7 @@ class Store:
 
     def inventory_files(self) -> list[str]:
         """Return the SHA-256 of the files of the inventory; empty without an inventory."""
+        # The key `files` has model files instead if the campaign has no inventory.
         if not json.loads(self._meta_or_none("inventory") or '{"columns": []}')["columns"]:
             return []
         return sorted(json.loads(self._meta_or_none("files") or "{}").values())
@@ -978,7 +979,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
     """
     # An empty list of `inventory_files` represents a store without an inventory.
     if identity.fingerprint != store.meta("fingerprint"):
-        lines = all_differences(
+        differences_text = all_differences(
             store.compared_values(),
             identity.compared_values,
             compared_label=f"this {identity.kind}",
@@ -988,7 +989,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
         raise UsageError(
             f"{store.name}: contains another {identity.kind}; specify another directory with -o, "
             "or --overwrite to start again\n"
-            f"{lines}"
+            f"{differences_text}"
         )
     version = store.meta("version")
     if version == __version__:

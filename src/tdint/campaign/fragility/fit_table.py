@@ -149,7 +149,8 @@ class FragilityResult(Tabular):
         return cls(functions, failures, warnings)
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
+        """Return a description of the result in one line, which follows the name of the class:
+        number of functions, and their medians."""
         medians = ", ".join(
             f"{function.theta:.4g} {function.unit}".rstrip() for function in self.functions
         )

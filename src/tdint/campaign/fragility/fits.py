@@ -779,10 +779,13 @@ def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Arr
         )
     _check_positive(im_levels, "levels of intensity")
     is_count_valid = (exceeding_counts >= 0) & (exceeding_counts <= record_counts)
-    if not np.all(is_count_valid & (record_counts > 0)):
+    is_level_valid = is_count_valid & (record_counts > 0)
+    if not np.all(is_level_valid):
+        invalid_level = int(np.argmin(is_level_valid))  # index of the first invalid level
         raise UsageError(
             "stripes: at every level the number of records must be positive, and the number of "
-            "exceedances must not exceed it"
+            f"exceedances must not exceed it, got {exceeding_counts[invalid_level]:g} exceedances "
+            f"of {record_counts[invalid_level]:g} records at the level {im_levels[invalid_level]:g}"
         )
     other_counts = record_counts - exceeding_counts
     if not exceeding_counts.any() or not other_counts.any():

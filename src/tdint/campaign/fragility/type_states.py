@@ -571,7 +571,9 @@ def _model_states(model: Model, models: Sequence[Model]) -> DamageStates:
     assert first is not None
     if (model.damage.demand, model.damage.states) != (first.demand, first.states):
         raise ModelError(
-            f"{model.source}: damage: demand and states must be the same as in the other models"
+            f"{model.source}: damage: demand and states must be the same as in the other models, "
+            f"{first.demand} with the states {', '.join(first.states)}; got {model.damage.demand} "
+            f"with the states {', '.join(model.damage.states)}"
         )
     return model.damage
 
