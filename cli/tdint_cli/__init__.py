@@ -18,6 +18,7 @@ def start() -> None:
         for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU"):
             number = getattr(signal, name, None)
             if number is not None and signal.getsignal(number) in defaults:
+                # Shells report a process that a signal ended with 128 plus the signal number.
                 signal.signal(number, lambda received, _: os._exit(128 + received))
     except KeyboardInterrupt:
         os._exit(130)

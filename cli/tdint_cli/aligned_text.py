@@ -178,6 +178,7 @@ def _cell(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
+        # The addition changes -0.0 to 0.0, so that no minus sign is printed.
         return format(value + 0.0, f".{_DIGITS}g")
     return "".join(letter if letter.isprintable() else "?" for letter in str(value))
 

@@ -259,7 +259,15 @@ class Profiles:
         Returns
         -------
         list of TdintError
-            With --require: an error if the limit is exceeded or cannot be checked yet.
+            With --require: an error if the limit is exceeded or cannot be checked yet. Otherwise
+            the list is empty.
+
+        Raises
+        ------
+        UsageError
+            --require has no limit.
+        AnalysisError
+            The peaks of the stories, which --limit or --require needs, are not stored.
         """
         limit, models_have_limits = self.request.limit, self.store.has_limits
         if self.request.require and limit is None and not models_have_limits:
@@ -500,9 +508,11 @@ def _open_store(
 
 
 def _report_progress(advance: Advance) -> None:
-    """Report the number of runs completed in this call, their duration and rate, and the number of
-    runs completed in earlier calls. If this call has completed no runs, report that all runs were
-    completed before."""
+    """Report the number of runs that this call has completed, with their duration and rate.
+
+    The number of runs of earlier calls follows. If this call has completed no runs, all runs were
+    completed by earlier calls.
+    """
     new_runs = advance.done - advance.before
     if new_runs:
         before = f", {advance.before} before" if advance.before else ""
@@ -648,6 +658,7 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
     from tdint.campaign.store import FILE, foreign_file_error
 
     if not is_there(folder / FILE) and not overwrite:
+        # A tuple multiplied by False is empty.
         for name in (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY):
             if is_there(folder / name):
                 raise foreign_file_error(folder / name)
@@ -697,8 +708,11 @@ def _rate(advance: Advance) -> str:
 
 
 def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
-    """Write the files of a store: the selected tables, the requested results over all motions, and
-    summary.json; update the files that were exported from an earlier state of the store.
+    """Write the files of a campaign from its store, and update earlier exports.
+
+    The files are the tables that the campaign selects, the requested results over all motions, and
+    summary.json. Files that `tdint campaign export` wrote from an earlier state of the store are
+    written again, or removed if this is not possible.
 
     Parameters
     ----------
@@ -735,7 +749,7 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
 def _suite_contents(
     profiles: Profiles, folder: Path, plan: Plan | None = None
 ) -> dict[str, Content]:
-    """Return the requested files with results over all motions: file name and content.
+    """Return the name and the content of each requested file with results over all motions.
 
     The files are the figure of the profiles and the ratios to the baseline. With a plan, they
     include the floor spectra, the report and the intensity measures of the runs. The dictionary is

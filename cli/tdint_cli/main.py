@@ -93,9 +93,22 @@ class LazyGroup(HelpAsData, click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the name, the command and its arguments, and store its options in the settings.
+        """Return the name of the requested command, the command and its arguments.
 
-        An unknown name raises an error with similar names, or with all names.
+        Its option names and its command line are stored in the settings, for messages and for the
+        JSON files of results.
+
+        Parameters
+        ----------
+        ctx : click.Context
+            Context of the group.
+        args : list of str
+            Command line after the general options; the first item is the name of the command.
+
+        Raises
+        ------
+        UsageError
+            The name is unknown; the message lists similar names, or all names.
         """
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
@@ -125,13 +138,23 @@ class LazyGroup(HelpAsData, click.Group):
     def main(  # type: ignore[override]
         self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any
     ) -> NoReturn:
-        """Run a command line and exit. `tdint_cli.terminal` converts errors into one line each and
-        an exit code."""
+        """Run a command line and exit with its exit code; each error is printed as one line.
+
+        Parameters
+        ----------
+        args : sequence of str, optional
+            Command line after `tdint`; by default, the command line of this process.
+        prog_name : str, optional
+            Name of the program in help texts.
+        **extra
+            Keyword arguments of the context of click. `obj` is the `Settings` of the command line.
+        """
+        # Without standalone mode, click raises errors instead of printing them and exiting.
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
-        # Options set context variables. In a copy of the context, their values end with the
-        # command. Record the input files of this command only.
+        # Options set context variables, such as the figure style. In a copy of the context, these
+        # values end with the command. The lists of input files are empty at the start of a command.
         context = copy_context()
         for input_files in (INPUT_DIGESTS, PROTECTED):
             context.run(input_files.set, {})
@@ -173,23 +196,25 @@ def use_one_thread() -> None:
     threads wait for each other.
     """
     for library in ("OPENBLAS", "OMP", "MKL", "VECLIB", "BLIS"):
+        # Apple's vecLib reads a variable with another ending than the other libraries.
         name = "VECLIB_MAXIMUM_THREADS" if library == "VECLIB" else f"{library}_NUM_THREADS"
         os.environ.setdefault(name, "1")
 
 
 def main() -> None:
-    """Run the installed command (entry point).
+    """Run the command line of this process and exit (entry point of the program `tdint`).
 
     Imported modules remain in memory. Repeated garbage collection of their objects, also at exit,
     would take a fifth of the time of a short command.
     """
     gc.set_threshold(_ALLOCATIONS)
     use_one_thread()
-    ended = end_in_time()
+    on_end = end_in_time()
     try:
         cli.main(prog_name="tdint")
     except SystemExit as end:
-        ended(end.code)
+        # If a signal ended the command, `on_end` ends the process immediately.
+        on_end(end.code)
         raise
     finally:
         gc.freeze()

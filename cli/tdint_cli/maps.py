@@ -32,17 +32,29 @@ class MapRequest:
     polygons: str | None = None
 
     def districts(self, store: Store, by: str) -> Callable[[BinaryIO], None]:
-        """Return the writer of the map of districts by a column of the inventory.
+        """Return a function that writes the map of districts to a binary stream.
+
+        The columns of the inventory and the polygons are read here, so that errors are reported
+        before any file is written.
+
+        Parameters
+        ----------
+        store : Store
+            Store of the campaign.
+        by : str
+            Column of the inventory; buildings with the same value form a district.
 
         Raises
         ------
         UsageError
-            The polygons cannot be read, or one is missing.
+            The polygons cannot be read, or the polygon of a district is missing.
         """
         from tdint.output.tables.maps import read_polygons, write_districts
 
         polygons = None
         if self.polygons is not None:
+            # The names of columns are compared regardless of case. The cells of the inventory that
+            # the store keeps for a building are in the order of these columns.
             column = [title.lower() for title in store.inventory_columns()].index(by.lower())
             districts = {store.copied_cells(number)[column] for number in store.buildings()}
             polygons = read_polygons(self.polygons, by, sorted(districts))
@@ -50,14 +62,17 @@ class MapRequest:
 
 
 def has_losses(store: Store) -> bool:
-    """Return True if the damage states have losses."""
+    """Return True if damage states of the campaign have loss ratios."""
     from tdint.campaign.fragility.runs import stored_states
 
     return any(states.losses for states in stored_states(store).values())
 
 
 def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool) -> None:
-    """Raise UsageError if a map cannot be written from a store.
+    """Raise UsageError if a requested map cannot be written from a store.
+
+    A map requires coordinates of the buildings, the results of all runs, and known events. A map of
+    districts also requires the column of the districts and damage states with losses.
 
     Parameters
     ----------

@@ -78,6 +78,7 @@ class Workers(Generic[Result]):
         while waiting or any(worker.task_index is not None for worker in self._workers):
             self._hand_out(waiting)
             busy = [worker for worker in self._workers if worker.task_index is not None]
+            # Wait until a worker sends an outcome, or ends: its sentinel is then ready.
             ready = connection.wait(
                 [handle for worker in busy for handle in (worker.pipe, worker.process.sentinel)]
             )
@@ -121,8 +122,9 @@ class Workers(Generic[Result]):
                 target=_work, args=(self._function, worker_end, os.getpid()), daemon=True
             )
             worker = _Worker(process, local_end)
-            # Python discards an exception that is raised in its hooks after a fork. The signal
-            # would be lost with the exception.
+            # A signal raises an exception in this process. In the functions that it calls after a
+            # fork, Python would discard this exception, so that the signal would be lost. Signals
+            # are therefore blocked until the process has started.
             with block_signals(ENDING):
                 self._workers.append(worker)
                 process.start()
@@ -329,7 +331,15 @@ def _shared(
 
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
-    """Return the result of a task, or its RecordError or AnalysisError."""
+    """Return the result of a task, or its RecordError or AnalysisError; raise other exceptions.
+
+    Parameters
+    ----------
+    work : callable
+        Function of the task.
+    task : Task
+        Record to process.
+    """
     try:
         # A worker process cannot register its input files in this process. Register no files here
         # either, so that the lists do not depend on the process. Each record reports its files.

@@ -43,9 +43,15 @@ class SuiteLimits:
         return self.limit is not None or bool(profile.limits)
 
     def verdicts(self, units: OutputUnits) -> Iterator[tuple[Profile, Verdict]]:
-        """Yield each profile with limits and its results, in units of a report or of the terminal.
+        """Yield each profile (a building at an intensity level) with the result of each limit.
 
-        The displacement of isolators follows as a result without a limit, unless it has a limit.
+        Profiles without limits are omitted. The displacement of isolators follows as a result
+        without a limit, unless it has a limit.
+
+        Parameters
+        ----------
+        units : OutputUnits
+            Units of the values in the sentences of the results.
         """
         from tdint.output.verdicts import (
             LostMotions,
@@ -60,6 +66,7 @@ class SuiteLimits:
                 continue
             lost = LostMotions(profile.collapsed + profile.failed, profile.runs)
             verdicts = suite_verdicts(checks, lost, profile.pair_demand, units)
+            # Without a completed run there are no demands: the limit counts as exceeded.
             if not profile.motions:
                 limit = self.limit
                 limit_text = f", limit {100.0 * limit:g} %" if isinstance(limit, float) else ""
@@ -109,7 +116,11 @@ class SuiteLimits:
         return limit_table(listed, units, mean=True) if listed else None
 
     def summary(self) -> dict[str, Any]:
-        """Return the comparisons for summary.json; empty without limits."""
+        """Return the comparisons for summary.json; empty without limits.
+
+        The key `limits` is a list with an entry for each building, intensity level and limit;
+        `meanings` contains the meaning and the unit of each key of the entries.
+        """
         from tdint.output.run_summary import LIMIT_MEANINGS
         from tdint.output.verdicts import limits_summary
 
@@ -131,7 +142,11 @@ class SuiteLimits:
         return {"limits": entries, "meanings": meanings}
 
     def page_verdicts(self, units: OutputUnits) -> Iterator[tuple[bool | None, str]]:
-        """Yield the headlines of a report: results with limits; isolators without limits."""
+        """Yield the headlines of a report: results of the limits, then isolators without limits.
+
+        Each item contains True if the limit is met, False if it is exceeded, or None for a result
+        without a limit; and the sentence, with values in `units`.
+        """
         from tdint.output.verdicts import isolator_sentence
 
         for profile, verdict in self.verdicts(units):
@@ -153,10 +168,10 @@ class SuiteLimits:
 
 
 def profile_name(profile: Profile, profiles: list[Profile]) -> str:
-    """Return the name of one of the profiles: its building and its intensity level.
+    """Return the name that distinguishes a profile from the other profiles in messages.
 
-    The name contains the building only if the profiles have several buildings, and the level only
-    if they have several levels; otherwise it is empty.
+    The name contains the building only if the profiles have several buildings, and the intensity
+    level only if they have several levels; otherwise it is empty.
     """
     parts = [profile.building] if len({other.building for other in profiles}) > 1 else []
     # A missing scale or level is NaN, which is not equal to itself: compare the texts.

@@ -60,7 +60,11 @@ def is_quiet() -> bool:
 
 
 _EMPTY_LINE = "\r\x1b[K"  # control characters that clear the line of the cursor on a terminal
+# A library argument in backticks, with or without its value, such as `skip_lines=1`. The groups are
+# its name and its value.
 _SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines)(?:=([^`]*))?`")
+# Control characters except for the line feed, and Unicode characters that break lines or change the
+# direction of the text: they could hide a part of a message.
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
@@ -354,7 +358,8 @@ def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
     Parameters
     ----------
     command : callable
-        Command to run. An integer result is the exit code.
+        Function without arguments that runs the command. An integer result is the exit code; any
+        other result means success (0).
     settings : Settings
         Settings of the command.
     """
@@ -373,15 +378,24 @@ def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
 
 
 def _signal_word(number: int) -> str:
+    """Return the message about a signal that ended the command."""
     return "Interrupted" if number == signal.SIGINT else "Terminated"
 
 
 def _report_error(error: BaseException, settings: Settings) -> int:
-    """Print the error message and return the exit code.
+    """Print the message of an exception that ended a command, and return the exit code.
 
     Errors of click and of tdint, insufficient memory, a full disk and a missing package have their
     own messages. Any other exception is reported as a bug, with exit code 1.
+
+    Parameters
+    ----------
+    error : BaseException
+        The exception.
+    settings : Settings
+        Settings of the command: `debug` also prints the traceback.
     """
+    # The exception is raised again, so that its type selects one of the following clauses.
     try:
         raise error
     except getattr(
@@ -486,6 +500,7 @@ def _warnings_as_lines() -> Iterator[None]:
     """Show Python's warnings as one line without file and source."""
 
     def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+        """Print a warning of Python; `warnings.showwarning` defines the arguments."""
         warn(" ".join(str(message).split()))
 
     with warnings.catch_warnings():
@@ -497,6 +512,7 @@ class _Notes(logging.Handler):
     """Log handler that prints the messages of the library as notes and warnings."""
 
     def emit(self, record: logging.LogRecord) -> None:
+        """Print a log message: as a warning from the level WARNING, otherwise as a note."""
         (warn if record.levelno >= logging.WARNING else note)(record.getMessage())
 
 

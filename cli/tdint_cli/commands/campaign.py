@@ -201,12 +201,20 @@ def command(request: CampaignRequest) -> None:
 
 
 def _run(request: CampaignRequest) -> None:
-    """Execute the runs of a campaign file.
+    """Execute the runs of a campaign file and write its tables.
 
     Parameters
     ----------
     request : CampaignRequest
         Options of the command line.
+
+    Raises
+    ------
+    UsageError
+        An option is invalid, or not exactly one campaign file is specified.
+    Failures
+        Some inputs could not be used, or with --require a limit is exceeded. Raised after all files
+        are written.
     """
     if len(request.words) > 1:
         raise UsageError(
@@ -214,7 +222,7 @@ def _run(request: CampaignRequest) -> None:
         )
     if request.output is None:
         raise UsageError("-o DIR is required: the directory of the campaign")
-    # Reading the inputs of a large campaign needs minutes, so that options are checked before.
+    # Check the options first, because reading the inputs of a large campaign can last minutes.
     request.of_floors.check(request.output)
     if request.im:
         from tdint.campaign.fragility.measures import run_measure
@@ -252,7 +260,9 @@ def _run(request: CampaignRequest) -> None:
 
 
 def _status(request: CampaignRequest) -> None:
-    """Write the number of runs of each status, and warnings about inputs that cannot be used.
+    """Write the number of runs of each status to standard output (`tdint campaign status`).
+
+    Warnings list the inputs that could not be used.
 
     Parameters
     ----------
@@ -277,12 +287,19 @@ def _status(request: CampaignRequest) -> None:
 
 
 def _export(request: CampaignRequest) -> None:
-    """Write the tables of a campaign again.
+    """Write the tables of a campaign again (`tdint campaign export`).
 
     Parameters
     ----------
     request : CampaignRequest
         Options of the command line.
+
+    Raises
+    ------
+    UsageError
+        Not exactly one directory is specified, or an option is missing for a map.
+    Failures
+        With --require: a limit is exceeded. Raised after the tables are written.
     """
     from tdint.campaign.store import check_chunks, open_existing
 
@@ -311,6 +328,14 @@ def _merge(request: CampaignRequest) -> None:
     ----------
     request : CampaignRequest
         Options of the command line.
+
+    Raises
+    ------
+    UsageError
+        No directory is specified.
+    Failures
+        Some inputs could not be used, or with --require a limit is exceeded. Raised after the
+        tables are written.
     """
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
@@ -360,7 +385,8 @@ def _unused_inputs(store: Store) -> list[TdintError]:
     errors = []
     for input_kind, error_type in error_types:
         reasons = store.unused()[input_kind]
-        # A building without a ground motion is reported in the same way as an unreadable record.
+        # A building that is farther than max_distance from the sites of all records has no ground
+        # motion. If this is the only reason, the error has the exit code of an unreadable record.
         if input_kind == "building" and all("max_distance is " in reason for reason in reasons):
             error_type = RecordError
         if reasons:

@@ -245,7 +245,16 @@ def command(request: Request) -> None:
 
 
 def _sorted_files(request: Request) -> Request:
-    """Return the request with the positional records in `records`."""
+    """Return the request with the models in `models` and the records in `records`.
+
+    The command line accepts both as arguments: models have the suffix .yaml or .yml, and the first
+    file is always a model.
+
+    Raises
+    ------
+    UsageError
+        Records are specified both as arguments and with --record.
+    """
     after_first = request.models[1:]
     records = tuple(file for file in after_first if not file.lower().endswith((".yaml", ".yml")))
     if records and request.records:
@@ -281,7 +290,13 @@ def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
 
 
 def _check(request: Request) -> BuildingRequest:
-    """Check the options for one building and return the request for it."""
+    """Check the options of a call with a single building, and return the request for the building.
+
+    Raises
+    ------
+    UsageError
+        No model is specified, or options cannot be used together.
+    """
     if not request.models:
         raise UsageError(
             "a model is required; specify one or several MODEL.yaml, or --problems standard"
@@ -310,6 +325,11 @@ def _chart_many(request: Request) -> None:
     ----------
     request : Request
         Options of the command line.
+
+    Raises
+    ------
+    UsageError
+        An option requires a single building.
     """
     if request.target_error not in PEAKS:
         raise UsageError(
@@ -391,6 +411,7 @@ def _problems(request: Request) -> list[FieldProblem]:
             building = request.of(file, record)
             check_motion(building)
             models.append(with_motion(model, building))
+    # The models already contain their records, so that no further records are specified.
     return crossed(models, ())
 
 
@@ -592,6 +613,7 @@ def _peaks_at_start(request: Request, chart: Chart) -> bool:
     """
     motion = chart.reference.motion
     peaks, start = motion.peak_drift, abs(motion.drift[0])
+    # The factor allows for rounding and for small discretization errors of the peaks.
     return request.target_error == "peak-drift" and bool((peaks <= 1.001 * start).all())
 
 

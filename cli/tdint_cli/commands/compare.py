@@ -47,6 +47,11 @@ def _requirement(text: str) -> tuple[str, float]:
     ----------
     text : str
         Requirement of the form NAME=NUMBER.
+
+    Raises
+    ------
+    BadParameter
+        The text has another form, or the name is unknown.
     """
     from tdint.analysis.compare import parse_requirement
 
@@ -293,7 +298,7 @@ def _spectrum_periods(request: Request, comparison: Comparison) -> Array:
 def _page(
     request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array
 ) -> bytes:
-    """Return the page of --report; its verdict is the result of --require.
+    """Return the HTML page of --report; the verdict at its top is the result of --require.
 
     Parameters
     ----------
@@ -356,6 +361,7 @@ def _least_agreement(comparisons: Sequence[Comparison]) -> str:
     """
     floors = [floor for item in comparisons for floor in item.floors]
     lowest = min(floors, key=lambda floor: floor.correlation)
+    # With the logarithm, the ratios 0.5 and 2 are equally far from 1.
     farthest_peak = max(floors, key=lambda floor: abs(math.log(abs(floor.peak_ratio))))
     largest_difference = max(floors, key=lambda floor: floor.rms_difference)
     clauses = [
@@ -413,9 +419,8 @@ def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
     # Show only the first values, because a building with many stories would fill the screen.
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
-        # A parameter of a story has the number of the story as its place; a parameter of the
-        # complete
-        # building has no place.
+        # The place of a parameter is the number of its story. A parameter of the complete building
+        # has no place.
         changes = [
             " ".join(filter(None, (item.name, str(item.place or ""), f"{item.value:.5g}")))
             for item in values

@@ -22,7 +22,8 @@ TARGETS = (
 )[:-1]
 """Target processors. The last combination, windows-aarch64, is not supported."""
 
-
+# The modes of the command (compilation, --show, and --clean without a compilation), each with the
+# options that have an effect.
 _COMPILE, _SHOW = (
     Mode("", frozenset(("targets", "output"))),
     Mode("with --show", frozenset({"show"})),

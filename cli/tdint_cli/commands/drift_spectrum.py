@@ -107,6 +107,8 @@ class _DriftSpectra(TableType):
             raise UsageError("--beam has no stories; omit --stories and --story-height")
         from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
 
+        # These functions raise UsageError for invalid coefficients of --height-period, and for
+        # buildings with too many stories. Their results are computed again for each record.
         heights = parse_height_period(request.height_period).height(request.chosen_periods())
         if not request.beam:
             number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)

@@ -196,7 +196,8 @@ def _files(
 ) -> list[tuple[str, Content]]:
     """Return the file names and contents of one example, without figures if all runs failed.
 
-    The table contains the runs with all time steps, the figures only the runs with the first one.
+    The table contains the runs with all time steps, the figures only the runs with the first time
+    step.
 
     Parameters
     ----------
@@ -221,7 +222,7 @@ def _files(
         contents += [
             figures.style.picture(suffix, partial(draw, figure)) for figure in example.figures
         ]
-    # Without figures, the last names have no contents.
+    # If all runs failed, there are names of figures without contents: `zip` omits them.
     return list(zip(_names(example, suffix), contents, strict=False))
 
 
@@ -230,6 +231,13 @@ def _general_figures(examples: Sequence[Example], suffix: str) -> dict[str, Cont
 
     These are the figures of the paper with methods on an oscillator, the figures of the buildings,
     and the figure of other values of beta, which is not in the paper.
+
+    Parameters
+    ----------
+    examples : sequence of Example
+        Requested examples, for the figures of their buildings.
+    suffix : str
+        Suffix of the figure files.
     """
     numbers = [*_OSCILLATOR_FIGURES, _ORDER_FIGURE]
     draw_functions: dict[str, Callable[[], Any]] = {
@@ -254,9 +262,15 @@ def _name(number: int) -> str:
 
 
 def _draw_oscillator_figure(number: int) -> Any:
-    """Draw one of the figures 1 to 6: methods on an oscillator without load or under harmonic load.
+    """Return a figure of the accuracy of methods for an oscillator, as in the paper.
 
-    The methods are the five methods of the paper and two further methods.
+    Figures 1 to 5 show oscillators without load, figure 6 the order of accuracy under a harmonic
+    load. The methods are the five methods of the paper and, as thin lines, impulse4 and moment4.
+
+    Parameters
+    ----------
+    number : int
+        Number of the figure in the paper, 1 to 6.
     """
     from tdint.analysis.assessment.order import observed_order, order_problem
     from tdint.analysis.assessment.paper_examples import FIVE
@@ -281,7 +295,8 @@ def _draw_oscillator_figure(number: int) -> Any:
 
 
 def _draw_beta_scan() -> Any:
-    """Draw the spectral radius of impulse for several values of its parameter beta."""
+    """Return the figure of the spectral radius of impulse for several values of its parameter
+    beta."""
     from tdint.analysis.assessment.stability import stability
 
     integrators = options.analysis.integrators([f"impulse:beta={beta}" for beta in BETAS])
@@ -293,7 +308,17 @@ def _draw_beta_scan() -> Any:
 
 
 def _exact(example: Example, dt: float, reference: str) -> str:
-    """Return the method and the time step of the reference solution as text."""
+    """Return the method and the time step of the reference solution as text.
+
+    Parameters
+    ----------
+    example : Example
+        Example of the paper.
+    dt : float
+        Time step of the methods, s, which the reference solution divides.
+    reference : str
+        `paper` for the reference solution of the paper, `finer` for the more accurate one.
+    """
     from tdint.analysis.assessment.paper_examples import EXACT, FINER, exact_steps
 
     if reference == "paper":
@@ -321,7 +346,8 @@ def _report_example(example: Example, runs: list[ExampleRun], reference: str, re
 
     dt = runs[0].dt
     say(f"Example {example.number}: {example.about}")
-    # Both gaps are maximum differences from the finer reference solution.
+    # Both gaps are maximum differences from the finer reference solution, m: of the reference
+    # solution of the paper, and of a third method, which confirms the finer reference solution.
     paper_gap = gap(example, dt, EXACT, exact_steps(example, dt))
     check_gap = gap(example, dt, _CHECK_METHOD)
     say(

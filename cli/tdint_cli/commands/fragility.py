@@ -352,7 +352,7 @@ def _page(
     functions: Sequence[Fragility],
     draw: Callable[[Sequence[Fragility]], Figure],
 ) -> bytes:
-    """Return the page of --report.
+    """Return the HTML page of --report.
 
     Parameters
     ----------
@@ -388,7 +388,10 @@ def _in_g(function: Fragility) -> Fragility:
 
 
 def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
-    """Return the loss ratios of the damage states of each type that specifies loss ratios."""
+    """Return the loss ratios of the damage states by building type, from the store of a campaign.
+
+    Types without loss ratios are omitted.
+    """
     from tdint.campaign.fragility.runs import stored_states
     from tdint.campaign.store import open_existing
 

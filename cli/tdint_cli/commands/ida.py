@@ -287,7 +287,7 @@ def _read_mainshock(request: IdaRequest) -> Mainshock | None:
     Raises
     ------
     RecordError
-        The file of the main shock cannot be read.
+        The file of the main shock cannot be read or cannot be processed as requested.
     """
     from tdint.campaign.ida_curve import Mainshock
 
@@ -407,7 +407,7 @@ def _write(
 
 
 def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: list[str]) -> bytes:
-    """Return the page of --report.
+    """Return the HTML page of --report.
 
     Parameters
     ----------
@@ -543,7 +543,8 @@ def _median(study: IdaStudy) -> str:
 
     curves = study.motion_curves
     count, unit, damage = len(curves), study.measure.unit, curves[0].damage
-    # A fractile above the maximum intensity is NaN.
+    # The array has a row for each fractile (16, 50 and 84 %) and a column for the collapse drift. A
+    # fractile above the maximum intensity is NaN.
     low, median, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
     state = f" of the building damaged to a drift ratio of {100.0 * damage:g} %" if damage else ""
     text = f"Median collapse capacity{state}: "

@@ -171,7 +171,19 @@ def _exported_files(request: Request) -> list[Path]:
 
 
 def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
-    """Write the exported motions; return notes about the export.
+    """Write the processed ground motions to the file of --export, and their JSON file.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    products : sequence of Product
+        Results of each record, with its processed components.
+
+    Returns
+    -------
+    tuple of str
+        Notes about the export; empty without --export.
 
     Raises
     ------
@@ -223,7 +235,15 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
 
 
 def _work(request: Request, task: Task) -> Product:
-    """Return the results of all components of a record; may run in a worker process."""
+    """Read a record and return the results of its components; may run in a worker process.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    task : Task
+        The file of the record.
+    """
     from tdint.output.summary import record_summary
 
     records = request.read(task.source)

@@ -37,7 +37,13 @@ def _structures() -> list[str]:
 
 
 def _weights(text: str) -> tuple[float, ...]:
-    """Return the weights of the floors from a comma-separated list of NUMBER or COUNTxNUMBER."""
+    """Return the weights of the floors from a comma-separated list of NUMBER or COUNTxNUMBER.
+
+    Raises
+    ------
+    BadParameter
+        A weight is not a positive number, or there are too many floors.
+    """
     weights: list[float] = []
     for word in text.split(","):
         count, x, number = word.strip().rpartition("x")
@@ -231,7 +237,25 @@ def _check(request: Request) -> None:
 
 
 def _laws(request: Request) -> list[FittedLaw]:
-    """Fit the hysteretic law of each story to its curve, and report the misfit."""
+    """Fit the hysteretic law of each story to its force-drift curve, and report the misfit.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line, with --from-pushover and --weights.
+
+    Returns
+    -------
+    list of FittedLaw
+        Law of each story, from the ground up.
+
+    Raises
+    ------
+    UsageError
+        The number of stories differs from the number of weights.
+    ModelError
+        The file of the curves is invalid.
+    """
     from tdint.model.story_curves import fit_story, read_story_curves
 
     assert request.from_pushover is not None and request.weights is not None
@@ -256,7 +280,17 @@ def _laws(request: Request) -> list[FittedLaw]:
 
 
 def _model(name: str, request: Request, motion: str | None) -> str:
-    """Return the text of the model file: stories from the options, or a structural type."""
+    """Return the text of the model file: stories from the options, or a building type.
+
+    Parameters
+    ----------
+    name : str
+        Name of the building.
+    request : Request
+        Options of the command line.
+    motion : str or None
+        Name of the file of the ground motion; None for a model without a ground motion.
+    """
     from tdint.model.story_curves import story_model, type_model
 
     if request.structure is None:

@@ -44,6 +44,14 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         The options of the command line.
     records : tuple of str
         The record files; if empty, the record of the model is used.
+
+    Raises
+    ------
+    UsageError
+        An input is standard input, or options cannot be used together.
+    Failures
+        Some records could not be read, or with --require a limit is exceeded. Raised after all
+        files are written.
     """
     from tdint.campaign.execute import threads
     from tdint.campaign.store import open_store
@@ -83,7 +91,25 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
 
 
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
-    """Return the plan of the runs of a building under several records."""
+    """Return the plan of the runs of a building under several records.
+
+    The runs are planned as a campaign with a single building, but without a campaign file.
+
+    Parameters
+    ----------
+    request : Request
+        The options of the command line.
+    records : tuple of str
+        The record files. If empty, the records of the table of --factors are used, or without
+        --factors the record of the model.
+    model : Model
+        The building.
+
+    Raises
+    ------
+    UsageError
+        No record is specified, and the model has no record.
+    """
     from tdint.campaign.batch import RunSettings
     from tdint.campaign.definition import (
         AnalysisOverrides,

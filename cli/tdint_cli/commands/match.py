@@ -317,9 +317,19 @@ def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:
 
 
 def _misfit_warning(matched: Match, max_misfit: float) -> list[str]:
-    """Return the warning about a misfit at one damping ratio that exceeds `max_misfit`.
+    """Return the warning about the largest misfit of a matched motion at a damping ratio.
 
-    The list is empty if the misfit is not larger. Both misfits are fractions of the target.
+    Parameters
+    ----------
+    matched : Match
+        Matched motion at this damping ratio.
+    max_misfit : float
+        Maximum misfit without a warning, as a fraction of the target.
+
+    Returns
+    -------
+    list of str
+        One warning; empty if the misfit is not larger than `max_misfit`.
     """
     if matched.largest_misfit <= max_misfit:
         return []

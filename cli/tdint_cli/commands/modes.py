@@ -150,7 +150,8 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     outputs = outputs.else_in(model.output_units)
     result, units = response_spectrum_analysis(model, target), outputs.shown_units
     warnings = []
-    # These modes are last, because the modes are sorted by decreasing period.
+    # The modes outside of the target spectrum have the shortest periods. They are the last modes,
+    # because the modes are sorted by decreasing period.
     for count, text in (
         (result.rigid, "are rigid: the value of the target at 0 s is used"),
         (result.left_out, "are ignored: the target has no value at 0 s"),
@@ -205,7 +206,8 @@ def _peak_sentence(result: ModalResponse, units: OutputUnits) -> str:
     units : OutputUnits
         Units of the values in the text.
     """
-    # Report both combinations, because they differ for closely spaced modes.
+    # Report the combinations of the modal peaks by CQC and by SRSS, because they differ for closely
+    # spaced modes.
     cqc, srss = (
         units.text(float(shear[0]), "N") for shear in (result.shear_cqc, result.shear_srss)
     )

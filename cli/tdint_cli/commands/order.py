@@ -104,6 +104,7 @@ def command(
         outputs.deliver(
             tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured)
         )
+        # The order is NaN if too few errors exceed the rounding errors: the results are then exact.
         exact = dict.fromkeys(
             order.method for order in measured if math.isnan(order.order("displacement"))
         )

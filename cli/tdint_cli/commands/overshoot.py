@@ -149,6 +149,7 @@ def _report_maxima(pairs: dict[str, list[Overshoot]]) -> None:
         maxima = [motion.largest for motion in pair]
         overshooting = []
         for i, quantity in enumerate(("displacement", "velocity")):
+            # An excess over the exact maximum of at most BEYOND does not count as overshoot.
             if max(ratios[i] for ratios in maxima) > 1.0 + BEYOND:
                 overshooting.append(quantity)
         texts = [
@@ -162,5 +163,6 @@ def _report_maxima(pairs: dict[str, list[Overshoot]]) -> None:
 
 
 def _power(value: float) -> str:
-    """Return the text of a power; 'zero' if the quantity itself is zero."""
+    """Return the text of a power; 'zero' for the power -infinity of a quantity that is zero."""
+    # A power that is rounded to zero is printed without a minus sign.
     return "zero" if value == -math.inf else f"{value + 0.0:.1f}".replace("-0.0", "0.0")

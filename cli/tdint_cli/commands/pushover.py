@@ -101,9 +101,10 @@ def command(
 
 
 def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: OutputUnits) -> bytes:
-    """Return the page of --report.
+    """Return the HTML page of --report.
 
-    The verdict lists the target displacements and the reasons for which one is not valid.
+    The verdict at its top lists the target displacements. If a target displacement is not valid,
+    its line in the verdict contains the reasons.
 
     Parameters
     ----------

@@ -642,6 +642,11 @@ def _index_of_folder(recorded: _RecordedCommand) -> int:
 
     Other arguments may be equal to it, for example in `export export`. Each argument is therefore
     replaced by a null character, until the parser reports this character as the directory.
+
+    Raises
+    ------
+    UsageError
+        The command line does not contain exactly one directory.
     """
     for index in range(1, len(recorded.export)):
         marked = [*recorded.export]
@@ -655,6 +660,9 @@ def _index_of_folder(recorded: _RecordedCommand) -> int:
 
 def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -> int:
     """Run a command line in its directory with replaced outputs and return its exit code.
+
+    Its standard output is discarded. If a signal ends the command, `click.exceptions.Exit` with its
+    exit code is raised, so that `tdint rerun` ends also.
 
     Parameters
     ----------
@@ -714,6 +722,7 @@ def _change_text(name: str, before: str | None, now: str | None) -> str:
         Present SHA-256 of the input; None if it is not read now. If `before` is None, any nonempty
         text has the same effect.
     """
+    # Only one of the two runs has read the input, or both have read different contents.
     if before is None or now is None:
         return (
             f"{name}: was {'not ' if before is None else ''}read by the recorded command, and is "
@@ -723,7 +732,10 @@ def _change_text(name: str, before: str | None, now: str | None) -> str:
 
 
 def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _NewOutputs) -> bool:
-    """Compare all files that the command has written, and how a run ended.
+    """Compare all files that the repeated command has written, and the status of the run.
+
+    The result for each file is printed, and a table of the first differences is written to standard
+    output.
 
     Parameters
     ----------
@@ -735,7 +747,12 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
     Returns
     -------
     bool
-        True if all files are the same, or equal within rounding, and the runs end equally.
+        True if all files are the same, or equal within rounding, and the status is the same.
+
+    Raises
+    ------
+    AnalysisError
+        The command writes no file that can be compared.
     """
     is_chart = recorded.command.name == "chart"
     loops, new_loops = (run.content.get("time_loops") for run in (recorded, repeated))
@@ -987,7 +1004,7 @@ def _recorded_files(recorded: _RecordedCommand) -> Iterator[Path]:
 
 
 def _size(difference: Difference) -> float:
-    """Return the value by which differences are ranked; differences of text are ranked last.
+    """Return the relative size of a difference, or -1 for texts, which have no size.
 
     Parameters
     ----------

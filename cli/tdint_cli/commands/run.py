@@ -146,6 +146,13 @@ def _run(request: Request) -> None:
     ----------
     request : Request
         Options of the command line.
+
+    Raises
+    ------
+    FailedRun
+        The time integration failed; with -o, the summary is written.
+    AnalysisError
+        With --require: a limit is exceeded. Raised after all files are written.
     """
     start_time = time.perf_counter()
     from tdint.analysis.arguments import model_record
@@ -213,9 +220,10 @@ def _run(request: Request) -> None:
 
 
 def _model(request: Request) -> Model:
-    """Read the model and apply the record and the output units of the command line.
+    """Read the model file, and replace its record and units by the values of the command line.
 
-    A sequence has several records, which are read separately.
+    With --sequence, the record of the model is unchanged: the records of the sequence are read by
+    `_sequence_records`.
     """
     from tdint.model.config.model_file import load_model
 
@@ -229,9 +237,16 @@ def _model(request: Request) -> Model:
 
 
 def _sequence_records(request: Request, model: Model) -> list[Record]:
-    """Return the scaled records of --sequence; an empty list for a single run.
+    """Return the scaled ground motion of each event of --sequence; an empty list for a single run.
 
     --scale has a single factor for all events, or a factor for each event.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line, with the record files of the events.
+    model : Model
+        Building.
     """
     from tdint.analysis.arguments import model_record
 
@@ -287,7 +302,8 @@ def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
 
     methods = [case.method]
     if request.check is not False:
-        # The error estimate requires a second run with half the time step: two times the steps.
+        # The error estimate requires a second run with half the time step, which has two times the
+        # steps. Both runs together have three times the steps.
         methods, step_count = [case.method, reference(case).method], 3 * step_count
     run_interpreted(case.prepared, methods, step_count)
 
@@ -527,7 +543,8 @@ def _report_page(
 def _page_verdict(
     request: Request, response: Response, units: OutputUnits
 ) -> list[tuple[bool | None, str]]:
-    """Return the verdict of the report of a run: results of the limits, or the maximum demands.
+    """Return the sentences at the top of the report of a run: the results of the limits, or the
+    maximum demands of a run without limits.
 
     Parameters
     ----------
@@ -571,7 +588,7 @@ def _with_history(response: Response) -> Response:
     assert response.history_chunks is not None
     if response.history is not None:
         return response
-    # The division is rounded up.
+    # Integer division rounds down; with two changes of sign it rounds up.
     every = -(-response.steps // _FIGURE_STEPS)
     return replace(response, history=History.joined(response.history_chunks(every)))
 

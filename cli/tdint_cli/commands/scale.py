@@ -155,7 +155,13 @@ class ScaleRequest(RecordsRequest):
 
     @property
     def value(self) -> tuple[str, float] | None:
-        """Name and value (SI units) of the intensity measure to scale to; None without one."""
+        """Name and value (SI units) of the intensity measure to scale to; None without one.
+
+        Raises
+        ------
+        UsageError
+            Several intensity measures are specified.
+        """
         values = {name: getattr(self, name.replace("-", "_")) for name in _VALUES}
         specified = [(name, value.scale) for name, value in values.items() if value is not None]
         if len(specified) > 1:
@@ -217,6 +223,7 @@ class ScaleRequest(RecordsRequest):
         """Settings for pairs of components; None for single components."""
         from tdint.ground_motion.horizontals import USUAL
 
+        # --p695 and --rule asce7 are defined for pairs, so that --pairs is not required.
         return self.pairs or (PairWish(None, USUAL) if self.p695 or self.rule == "asce7" else None)
 
     @property
@@ -303,7 +310,7 @@ def command(request: ScaleRequest) -> None:
 
 
 def _scale_function(request: ScaleRequest) -> Any:
-    """Return a function that scales the ground motions that it receives, as the options request.
+    """Return the function that scales a suite of ground motions by the requested rule.
 
     The target is read here, before the records, so that its errors are reported immediately.
 
@@ -311,6 +318,16 @@ def _scale_function(request: ScaleRequest) -> Any:
     ----------
     request : ScaleRequest
         Options of the command line.
+
+    Returns
+    -------
+    callable
+        Function of the ground motions, which returns a `Scaling` with their factors.
+
+    Raises
+    ------
+    UsageError
+        The target cannot be read, or does not cover the periods.
     """
     from tdint.campaign import scaling
     from tdint.campaign.intensity import measure_at

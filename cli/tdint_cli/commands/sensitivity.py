@@ -128,7 +128,20 @@ def command(request: Request) -> None:
 
 
 def _one_at_a_time(request: Request) -> None:
-    """Vary one parameter at a time, write the table of effects and report the largest effect."""
+    """Run a building with its parameters, and with a single parameter at its low or high value.
+
+    The table of the effects is written, and the largest effect on the peak drift ratio is printed.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line: model, records and ranges of the parameters.
+
+    Raises
+    ------
+    Failures
+        Some records could not be read; raised after the table is written.
+    """
     from tdint.campaign.definition import RecordFiles
     from tdint.campaign.execute import threads
     from tdint.campaign.inputs import read_motions
@@ -157,6 +170,7 @@ def _one_at_a_time(request: Request) -> None:
         Table.of_results(PARAMETER_EFFECTS, effects),
         lambda: figures.runs.sensitivity_picture(effects, outputs.shown_units),
     )
+    # The effects on the peak drift ratio are first, and the largest of them is the first.
     largest = effects[0]
     say(
         f"{pluralize(advance.done, 'run')}. {largest.parameter} has the largest effect on the peak "

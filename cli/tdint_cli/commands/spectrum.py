@@ -77,8 +77,9 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
 
     Raises
     ------
-    TdintError
-        The arguments or outputs are invalid; raised before any computation.
+    UsageError, OutputError
+        Options cannot be used together, or an output cannot be written; raised before any
+        computation.
     Failures
         Some records failed; raised after the remaining records are written.
     """
@@ -94,6 +95,8 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
     # All outputs are checked before the computation, so that no result is lost.
     files_of_records = table_type.gather(request, sources.files)
     output = Path(request.output) if request.output else None
+    # In a directory each record has a table. Otherwise `table_of_record` contains None, and all
+    # records share the table `output` (None for standard output).
     if output and request.is_folder:
         table_of_record: list[Path | None] = [
             *tables_of([files[0] for files in files_of_records], output)
@@ -129,10 +132,13 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
                 _write(request, table_type, task.table, [outcome])
                 continue
             if request.output or request.plot:
+                # A table on standard output is written below, record by record. In this case only
+                # the results for the figure are kept, without the text.
                 outcomes_of_common_table.append(
                     outcome if request.output else replace(outcome, text=b"")
                 )
             if to_terminal:
+                # Text for a terminal has a header for each record, CSV a single header.
                 emit(outcome.text if write_header or width else _without_header(outcome.text))
                 write_header = False
     if outcomes_of_common_table:
@@ -156,6 +162,7 @@ def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
     table : Path or None
         File of the table; None without -o.
     """
+    # In a directory, a figure is next to the table of its record: without a table it has no name.
     picture = picture_file(request.plot, table) if table or not request.is_folder else None
     if picture:
         check_picture(picture)

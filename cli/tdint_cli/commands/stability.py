@@ -72,7 +72,8 @@ def command(request: Request) -> None:
         tables.methods.stability_table(curves),
         lambda: figures.assessment.stability_picture(shown, band=request.beta_scan),
     )
-    # Report the maximum stable time steps. The limit that a method declares is for zero damping.
+    # Report the maximum stable time steps. The limit without damping is computed also, because
+    # methods declare their limit for zero damping: a warning reports a wrong declaration.
     rows = [("method", "damping", "critical omega dt")]
     no_limit = f"none up to omega dt {LARGEST:.0e}".replace("e+0", "e")
     for integrator in integrators:

@@ -56,7 +56,7 @@ def damping_of(quantity: str, **settings: Any) -> grammar.Declaration:
 
 
 def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
-    """Load the plug-ins of --plugin and record their SHA-256 (callback of the option)."""
+    """Execute the plug-in files of --plugin and record their SHA-256 (callback of the option)."""
     if files:
         from tdint.files import record_digest
         from tdint.methods.catalogue import load_plugin
@@ -68,7 +68,15 @@ def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tupl
 
 
 def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
-    """Declare the option --plugin; `text` describes an additional effect in a command."""
+    """Declare the option --plugin.
+
+    Parameters
+    ----------
+    text : str
+        Sentence of the help text on an additional effect in a command; empty by default.
+    exposed : bool
+        True (the default) if the command receives the files as the argument `plugins`.
+    """
     return option(
         "--plugin",
         "plugins",
@@ -120,8 +128,9 @@ def methods(text: str) -> grammar.Declaration:
 def _specifications(
     _: click.Context, __: click.Parameter, texts: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Split lists at the commas between methods; `beta=...` after a comma is a parameter of the
-    preceding method.
+    """Split comma-separated lists of methods into single methods (callback of --method).
+
+    A comma also separates the parameters of a method: `newmark:beta=0.25,gamma=0.5` is one method.
 
     Parameters
     ----------
@@ -200,7 +209,19 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
 
 @dataclass(frozen=True, kw_only=True)
 class OscillatorRequest:
-    """Common options of the commands that test methods on an oscillator; see `of_oscillator`."""
+    """Common options of the commands that test methods on an oscillator; see `of_oscillator`.
+
+    Attributes
+    ----------
+    methods : tuple of str
+        Methods with their parameters; all methods of the catalogue if empty.
+    damping : tuple of float
+        Damping ratios of the oscillator.
+    draw_all : bool
+        Plot all methods in the figure, not only the methods that are plotted by default.
+    outputs : Outputs
+        Files of the table and of the figure.
+    """
 
     methods: tuple[str, ...]
     damping: tuple[float, ...]
@@ -208,8 +229,11 @@ class OscillatorRequest:
     outputs: Outputs
 
     def drawn(self, results: Sequence[Result], names: Sequence[str]) -> Sequence[Result]:
-        """Return the results to be plotted: all results if methods or --all are specified,
-        otherwise the results of the methods `names`."""
+        """Return the results to be plotted.
+
+        These are all results if --method or --all is specified, otherwise the results of the
+        methods with the names `names`.
+        """
         if self.draw_all or self.methods:
             return results
         return [result for result in results if result.method.partition(":")[0] in names]
@@ -228,18 +252,18 @@ def of_oscillator(names: Sequence[str]) -> Callable[[grammar.Function], grammar.
 
 
 def integrators(specifications: Sequence[str]) -> list[Integrator]:
-    """Return the requested methods without duplicates; by default all methods of the catalogue with
-    their default parameters.
+    """Return the requested methods without duplicates, or all methods of the catalogue.
 
     Parameters
     ----------
     specifications : sequence of str
-        Methods with their parameters, such as 'newmark:beta=0.25'; empty for the default.
+        Methods with their parameters, such as 'newmark:beta=0.25'. If empty, all methods of the
+        catalogue are returned, with their default parameters.
 
     Raises
     ------
     UsageError
-        An unknown method or parameter, or a value out of range.
+        A method or a parameter is unknown, or a value is out of range.
     """
     from tdint.methods.catalogue import chosen
 
@@ -282,7 +306,19 @@ model = grammar.together(plugin, click.argument("model", metavar="MODEL.yaml", t
 
 @dataclass(frozen=True)
 class BuildingRequest(RecordRequest):
-    """Common options of the commands that accept a model and the options of a record."""
+    """Common options of the commands that accept a model and the options of a record.
+
+    Attributes
+    ----------
+    model : str
+        Model file.
+    record : str or None
+        Record file; None for the record of the model.
+    scale : tuple of float or None
+        Scale factors of the ground motion; None for the factor of the model.
+    duration : float or None
+        Duration of the analysis, s; None for the duration of the model or of the record.
+    """
 
     model: str
     record: str | None
@@ -291,8 +327,8 @@ class BuildingRequest(RecordRequest):
 
 
 def warn_of(model: Model) -> None:
-    """Warn about unusual values of a building, mostly results of wrong units; this includes its
-    periods and forces.
+    """Print warnings about unusual values of a building, such as its period; the most common cause
+    is a wrong unit.
 
     Parameters
     ----------
@@ -353,6 +389,16 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
         Options of the command line.
     model : Model
         Building.
+
+    Returns
+    -------
+    RecordSource or None
+        File, reading options and scale factor of the record; None without a record.
+
+    Raises
+    ------
+    UsageError
+        Record options are given, but neither the command line nor the model specifies a record.
     """
     from tdint.model.definition import RecordSource
 

@@ -233,7 +233,7 @@ def grid(low: float = 0.0, high: float = math.inf) -> Written:
 def span_at(count: int) -> Written:
     """Return the option type of a range FIRST:LAST or FIRST:LAST:COUNT.
 
-    Its values are logarithmically spaced; without COUNT there are `count` values.
+    Its value is a grid of logarithmically spaced numbers; without COUNT it has `count` numbers.
     """
 
     def read(text: str) -> Any:
@@ -669,6 +669,11 @@ def request(request_class: type[Kind]) -> type[Kind]:
     A field whose default is the declaration of an option receives the value of this option. The
     decorator `of` adds these options to a command, in the order of the fields. Fields without such
     a default are filled by other declarations of the command.
+
+    Parameters
+    ----------
+    request_class : type
+        Class with annotated fields.
     """
     declarations = {
         name: value for name, value in vars(request_class).items() if isinstance(value, Declaration)
@@ -689,7 +694,8 @@ def of(
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return a decorator that adds the options of a request class to a command.
 
-    Options of the base classes are not added.
+    Options that are declared in base classes of the request are not added; other decorators of the
+    command add them.
 
     Parameters
     ----------
@@ -777,7 +783,7 @@ def recorded_words(command: click.Command, words: Sequence[str]) -> tuple[str, .
     for parameter in command.params:
         if isinstance(parameter, click.Option) and not is_recorded(parameter):
             unrecorded |= dict.fromkeys(parameter.opts, parameter)
-    # `letters` contains the letter of each short name, such as q for -q.
+    # `letters` contains the letter of each short name of these options, such as q for -q.
     letters = "".join(name[1] for name in unrecorded if not name.startswith("--"))
     result: list[str] = []
     remaining = iter(words)
@@ -868,6 +874,17 @@ class Command(HelpAsData):
     `--help` shows the first two sentences of the docstring of the function, `examples`, the options
     that are not `rare`, and `exits`, the meanings of exit codes of this command. `--help-all` shows
     the complete docstring and all options under their headings.
+
+    Parameters
+    ----------
+    name : str or None
+        Name of the command.
+    examples : sequence of str
+        Command lines for the help.
+    exits : mapping of int to str, optional
+        Meanings of exit codes with a special meaning in this command.
+    **settings
+        Keyword arguments of `click.Command`.
     """
 
     def __init__(
@@ -912,7 +929,7 @@ class Command(HelpAsData):
             )
 
     def _short_option_help(self, ctx: click.Context) -> list[tuple[str, str]]:
-        """Return the names of each common option and the first clauses of its help."""
+        """Return the names of each common option and its help, shortened to the first clauses."""
         common = [option for option in self.params if getattr(option, "common", False)]
         common.sort(key=lambda option: ORDER.index(getattr(option, "heading", GENERAL)))
         lines: list[tuple[str, str]] = []

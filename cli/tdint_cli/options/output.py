@@ -72,6 +72,12 @@ def _check_output(
         Option -o of the command.
     value : str or None
         Value of the option; None if it is not specified.
+
+    Raises
+    ------
+    UsageError
+        The value is empty, a directory on standard output, a file without a suffix, or a Parquet
+        file in a command that writes several tables.
     """
     alternatives = (parameter.metavar or "").split("|")
     # The metavar of -o is FILE, DIR or FILE|DIR. A directory cannot be written to standard output;
@@ -360,7 +366,12 @@ class Outputs:
             Returns the contents of the summary in addition to the command line, the files that
             were read and the meanings of the columns.
         page : callable, optional
-            Returns the page of --report.
+            Returns the HTML page of --report.
+
+        Raises
+        ------
+        OutputError
+            A file cannot be written.
         """
         from tdint.output import figures
 
@@ -446,8 +457,11 @@ def provenance(
     units: OutputUnits,
     contents: dict[str, Any] | None = None,
 ) -> bytes:
-    """Return the JSON file of a table: its `contents` and all files that were read, and the options
-    of the command line if the contents have no schema.
+    """Return the JSON file next to a table, which describes the table and its origin.
+
+    The file contains the `contents`, all files that were read, and the command line. The settings
+    of the command line and the meanings of the columns are added, unless the contents are complete
+    (with the key `schema`).
 
     Parameters
     ----------
@@ -456,7 +470,12 @@ def provenance(
     units : OutputUnits
         Units of the file.
     contents : dict, optional
-        Results and settings of the command.
+        Results and settings of the command, in SI units.
+
+    Returns
+    -------
+    bytes
+        JSON text, UTF-8.
     """
     from tdint.output.summary import table_summary
 
@@ -489,7 +508,8 @@ def summary_bytes(
     units : OutputUnits
         Units of the file.
     keys : mapping of str to str
-        Quantities of keys in addition to the standard keys.
+        SI units of keys in addition to the standard keys. The values of all these keys are
+        converted.
     converted : mapping
         Contents that are in these units already.
     """
@@ -505,7 +525,11 @@ def summary_bytes(
 
 
 def _plain(value: Any) -> Any:
-    """Return the value of an option for JSON; a value with its own notation as it was typed."""
+    """Return the value of an option in a form that JSON can represent.
+
+    A number, a text or a list of them is returned unchanged. A value with a special notation, such
+    as a grid of periods, is returned as its text on the command line.
+    """
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     if value is None or isinstance(value, bool | int | float | str):
@@ -514,7 +538,11 @@ def _plain(value: Any) -> Any:
 
 
 def check_picture(file: Path) -> None:
-    """Raise UsageError for a figure of an unknown format, or for a missing font or style sheet."""
+    """Raise UsageError if a figure cannot be written to a file with this name and style.
+
+    The reasons are an unknown format (suffix of the file), or a font or style sheet that is missing
+    on this machine.
+    """
     from tdint.output.figures.style import check_print, picture_format
     from tdint.output.printed import PRINTED
 
@@ -526,8 +554,15 @@ def check_picture(file: Path) -> None:
 
 
 def picture_file(plot: str | None, table: Path | None) -> Path | None:
-    """Return the file of the figure, or None if no figure is requested; without a file name, the
-    name of the table with another suffix.
+    """Return the file of the figure; None without --plot.
+
+    Parameters
+    ----------
+    plot : str or None
+        Value of --plot: a file name; `BESIDE` for the name of the table with another suffix; None
+        without --plot.
+    table : Path or None
+        File of the table; None without -o.
 
     Raises
     ------

@@ -26,7 +26,21 @@ _rare = partial(option, rare=True)
 
 @dataclass(frozen=True)
 class RecordRequest:
-    """Options by which the records of a command line are read and processed."""
+    """Options by which the records of a command line are read and processed.
+
+    Attributes
+    ----------
+    units : SampleUnits or None
+        Units of the samples; None for the units in the file.
+    component : str or None
+        Component of the record; None for all components.
+    inventory : str or None
+        StationXML file with the instrument response; None without --inventory.
+    layout : TextLayout
+        Columns, header lines and sampling interval of text tables.
+    processing : Processing
+        Processing steps, such as filters.
+    """
 
     units: SampleUnits | None
     component: str | None
@@ -58,7 +72,13 @@ class RecordRequest:
 
 @dataclass(frozen=True)
 class RecordsRequest(RecordRequest):
-    """Common options of the commands that accept records as arguments."""
+    """Common options of the commands that accept records as arguments.
+
+    Attributes
+    ----------
+    records : tuple of str
+        Names of the files and directories of records.
+    """
 
     records: tuple[str, ...]
 
@@ -224,8 +244,11 @@ of_record = grammar.together(record, of_motion)
 
 
 def warnings_of_suite(records: Sequence[Record]) -> list[str]:
-    """Return the warnings about assumptions that affect the values of records: one line per type of
-    warning, with the first names."""
+    """Return the warnings about assumptions on records, combined to one line for each type.
+
+    A line contains the names of the first three records with the warning, and the text of the
+    first.
+    """
     # Warnings of one type start with the same three words and differ in a value. Each type is
     # mapped to its first text and to the names of its records (keys, as an ordered set).
     types: dict[str, tuple[str, dict[str, None]]] = {}
@@ -240,8 +263,17 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
 def notes_of_components(
     records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]
 ) -> tuple[str, ...]:
-    """Return the notes about the components of one file, with its name. A note that applies to all
-    components is included only one time."""
+    """Return the notes about the components of one file, each with the name of the file.
+
+    A note that applies to all components is included only one time, without a component.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Components of the file.
+    notes_of : callable
+        Returns the notes of a component.
+    """
     notes: dict[str, None] = {}  # an ordered set
     for record in records:
         for note in notes_of(record):

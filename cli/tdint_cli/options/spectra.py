@@ -63,7 +63,10 @@ MOTIONS = "floors.mseed"
 
 
 def damping(needs: str = "") -> grammar.Declaration:
-    """Declare the option --damping; --floor-damping if it `needs` --floor-spectra."""
+    """Declare the option --damping of spectra, or --floor-damping of floor spectra.
+
+    `needs` is the option that it requires; for floor spectra it is --floor-spectra.
+    """
     return option(
         "--floor-damping" if needs == _NEEDS else "--damping",
         type=ListOf(damping_ratio),
@@ -85,9 +88,16 @@ class _Periods(Number):
 
 
 def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaration:
-    """Declare the option --period; --floor-period if it `needs` --floor-spectra.
+    """Declare the option --period of spectra, or --floor-period of floor spectra.
 
-    `zero` states the meaning of a period of 0, if that is allowed.
+    Parameters
+    ----------
+    default : str
+        Default periods, as FIRST:LAST:COUNT, for the help text.
+    zero : str
+        Sentence on the meaning of a period of 0, for the help text; empty if 0 is not allowed.
+    needs : str
+        Option that this option requires; for floor spectra it is --floor-spectra.
     """
     prefix = "--floor-" if needs == _NEEDS else "--"
     return option(
@@ -103,7 +113,15 @@ def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaratio
 
 
 def chosen_periods(requested: Iterable[float | Grid] | None, default: str) -> NDArray[np.float64]:
-    """Return the periods of --period, or the default periods, s."""
+    """Return the periods of --period, s, as an array.
+
+    Parameters
+    ----------
+    requested : iterable of float or Grid, or None
+        Values of --period: single periods and grids of periods; None if it is not specified.
+    default : str
+        Periods without --period, as FIRST:LAST:COUNT.
+    """
     import numpy as np
 
     from tdint.number_parsing import parse_grid
@@ -115,7 +133,11 @@ def chosen_periods(requested: Iterable[float | Grid] | None, default: str) -> ND
 def periods_as_given(
     requested: Iterable[float | Grid] | None, default: str
 ) -> list[float | str] | str:
-    """Return the periods for a JSON file: a single grid as its text, otherwise a list."""
+    """Return the periods of --period for a JSON file, in the notation of the command line.
+
+    A single grid is returned as its text FIRST:LAST:COUNT. Otherwise the result is a list of
+    numbers and of texts of grids. `chosen_periods` describes the parameters.
+    """
     items = [item if isinstance(item, float) else str(item) for item in requested or (default,)]
     if len(items) == 1 and isinstance(items[0], str):
         return items[0]
@@ -226,7 +248,7 @@ class FloorRequest:
         return contents, suites
 
     def of_run(self, response: Response) -> Sequence[FloorSpectrum]:
-        """Return the requested floor spectra of a run."""
+        """Return the requested floor spectra of a run; empty without --floor-spectra."""
         if not self.floors:
             return ()
         from tdint.analysis.spectra.floors import floor_spectra as spectra_of

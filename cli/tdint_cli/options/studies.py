@@ -25,13 +25,14 @@ PAIRS = ("geometric-mean", "rotd50", "rotd100")
 
 
 def pair_measure(wish: PairWish | None) -> str:
-    """Return the intensity measure of a pair: the requested measure, by default the first of
-    `PAIRS`."""
+    """Return the intensity measure of a pair of components: the requested measure, otherwise the
+    geometric mean of both components."""
     return (wish and wish.measure) or PAIRS[0]
 
 
 def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
-    """Declare the option --target; `text` describes its use in the command."""
+    """Declare the option --target with the heading `heading`; `text` describes its use in the
+    command, for the help."""
     spectra = (
         "asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times), asce7-22:FILE or mcer-22:FILE (JSON file of "
         "USGS), ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s "
@@ -80,7 +81,9 @@ def factors(text: str) -> grammar.Declaration:
 def read_table_of_factors(
     records: Sequence[str], file: str | None, choice: RecordChoice, pairs: PairWish | None
 ) -> tuple[Suite, FactorTable | None]:
-    """Return the ground motions of a command line, or of a table of factors if no record is named.
+    """Read the ground motions of a command line, or of a table of factors if no record is named.
+
+    Their notes and warnings are written to the terminal.
 
     Parameters
     ----------
@@ -103,12 +106,14 @@ def read_table_of_factors(
     Raises
     ------
     UsageError
-        Neither records nor a table are specified, or both; also as in `read_suite`.
+        Neither records nor a table are specified, or both; or a component is specified together
+        with pairs.
     ModelError
         The table cannot be used.
     TdintError
         No record could be read.
     """
+    # Exactly one of the two sources of ground motions is required.
     if bool(records) is (file is not None):
         problem = "RECORD is required"
         if records:
@@ -172,8 +177,8 @@ def _report_suite(suite: Suite) -> Suite:
 
     Raises
     ------
-    TdintError
-        No record could be read.
+    Failures
+        No record could be read; contains the errors of all records.
     """
     from tdint_cli.terminal import Failures
 

@@ -36,8 +36,42 @@ PAIR_DEMAND = record.option(
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteRequest:
-    """Common options of the commands with many runs: outputs, number of threads, drift limit,
-    baseline, intensity measures of the ground motions."""
+    """Common options of the commands with many runs under a suite of ground motions.
+
+    Attributes
+    ----------
+    output : str or None
+        Directory of the results (-o); None without -o.
+    overwrite : bool
+        Replace existing files.
+    output_units : OutputUnits or None
+        Units of the files; None for the units of the models.
+    plot, report : str or None
+        Files of the figure and of the HTML report; None if not requested. `plot` is `BESIDE` for a
+        figure in the directory of -o.
+    limit : float, str or None
+        Drift limit, or name of a performance level of the models; None for the limits of the
+        models.
+    require : bool
+        Exit with code 5 if a limit is exceeded.
+    jobs : int or None
+        Number of threads; None for one per processor.
+    of_floors : FloorRequest
+        Options of floor spectra.
+    baseline : str or None
+        Reference building: ratios of the demands of the other buildings to its demands are
+        written. None for no ratios.
+    im : tuple of str or None
+        Intensity measures of the runs for measures.csv; None for no such file.
+    by : str or None
+        Column of the inventory: losses are also reported for each of its values. None for no such
+        rows.
+    report_head : tuple of (str, str) or None
+        Names and values at the top of the report; None for the head of the models.
+    pair_demand : str or None
+        Treatment of the two components of a recording: larger, mean or separate; None for the
+        default.
+    """
 
     output: str | None
     overwrite: bool
@@ -57,10 +91,15 @@ class SuiteRequest:
     def picture(self, folder: Path | None) -> Path | None:
         """Return the file of the figure, or None if no figure is requested.
 
+        Parameters
+        ----------
+        folder : Path or None
+            Directory of the results, for a figure without a file name; None without -o.
+
         Raises
         ------
         UsageError
-            The figure has no file name, and no directory is specified.
+            The figure has no file name, and no directory is specified; or its format is unknown.
         """
         if self.plot is None:
             return None
@@ -120,12 +159,21 @@ REQUIRE = analysis.option(
 
 
 def check_limit_options(limit: float | str | None, require: bool, models: Sequence[Model]) -> None:
-    """Check that there is a limit for --require, and that the models have the requested level.
+    """Check --limit and --require against the limits of the models, before any run.
+
+    Parameters
+    ----------
+    limit : float, str or None
+        Drift limit, or name of a performance level; None without --limit.
+    require : bool
+        True with --require.
+    models : sequence of Model
+        Models of the buildings; empty for buildings of an inventory, which have no levels.
 
     Raises
     ------
     UsageError
-        No limit is specified, or a model does not have the performance level.
+        --require has no limit, or a model does not have the performance level.
     """
     if require and limit is None and not any(model.limits for model in models):
         raise without_limits()
