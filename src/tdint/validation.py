@@ -148,7 +148,7 @@ def compute_case(case: ValidationCase) -> ValidationResult:
     published = np.asarray(case.published, float)
     if computed.shape != published.shape:
         raise ValueError(
-            f"{case.name}: {computed.size} computed values for {published.size} published values"
+            f"{case.name}: {computed.size} values are computed, but {published.size} are published"
         )
     differences = computed - published
     return ValidationResult(

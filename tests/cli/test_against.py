@@ -104,7 +104,7 @@ def test_plot_message_and_summary_of_the_difference(spectra, tdint, drawn):
         ),
         ("f_hz,psa_g\n1,1\n2,1\n", (), 4, "no column of periods"),
         ("period_s,psa\n1,1\n2,1\n", (), 4, "must end with its units (psa_g)"),
-        ("period_s,psa_cm\n1,1\n2,1\n", (), 4, "units of another quantity (displacement)"),
+        ("period_s,psa_cm\n1,1\n2,1\n", (), 4, "cm is a unit of displacement, not of acceleration"),
         ("period_s,values_g\n1,1\n2,1\n", (), 4, "no column of a spectrum"),
         ("period_s,psa_g,sd_cm\n1,1,1\n2,1,1\n", (), 2, "--against-column: psa_g, sd_cm"),
         ("period_s,psa_g\n1,1\n1,1\n", (), 4, "the period 1 s occurs twice"),

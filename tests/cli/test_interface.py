@@ -312,7 +312,7 @@ def test_an_interrupted_campaign_continues(study):
             "colour",
         ),
         (lambda: package.model_template(0), UsageError, "stories must be at least 1"),
-        (lambda: package.to_dict([]), UsageError, "there are none"),
+        (lambda: package.to_dict([]), UsageError, "the list is empty"),
         (lambda: package.to_dict([motion(), package.methods()]), UsageError, "different columns"),
     ],
 )

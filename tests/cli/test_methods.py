@@ -90,11 +90,11 @@ def test_a_table_with_the_suffix_of_a_workbook_causes_a_warning(working_director
             2,
             "wilson ... 'beta'; ... theta in [1, 10]",
         ),
-        (["--method", "hht:alpha=0.1"], 2, "alpha must lie in [-0.333333, 0], got 0.1"),
+        (["--method", "hht:alpha=0.1"], 2, "alpha must be in [-0.333333, 0], got 0.1"),
         (
             ["--method", "newmark", "--method", "bathe:gamma=1"],
             2,
-            "gamma must lie in (0, 1), got 1.0",
+            "gamma must be in (0, 1), got 1.0",
         ),
     ],
 )

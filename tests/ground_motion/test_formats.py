@@ -397,7 +397,7 @@ class TestGeonet:
     def test_invalid_files_are_refused(self):
         refused(
             files.geonet().replace("at 0.020 sec", "at 0.010 sec"),
-            "0.02 s in the numbers, but as 0.010 s",
+            "0.02 s as a number, but as 0.010 s",
         )
         refused(files.geonet() + "one line more\n", "cut off")
 

@@ -115,7 +115,7 @@ def test_missing_row_before_repeated_rows_is_noted():
 def test_row_with_wrong_number_of_values_is_refused():
     lines = files.afad().splitlines()
     lines[20] += " 0.1"
-    refused("\n".join(lines) + "\n", "contains 4 numbers, not 3")
+    refused("\n".join(lines) + "\n", "must contain 3 numbers, got 4")
 
 
 @pytest.mark.parametrize(

@@ -57,13 +57,13 @@ class TestOneColumn:
             ("# units = g", "sampling interval .* required"),
             ("# dt = 0 s", "dt .* header states '0 s'"),
             ("# dt = 0.01 h", "dt .* header states '0.01 h'"),
-            ("# dt = 0.01, fs = 200", "stated as 0.01 s and as 0.005 s"),
+            ("# dt = 0.01, fs = 200", "sampling intervals, 0.01 s and 0.005 s"),
             (
                 "# dt = 0.01, units = cm/s",
                 "unit of acceleration, .*'cm/s'",
             ),
-            ("# dt = 0.01, samples = 121", "states 121 samples, the file has 120"),
-            ("# dt = 0.01\n# units = g\n# acceleration (gal)", "states units twice: 'g' and 'gal'"),
+            ("# dt = 0.01, samples = 121", "states 121 samples, but the file has 120"),
+            ("# dt = 0.01\n# units = g\n# acceleration (gal)", "states units twice, 'g' and 'gal'"),
         ],
     )
     def test_invalid_headers_are_refused(self, header, message):
@@ -116,7 +116,7 @@ class TestTwoColumns:
 
     def test_declared_interval_must_agree_with_times(self):
         assert only(two_columns(header="# dt = 0.01")).stats.delta == 0.01
-        refused(two_columns(header="# dt = 0.02"), "stated as 0.02 s and as 0.01 s")
+        refused(two_columns(header="# dt = 0.02"), "sampling intervals, 0.02 s and 0.01 s")
 
     # A time may slip by a fiftieth of the interval.
     @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ class TestTables:
             ).pga == pytest.approx(0.02)
 
     def test_invalid_tables_are_refused(self, three):
-        refused(self.table("time,N,E", three), "names 3 columns, the rows have 4")
+        refused(self.table("time,N,E", three), "names 3 columns, but the rows have 4")
         refused(
             self.table("time,N (g),E (s),Z (g)", three),
             "must be a unit of acceleration, but its header states 's'",

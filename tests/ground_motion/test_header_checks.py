@@ -131,9 +131,7 @@ class TestText:
         # Each character contains 6 bits: some characters continue a sample, and A to T, - and 0 to
         # 9 end it.
         assert look_at_gse(section(3, "kA", "U1T") + section(2, "+-")) == [3, 2]
-        refused_by(
-            look_at_gse, section(4, "kA", "U1T"), "its header states 4 samples, the section has 3"
-        )
+        refused_by(look_at_gse, section(4, "kA", "U1T"), "states 4 samples, but the section has 3")
         refused_by(
             look_at_gse,
             section("x", "kA"),
@@ -142,12 +140,12 @@ class TestText:
         refused_by(
             look_at_gse,
             section(1, "A", end="END"),
-            f"a section has no lines DAT{version} and CHK{version}",
+            f"a section has no data between the lines DAT{version} and CHK{version}",
         )
         refused_by(
             look_at_gse,
             section(1, "A").replace(b"DAT", b"dat"),
-            f"a section has no lines DAT{version} and CHK{version}",
+            f"a section has no data between the lines DAT{version} and CHK{version}",
         )
         refused_by(
             look_at_gse, section(1, "A*"), "the compressed data contain an invalid character"
@@ -185,7 +183,7 @@ class TestText:
                 if abs(value) == 12345.0:
                     assert look_at_sac(data)[0] == 1000
                 else:
-                    refused(data, "its header states an invalid longitude")
+                    refused(data, "header states an invalid longitude")
 
     def test_length_of_sac_record_is_compared(self, tmp_path):
         """The header may state the time of the last sample or of the following sample, but not a
@@ -234,5 +232,5 @@ def test_knet_peaks_are_compared_without_offset(deviation, has_note):
         with pytest.raises(Damaged, match="invalid number of samples"):
             knet_statements(None, [component])
     del component.stats["knet"]
-    with pytest.raises(Damaged, match="its header is incomplete"):
+    with pytest.raises(Damaged, match="header is incomplete"):
         knet_statements(None, [component])

@@ -37,7 +37,7 @@ def test_errors_contain_line_number():
     lines.skip(4)
     with pytest.raises(RecordError, match="no trailer found after line 4"):
         lines.take_until(lambda line: line == "trailer", "trailer")
-    with pytest.raises(RecordError, match="line 5 contains 2 numbers, not 3"):
+    with pytest.raises(RecordError, match="line 5 must contain 3 numbers, got 2"):
         lines.table(1, 3)
     with pytest.raises(RecordError, match=r"more than the 1 values .* line 5"):
         lines.numbers(1)

@@ -77,7 +77,7 @@ class TestMiniSeed:
             (50, b"\0\x30", "the positions of its blockettes are invalid"),
             (50, b"\0\x2f", "the positions of its blockettes are invalid"),
             (50, b"\0\x14", "the positions of its blockettes are invalid"),
-            (39, b"\x02", "states . blockettes, it has ."),
+            (39, b"\x02", "states . blockettes, but it has ."),
         ],
     )
     def test_changed_header_bytes_are_refused(self, data, position, content, message):
@@ -279,9 +279,11 @@ class TestMiniSeedByHand:
                 2,
             ]
         refused_by(
-            look_at_mseed, record + record[:40], "its last 40 bytes are not a complete record"
+            look_at_mseed, record + record[:40], "the last 40 bytes of the file are not a complete"
         )
-        refused_by(look_at_mseed, record + record[:100], "its last record has 100 of 128 bytes")
+        refused_by(
+            look_at_mseed, record + record[:100], "the last record of the file has 100 of 128"
+        )
 
     @pytest.mark.parametrize("header_type", [b"005", b"008", b"010", b"011"])
     def test_control_headers_of_volumes_are_skipped(self, header_type):
@@ -305,7 +307,7 @@ class TestMiniSeedByHand:
         refused_by(
             look_at_mseed,
             wrong,
-            "its first control header does not state the length of the records",
+            "the first control header of the file does not state the length of the records",
         )
 
 

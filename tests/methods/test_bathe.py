@@ -93,7 +93,7 @@ def test_default_gamma_gives_equal_matrices_in_both_substeps(rho_inf):
 
 @pytest.mark.parametrize("text", ["gamma=0", "gamma=1", "rho_inf=-0.1", "rho_inf=1.1"])
 def test_parameters_out_of_range_are_refused(text):
-    with pytest.raises(UsageError, match="must lie in"):
+    with pytest.raises(UsageError, match="must be in"):
         parse(f"bathe:{text}")
 
 

@@ -94,12 +94,12 @@ MISTAKES = {
     "too few scratch rows": (
         "lambda modes: ROWS",
         "lambda modes: 2",
-        "row 3 of scratch is used, 2 are declared",
+        "row 3 of scratch is used, but only 2 are declared",
     ),
     "too few rows of state": (
         "memory=(0, 1, 2)",
         "memory=(0, 1), state_rows=2",
-        "row 2 of state is used, 2 are",
+        "row 2 of state is used, but only 2 are",
     ),
     "memory in scratch": (
         "+ 0.5 * h * state[rows.ACCELERATION, i]\n",
@@ -548,7 +548,7 @@ def test_case_and_result_are_read_by_new_process(workshop, verlet, hyperbolic, t
 @pytest.mark.parametrize(
     ("name", "change", "fault"),
     [
-        ("few", ("FACTORS + factor_rows(modes)", "2"), "of scratch is used, 2 are declared"),
+        ("few", ("FACTORS + factor_rows(modes)", "2"), "is used, but only 2 are declared"),
         (
             "forgets",
             ("        commit(law_parameters, law_state, i, rows.SECOND_TRIAL", "        abs("),

@@ -42,7 +42,7 @@ def test_wrong_or_missing_value_is_outside_tolerance():
     wrong[3] += 2e-4
     assert not compute_case(dataclasses.replace(case, published=tuple(wrong))).within
     assert not compute_case(dataclasses.replace(case, computed=lambda: [math.nan] * 10)).within
-    with pytest.raises(ValueError, match="9 computed values for 10"):
+    with pytest.raises(ValueError, match="9 values are computed, but 10"):
         compute_case(dataclasses.replace(case, computed=lambda: [0.0] * 9))
 
 

@@ -244,8 +244,8 @@ def _read(sensor: Sensor) -> Signal:
                 f"{', '.join(GROUND_MOTION[sensor.quantity])}"
             )
         raise RecordError(
-            f"{signal.label}: its units specify {signal.quantity}, its quantity specifies "
-            f"{sensor.quantity}; {remedy}"
+            f"{signal.label}: the units of the samples are units of {signal.quantity}, but the key "
+            f"`quantity` of the sensor specifies {sensor.quantity}; {remedy}"
         )
     return signal.times(sensor.sign)
 
@@ -366,7 +366,10 @@ def _mean_signal(
     ]
     count = math.floor((min(ends) - common_start) / first_signal.dt + 1e-6) + 1
     if count < _MIN_SAMPLES:
-        raise RecordError(f"{label}: the recordings of its sensors do not overlap in time")
+        raise RecordError(
+            f"{label}: the recordings of the sensors on this floor do not overlap in time; check "
+            "the start times of the files"
+        )
     shifted_signals = [
         at_times(signal.samples, signal.dt, start - common_start, first_signal.dt, count)
         for start, signal in zip(starts, signals, strict=True)

@@ -139,7 +139,9 @@ class RunsRequest:
                 _ = self.varied(model, draw).prepared
                 scale = float(self.vary.get(SCALE, np.ones(self.draws))[draw])
                 if not (math.isfinite(scale) and scale):
-                    raise UsageError(f"{SCALE} must be a number other than zero, got {scale!r}")
+                    raise UsageError(
+                        f"vary: {SCALE} must be a number other than zero, got {scale!r}"
+                    )
             except (UsageError, ModelError) as error:
                 invalid[model, draw] = str(error)
         return invalid

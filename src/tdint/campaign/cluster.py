@@ -275,7 +275,8 @@ def _results(
             result: ChunkResult = future.result()
         except KilledWorker as error:
             raise AnalysisError(
-                f"workers failed repeatedly while processing the same runs: {error}"
+                f"workers of the cluster failed repeatedly during the same runs: {error}; the logs "
+                "of the workers state the reason, such as insufficient memory"
             ) from None
         # The result was transferred; let the scheduler free its memory.
         future.release()

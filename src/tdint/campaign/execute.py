@@ -593,7 +593,11 @@ def _warn_of_corrupt_chunks(name: str, count: int) -> None:
     """Log a warning if the number of corrupt chunks (`count`) of the store with the path `name` is
     not zero."""
     if count:
-        _log.warning("%s: %d corrupt chunks of runs are omitted", name, count)
+        _log.warning(
+            "%s: %d corrupt chunks of runs are omitted; `tdint campaign` runs them again",
+            name,
+            count,
+        )
 
 
 def _copy(

@@ -215,9 +215,9 @@ def _rows_as_events(
     for (file, _), motions in zip(points, point_motions, strict=True):
         if len(motions) != event_count:
             raise ModelError(
-                f"{Path(source).parent / file}: {len(motions)} motions, but {points[0][0]} has "
-                f"{event_count}; with `events` each row of these files must be the same event at "
-                "all points"
+                f"{Path(source).parent / file}: the file lists {len(motions)} motions, but "
+                f"{points[0][0]} lists {event_count}; with `events`, the files of all points must "
+                "list the same events in the same rows"
             )
     # List the motions of the first point, then of the second point, and so on. A record is
     # identified by the numbers of its components.

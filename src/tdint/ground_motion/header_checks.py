@@ -69,7 +69,7 @@ def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
     for index in _LONGITUDES:
         # This comparison also refuses nan, because it is negated.
         if not abs(values[index]) <= -_UNKNOWN:
-            raise Damaged(f"its header states an invalid longitude, {values[index]:g}")
+            raise Damaged(f"the file header states an invalid longitude, {values[index]:g}")
     (count,) = struct.unpack_from(f"{order}i", data, 4 * _COUNT)
     return count, values
 
@@ -233,7 +233,9 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
     ends = [index for index, line in enumerate(lines) if line.startswith(end + b" ")]
     begins = [index for index, line in enumerate(lines) if line.startswith(begin)]
     if not (begins and ends and begins[0] < ends[0]):
-        raise Damaged(f"a section has no lines {begin.decode()} and {end.decode()}")
+        raise Damaged(
+            f"a section has no data between the lines {begin.decode()} and {end.decode()}"
+        )
     if any(len(line) > _LINE for line in lines[: ends[0]]):
         raise Damaged(f"a line of data is longer than {_LINE} characters")
     samples = b"".join(line.strip() for line in lines[begins[0] + 1 : ends[0]])
@@ -243,7 +245,8 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
     sample_count = len(_CM6_LAST.findall(samples))
     if sample_count != count:
         raise Damaged(
-            f"its header states {pluralize(count, 'sample')}, the section has {sample_count}"
+            f"the header of a section states {pluralize(count, 'sample')}, but the section has "
+            f"{sample_count}"
         )
 
 
@@ -298,12 +301,13 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
     for trace in traces:
         header = trace.stats.get("knet")
         if header is None:
-            raise Damaged("its header is incomplete")
+            raise Damaged("the file header is incomplete")
         # The header does not state the number of samples, which is duration times sampling rate.
         length = header.duration * trace.stats.sampling_rate
         if not (math.isfinite(length) and length > 0.0):
             raise Damaged(
-                f"its header states an invalid number of samples (duration times rate), {length:g}"
+                "the file header states an invalid number of samples (duration times rate), "
+                f"{length:g}"
             )
         statements.append(Statement(SAMPLES, round(length), len(trace.data)))
         if len(trace.data):

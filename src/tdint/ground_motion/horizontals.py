@@ -174,7 +174,10 @@ def _check_directions(first: Record, second: Record, source: str) -> list[str]:
         )
     first_name, second_name = first.component.strip().upper(), second.component.strip().upper()
     if first_name and first_name == second_name:
-        raise RecordError(f"{source}: both components are called {first.component}")
+        raise RecordError(
+            f"{source}: both components are called {first.component}; select two different "
+            "components"
+        )
     return [
         f"the names do not state directions: {names} are assumed to be two perpendicular "
         "horizontal components"
@@ -199,7 +202,8 @@ def _check_same_recording(first: Record, second: Record, source: str) -> None:
     stations = [".".join(record.id.split(".")[:2]).strip(".") for record in (first, second)]
     if all(stations) and stations[0] != stations[1]:
         raise RecordError(
-            f"{source}: the components are of different stations, {stations[0]} and {stations[1]}"
+            f"{source}: the components are of different stations, {stations[0]} and {stations[1]}; "
+            "select two components of one recording"
         )
     _refuse_events(first, second, source)
     if first.start and second.start:
@@ -272,7 +276,8 @@ def _refuse_events(first: Record, second: Record, source: str) -> None:
     events = parse_event(first.event), parse_event(second.event)
     if all(event.is_known for event in events) and not is_same_event(*events):
         raise RecordError(
-            f"{source}: the components are of different events, {first.event} and {second.event}"
+            f"{source}: the components are of different events, {first.event} and {second.event}; "
+            "select two components of one recording"
         )
 
 

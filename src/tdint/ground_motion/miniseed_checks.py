@@ -132,7 +132,7 @@ def check_step(dt: float) -> None:
     """Raise Damaged if a sampling interval `dt`, s, is outside the range of recorders."""
     if not SHORTEST_STEP <= dt <= LONGEST_STEP:
         raise Damaged(
-            f"its header states a sampling interval of {dt:g} s; recorders have {SHORTEST_STEP:g} "
+            f"the header states a sampling interval of {dt:g} s; recorders have {SHORTEST_STEP:g} "
             f"to {LONGEST_STEP:g} s"
         )
 
@@ -425,7 +425,7 @@ def _data_records(data: bytes) -> Iterator[DataRecord]:
             continue
         number += 1
         if len(header) < _FIXED_HEADER:
-            raise Damaged(f"its last {len(header)} bytes are not a complete record")
+            raise Damaged(f"the last {len(header)} bytes of the file are not a complete record")
         is_control = (
             is_volume
             and header[6:7] in (b"V", b"A", b"S", b"T")
@@ -434,9 +434,14 @@ def _data_records(data: bytes) -> Iterator[DataRecord]:
         if is_control:
             control_length = control_length or _control_length(data)
             if control_length is None:
-                raise Damaged("its first control header does not state the length of the records")
+                raise Damaged(
+                    "the first control header of the file does not state the length of the records"
+                )
             if offset + control_length > len(data):
-                raise Damaged(f"its last record has {len(data) - offset} of {control_length} bytes")
+                raise Damaged(
+                    f"the last record of the file has {len(data) - offset} of {control_length} "
+                    "bytes"
+                )
             offset += control_length
         else:
             record = _data_record(data, offset, number)
@@ -518,7 +523,9 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
         raise Damaged(f"no valid header found at byte {offset}, where {where} must start")
     chain = _blockettes(data, offset, first, order, where)
     if len(chain) != blockettes:
-        raise Damaged(f"{where}: its header states {blockettes} blockettes, it has {len(chain)}")
+        raise Damaged(
+            f"{where}: its header states {blockettes} blockettes, but it has {len(chain)}"
+        )
     if _DATA_ONLY not in chain:
         raise RecordError(
             f"{where} has no blockette 1000, which states its length and encoding; the record "
@@ -546,7 +553,9 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
         number, ".".join(names), codes, samples, encoding, 2**exponent, begin, rate, start
     )
     if offset + record.length > len(data):
-        raise Damaged(f"its last record has {len(data) - offset} of {record.length} bytes")
+        raise Damaged(
+            f"the last record of the file has {len(data) - offset} of {record.length} bytes"
+        )
     if inner := _inner_record(data, record, offset):
         raise Damaged(
             f"{where}: its header states {record.length} bytes, but another record begins after "

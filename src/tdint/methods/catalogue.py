@@ -284,7 +284,7 @@ def parse(text: str) -> Integrator:
             value = default(*values)
         if not parameter.allows(value):
             raise UsageError(
-                f"method {text!r}: {parameter.name} must lie in {parameter.range}, got {value!r}"
+                f"method {text!r}: {parameter.name} must be in {parameter.range}, got {value!r}"
             )
         values.append(value)
     typed = ":".join([name, *("".join(item.split()) for item in items)])

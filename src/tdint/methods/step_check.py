@@ -88,7 +88,8 @@ class GuardedArray(np.ndarray):
             ):
                 axis_name = "row" if axis == 0 else "column"
                 raise _Beyond(
-                    f"{axis_name} {index} of {self.name} is used, {self.shape[axis]} are declared"
+                    f"{axis_name} {index} of {self.name} is used, but only {self.shape[axis]} are "
+                    "declared (numbered from 0)"
                 )
 
 

@@ -855,8 +855,8 @@ def changes_of(model: Model, name: str) -> list[Change]:
         f"story {number} of {model.name} has no" if number else f"no story of {model.name} has a"
     )
     raise UsageError(
-        f"{name}: {missing} {key!r} that can be set{did_you_mean(key, names)} "
-        f"(available: {', '.join(names)})"
+        f"{name}: {missing} parameter {key!r} that can be changed{did_you_mean(key, names)} "
+        f"(available parameters: {', '.join(names)})"
     )
 
 
@@ -932,4 +932,7 @@ def damped_by(model: Model, ratio: float) -> Damping:
         case ModalDamping(old_ratios):
             return ModalDamping((ratio,) * len(old_ratios))
     reason = "is undamped" if model.damping is None else "specifies damping by coefficients"
-    raise UsageError(f"damping ratio cannot be changed: {model.name} {reason}")
+    raise UsageError(
+        f"the damping ratio cannot be changed, because {model.name} {reason}; specify damping "
+        "ratios in the model"
+    )

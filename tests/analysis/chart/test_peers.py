@@ -367,16 +367,16 @@ def test_program_of_plugin_is_charted(leapfrog):
         (lambda problem: problem.nothing, "AttributeError: "),
         (
             lambda problem: (np.arange(3.0), np.zeros((3, 1))),
-            "ValueError: returns times of shape (3,) and displacements of shape (3, 1)",
+            "ValueError: the program of the plug-in must return times and displacements of",
         ),
         (
             lambda problem: (0.01 * np.arange(3.0), np.zeros((3, 10))),
-            "ValueError: returns times that end at 0.02 s, before the last",
+            "ValueError: the times that the program of the plug-in returns must include the end",
         ),
         (lambda problem: (0.003 * np.arange(3.0), np.zeros((3, 10))), "UsageError: "),
         (
             lambda problem: (0.01 * np.arange(400.0) ** 1.5, np.zeros((400, 10))),
-            "ValueError: returns times that do not",
+            "ValueError: the times that the program of the plug-in returns must start at 0",
         ),
     ],
 )

@@ -311,7 +311,10 @@ def observed_order(
         The method is unstable or does not converge.
     """
     if integrator.family.linear_only and not problem.building.linear:
-        raise UsageError(f"{integrator.label} supports linear buildings only")
+        raise UsageError(
+            f"{integrator.label} supports linear buildings only; use another method, or the linear "
+            "law"
+        )
     if find_instability(integrator, np.array([_OMEGA]), np.array([_XI]), COARSEST):
         raise AnalysisError(
             f"{integrator.label} is unstable with the largest time step of the test, {COARSEST} s; "

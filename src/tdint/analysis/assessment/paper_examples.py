@@ -430,7 +430,9 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
                 integrator, Steps(dt, 1), history_rows=1
             )
             if result.code < 0:
-                raise AnalysisError(f"{integrator.label} diverged with dt {dt:.6g} s")
+                raise AnalysisError(
+                    f"{integrator.label} diverged with dt {dt:.6g} s; use a smaller time step"
+                )
             # The rows of the history are the start and the end of the step. After the ground
             # acceleration, they contain displacements, velocities and accelerations.
             motion[:, j] = result.space.history[0, 1 : 1 + 3 * n].reshape(3, n)

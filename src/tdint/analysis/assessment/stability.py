@@ -669,7 +669,8 @@ def _nonlinear_overshoot(
     """
     if method.family.linear_only:
         raise UsageError(
-            f"{method.label} supports linear buildings only and cannot be used with the law {law}"
+            f"{method.label} supports linear buildings only and cannot be used with the law {law}; "
+            "use another method, or the linear law"
         )
 
     from tdint.analysis.assessment.failures import problems  # imports the modules for runs

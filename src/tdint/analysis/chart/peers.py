@@ -809,8 +809,8 @@ def _plugin_point(
     floor_count = problem.building.stories
     if times.ndim != 1 or times.size < 2 or u.shape != (times.size, floor_count):
         raise ValueError(
-            f"returns times of shape {times.shape} and displacements of shape {u.shape}, expected "
-            f"(rows,) and (rows, {floor_count})"
+            "the program of the plug-in must return times and displacements of the shapes (rows,) "
+            f"and (rows, {floor_count}), got {times.shape} and {u.shape}"
         )
     if not np.all(np.isfinite(u)):
         return Point("", math.nan, times.size - 1, DIVERGED, times=tuple(call_times))
@@ -818,11 +818,17 @@ def _plugin_point(
     steps = problem.steps(dt)
     # Times computed by repeated addition deviate by rounding errors.
     if np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt:
-        raise ValueError("returns times that do not start at 0 or are not equally spaced")
+        raise ValueError(
+            "the times that the program of the plug-in returns must start at 0 and be equally "
+            "spaced"
+        )
     # Keep every `per_sample`-th time, so that all rows are at samples of the record.
     motion_rows = steps.count // steps.per_sample + 1
     if times.size <= steps.count:
-        raise ValueError(f"returns times that end at {times[-1]:.6g} s, before the last sample")
+        raise ValueError(
+            "the times that the program of the plug-in returns must include the end of the "
+            f"analysis, but end at {times[-1]:.6g} s"
+        )
     peaks = np.max(np.abs(np.diff(u[: steps.count + 1], axis=1, prepend=0.0)), axis=0)
     u = u[:: steps.per_sample][:motion_rows]
     unknown = np.full_like(u, math.nan)

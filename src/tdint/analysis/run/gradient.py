@@ -127,8 +127,9 @@ def number_at(model: Model, name: str) -> float:
         numbers = set(getattr(model.damping, "ratios", ()))
         if not numbers:
             raise UsageError(
-                f"gradient: damping requires a model with damping ratios, but {model.name} has no "
-                "damping or damping coefficients; specify damping ratios, or omit damping"
+                f"gradient: damping requires a model with damping ratios, but {model.name} is "
+                "undamped or specifies damping by coefficients; specify damping ratios, or omit "
+                "damping"
             )
     else:
         numbers = {

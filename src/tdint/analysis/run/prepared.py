@@ -371,7 +371,8 @@ class PreparedBuilding:
         """
         if history_rows and steps.count % history_rows:
             raise ValueError(
-                f"{steps.count} steps are not a multiple of {history_rows} rows of history"
+                f"the number of time steps, {steps.count}, must be a multiple of the number of "
+                f"history rows, {history_rows}"
             )
         space = self._loaded_arrays(integrator, steps.h, history_rows + 1 if history_rows else 0)
         space.steps_per_row = steps.count // history_rows if history_rows else 1

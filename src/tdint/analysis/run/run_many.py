@@ -292,7 +292,10 @@ def _run_each_method(arguments: dict[str, Any]) -> ResultList[Runs]:
         `out` is specified: one array cannot store several results.
     """
     if arguments["out"] is not None:
-        raise UsageError("run_many: out cannot be used with a list of methods or time steps")
+        raise UsageError(
+            "run_many: out cannot be used with a list of methods or time steps; omit out, or call "
+            "run_many for each method and time step"
+        )
     method, dt = arguments.pop("method"), arguments.pop("dt")
     methods = method if isinstance(method, list | tuple) else (method,)
     steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)

@@ -885,8 +885,8 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
         ) from None
     if units.quantity != QUANTITIES[name][0]:
         raise RecordError(
-            f"{table.source}: the column {chosen!r} has the units of another quantity "
-            f"({units.quantity}): {text}"
+            f"{table.source}: the name of the column {chosen!r} contradicts its units: {text} is a "
+            f"unit of {units.quantity}, not of {QUANTITIES[name][0]}"
         )
     values = units.scale * table.numbers(table.column_index(chosen))
     return name, values

@@ -317,7 +317,8 @@ def _table_type(table: CsvTable, fit: str | None) -> _TableType:
         columns = " and ".join(",".join(item.columns) for item in suitable)
         fits = " or ".join(f"--fit {item.fits[0]}" for item in suitable)
         raise UsageError(
-            f"{table.source}:1: the table has the columns of two types, {columns}; specify {fits}"
+            f"{table.source}:1: the columns {columns} fit several types of fits; select one with "
+            f"{fits}"
         )
     return suitable[0]
 

@@ -683,12 +683,13 @@ def line(
 
     if x.size < _MIN_RUNS:
         raise AnalysisError(
-            f"{name}: a line with a dispersion requires at least {_MIN_RUNS} completed runs, got "
-            f"{x.size}"
+            f"{name}: the regression of ln drift over ln IM requires at least {_MIN_RUNS} "
+            f"completed runs, got {x.size}"
         )
     if np.ptp(x) == 0.0:
         raise AnalysisError(
-            f"{name}: the measure is equal in all runs; a line requires different values"
+            f"{name}: this intensity measure has the same value in all runs; the regression of ln "
+            "drift over ln IM requires different values"
         )
     # Beta is the standard deviation of the residuals, with two parameters estimated from the runs.
     fit = linregress(x, y)

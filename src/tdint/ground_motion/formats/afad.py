@@ -64,7 +64,8 @@ def read_afad(lines: Lines) -> list[Series]:
     points, step, peaks = (first_match(pattern, texts) for pattern in (_POINTS, _STEP, _PEAKS))
     if not (points and step and peaks):
         raise RecordError(
-            "its header must state the number of data, the sampling interval and the units"
+            "the header of the file must state the number of data, the sampling interval and the "
+            "units"
         )
     units = required_units(peaks[1])
     peak_by_name = {name.upper(): value for name, value in _PEAK.findall(peaks[2])}

@@ -225,14 +225,14 @@ def _series(
     match = first_match(_UNKNOWN, texts)
     unknown = float(match[1]) if match else -999.0
     if reals[_STEP] == unknown:
-        raise RecordError("its header does not state the sampling interval")
+        raise RecordError("the header of the channel does not state the sampling interval")
     dt = reals[_STEP] / 1000.0  # the header states ms
     # Compare the sampling interval with the duration stated in the line before the block.
     if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _DURATION_TOLERANCE * int(
         block[3]
     ):
         raise RecordError(
-            f"{samples.size} samples at the interval of {dt:g} s in its header contradict the "
+            f"{samples.size} samples at the interval of {dt:g} s in the header contradict the "
             f"stated duration of {block[3]} s"
         )
 
@@ -259,7 +259,8 @@ def _series(
         )
     if is_counts and (np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0)):
         raise RecordError(
-            "its header states that the samples are counts, but they are not 32-bit integers"
+            "the header of the channel states that the samples are counts, but they are not 32-bit "
+            "integers"
         )
 
     # The time of the first sample is used only if it is completely known and in UTC.

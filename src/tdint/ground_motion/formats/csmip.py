@@ -92,7 +92,7 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
     """
     points, units = first_match(_POINTS, texts), first_match(_UNITS, texts)
     if not points:
-        raise RecordError("its header does not state the number of points")
+        raise RecordError("the header of the file does not state the number of points")
     # Times and accelerations alternate.
     pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
     mean, departure = equal_steps(pairs[::2], _MAX_DEPARTURE)

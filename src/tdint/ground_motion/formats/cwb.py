@@ -87,7 +87,8 @@ def read_cwb(lines: Lines) -> list[Series]:
     names = _NAME.findall(sequence[1]) if sequence else []
     if not (names and rate and units):
         raise RecordError(
-            "its header must state the sampling rate, the units and the order of the columns"
+            "the header of the file must state the sampling rate, the units and the order of the "
+            "columns"
         )
     times, *columns = lines.rest(1 + len(names))
     dt, _ = equal_steps(times)

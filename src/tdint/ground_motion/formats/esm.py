@@ -83,7 +83,9 @@ def read_esm(lines: Lines) -> list[Series]:
     try:
         count, dt = int(header[_COUNT]), float(header[_STEP])
     except (KeyError, ValueError):
-        raise RecordError(f"its header must state {_COUNT} and {_STEP} as numbers") from None
+        raise RecordError(
+            f"the header of the file must state {_COUNT} and {_STEP} as numbers"
+        ) from None
     units = required_units(header[_UNITS], quantity) if header.get(_UNITS) else ""
     # The key of the peak ends with its unit, for example PGA_CM/S^2, which is group 1 of the match.
     key_matches = ((_PEAKS[quantity].fullmatch(key), value) for key, value in header.items())

@@ -91,8 +91,8 @@ def read_geonet(lines: Lines) -> list[Series]:
     in_text = match[1] or match[2] if match else ""
     if in_text and not isclose(float(in_text), dt, rel_tol=1e-3):
         raise RecordError(
-            f"its header states the sampling interval as {dt:g} s in the numbers, but as "
-            f"{in_text} s in the text"
+            f"the header of the component states the sampling interval as {dt:g} s as a number, "
+            f"but as {in_text} s in the text"
         )
     # Samples of volume 1 may be film readings, in a fraction or multiple of the unit.
     factor = header_field(_RAW_UNITS, texts)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.number_parsing import pluralize
 
 _UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 """Byte-order marks of UTF-16 text, which some spreadsheets write."""
@@ -254,9 +253,7 @@ class Lines:
         `columns` numbers."""
         row = self._row(None)
         if len(row) != columns:
-            raise RecordError(
-                f"line {self._next} contains {pluralize(len(row), 'number')}, not {columns}"
-            )
+            raise RecordError(f"line {self._next} must contain {columns} numbers, got {len(row)}")
         return row
 
     def _row(self, width: int | None) -> list[float]:

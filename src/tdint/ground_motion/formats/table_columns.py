@@ -160,7 +160,8 @@ def column_index(text: str, names: tuple[ColumnName, ...], width: int) -> int:
         index = _index_of_name(text, names)
     if names and names[index].quantity == TIME:
         raise RecordError(
-            f"column {text} is the time ({names[index].text}); select a ground motion"
+            f"column {text} contains the time ({names[index].text}); select a column with a ground "
+            "motion"
         )
     return index
 
@@ -355,11 +356,15 @@ def read_header(lines: list[str], width: int) -> TableHeader:
     for line in lines:
         for key, value in declared_in(line) or []:
             if declared.setdefault(key, value) != value:
-                raise RecordError(f"its header states {key} twice: {declared[key]!r} and {value!r}")
+                raise RecordError(
+                    f"the header of the table states {key} twice, {declared[key]!r} and {value!r}; "
+                    "remove one of these entries"
+                )
     names = tuple(column_names(declared.get(COLUMNS, "")))
     if names and len(names) != width:
         raise RecordError(
-            f"its header names {pluralize(len(names), 'column')}, the rows have {width}"
+            f"the header of the table names {pluralize(len(names), 'column')}, but the rows have "
+            f"{pluralize(width, 'value')}"
         )
     return TableHeader(declared, names)
 

@@ -208,7 +208,10 @@ def read_text(
     times = _times(columns, header.names, selected, layout)
     dt, is_stated = _sampling_interval(header, times, layout)
     if header.declared.get("samples", str(size)) != str(size):
-        raise RecordError(f"its header states {header.get('samples')} samples, the file has {size}")
+        raise RecordError(
+            f"the header of the table states {header.get('samples')} samples, but the file has "
+            f"{size}"
+        )
     compared = (
         *((SAMPLES,) if header.get("samples") else ()),
         *((STEP,) if times is not None else ()),
@@ -297,8 +300,11 @@ def _sampling_interval(
     if times is not None:
         intervals.append(equal_steps(times)[0])
     if intervals and max(intervals) - min(intervals) > SAME_STEP * max(intervals):
-        values = " s and as ".join(f"{dt:g}" for dt in intervals)
-        raise RecordError(f"its sampling interval is stated as {values} s")
+        values = " s and ".join(f"{dt:g}" for dt in intervals)
+        raise RecordError(
+            f"the file states several sampling intervals, {values} s; correct the header or the "
+            "times"
+        )
     dt = next(iter(intervals), None) or layout.step
     if dt is None:
         raise RecordError(

@@ -84,8 +84,8 @@ def read_unam(lines: Lines) -> list[Series]:
         or not counts[0].isdigit()
     ):
         raise RecordError(
-            "its header must state direction, sampling interval and the same number of samples for "
-            "each channel"
+            "the header of the file must state direction, sampling interval and the same number of "
+            "samples for each channel"
         )
     # The samples follow the second ruler. The directions between the rulers are already known.
     for _line in range(2):

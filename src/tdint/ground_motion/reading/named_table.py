@@ -101,7 +101,7 @@ def read_named_table(source: str | Path) -> NamedTable:
         cells = tuple(line.split(mark))
         if len(cells) != len(names):
             raise RecordError(
-                f"{source}: line {number}: the row has {len(cells)} cells, the header "
+                f"{source}: line {number}: the row has {len(cells)} cells, but the header has "
                 f"{len(names)} columns"
             )
         rows.append((number, cells))

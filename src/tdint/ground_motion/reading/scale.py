@@ -262,7 +262,7 @@ def declared_units(
     except UsageError:
         raise RecordError(
             f"{label}: the header states the units {unit[:40]}, which are not units of a ground "
-            "motion"
+            "motion; specify the units of the samples"
         ) from None
 
 

@@ -120,7 +120,7 @@ def parse(text: str) -> Variant:
     """
     laws, *features = text.split("+")
     if unknown := set(features) - set(FEATURES):
-        raise ValueError(f"variant {text!r}: unknown {', '.join(sorted(unknown))}")
+        raise ValueError(f"variant {text!r}: unknown features {', '.join(sorted(unknown))}")
     law_names = () if laws == "all" else tuple(laws.split(","))
     return Variant(law_names, **{name: name in features for name in FEATURES})
 

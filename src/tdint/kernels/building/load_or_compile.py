@@ -209,7 +209,7 @@ def _compile(
                 "%s is not writable: the compiled time loops are only used in this run", folder
             )
         if not _load(kernel, variant, code, description["symbol"]):
-            raise RuntimeError(f"{kernel.name}: the object cannot be loaded")
+            raise RuntimeError(f"{kernel.name}: the compiled time loop cannot be loaded")
 
 
 def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:

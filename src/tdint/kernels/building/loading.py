@@ -51,7 +51,7 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
     ):
         raise ValueError("the data are not an object file compiled by tdint: other format")
     if description.pop("sha256", None) != _hash(description, code):
-        raise ValueError("truncated or corrupt")
+        raise ValueError("the object file is truncated or corrupt")
     return code, description
 
 

@@ -80,7 +80,8 @@ class Compilation:
         module = sys.modules[self.module]
         if module.__name__ == "__main__" or not getattr(module, "__file__", None):
             raise AnalysisError(
-                f"{self.kernel.name} cannot be compiled: move the kernel to a separate module"
+                f"{self.kernel.name} cannot be compiled, because a kernel must be defined in a "
+                "module file that another process can import; move it to a separate file"
             )
         return self.kernel.name, None if module.__name__.startswith("tdint.") else str(
             module.__file__

@@ -103,7 +103,7 @@ def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """
     if not tables or any(table.keys() != tables[0].keys() for table in tables):
         raise UsageError(
-            "results cannot be joined to a table, because there are none or their tables have "
+            "results cannot be joined to one table, because the list is empty or their tables have "
             "different columns; convert each result separately"
         )
     joined: dict[str, Any] = {}
