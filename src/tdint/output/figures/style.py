@@ -448,7 +448,7 @@ def check_print(printed: PrintedAs) -> None:
     if printed.style:
         # `read_whole` refuses named pipes, which may never end, and large files, which would fill
         # the memory.
-        too_large_text = f"is larger than {_MAX_SHEET // 1_000_000} MB; use a style sheet of text"
+        too_large_text = f"is larger than {_MAX_SHEET // 1_000_000} MB; use a smaller style sheet"
         try:
             text = read_whole(printed.style, UsageError, {}, too_large_text, _MAX_SHEET)
         except UsageError as error:
