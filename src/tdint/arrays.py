@@ -72,7 +72,11 @@ else:
         """
 
         def __get__(self, instance, owner=None):
-            if instance is None:  # the property was requested of the class, not of an instance
+            """Return the value for an instance; the value is computed and stored at the first call.
+
+            With `instance` None (access through the class), return the property.
+            """
+            if instance is None:
                 return self
             attributes = vars(instance)
             if self.attrname not in attributes:

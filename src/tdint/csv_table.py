@@ -127,7 +127,8 @@ class CsvTable:
             if self.overfull(cells):
                 raise self.error(
                     f"{self.source}:{line}: the row has {pluralize(len(cells), 'cell')}, but the "
-                    f"header has {pluralize(len(self.header), 'column')}"
+                    f"header has {pluralize(len(self.header), 'column')}; use decimal points, not "
+                    "commas, and quote texts with commas"
                 )
             # A row may omit empty cells at its end. An apostrophe at the start is removed, because
             # tdint writes it before texts that a spreadsheet program would treat as a formula.
@@ -251,7 +252,7 @@ class TextColumn(Sequence[str]):
         The number of texts must be a multiple of 50, except in the last call, because
         `__getitem__` computes the block from the index and all blocks before the last must be full.
         """
-        assert self._length % _CELLS_PER_BLOCK == 0  # all blocks are full
+        assert self._length % _CELLS_PER_BLOCK == 0  # all blocks so far are full
         for first in range(0, len(texts), _CELLS_PER_BLOCK):
             self._joined.append(_END_OF_CELL.join(texts[first : first + _CELLS_PER_BLOCK]))
         self._length += len(texts)
@@ -450,7 +451,10 @@ def stream_table(
     names = tuple(title.lower() for title in titles)
     for name in names if columns is None else columns:
         if name and names.count(name.lower()) > 1:
-            raise error(f"{source}:{header_line}: the header contains the column {name} twice")
+            raise error(
+                f"{source}:{header_line}: the header contains the column {name} twice; rename or "
+                "remove one of these columns"
+            )
     return CsvTable(source, names, titles, header_line, (), needs, error), rows
 
 

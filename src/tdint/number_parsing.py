@@ -123,8 +123,8 @@ def parse_head(text: str) -> tuple[tuple[str, str], ...]:
             lines.append((name.strip(), value.strip()))
     if not lines or not all(name and value for name, value in lines):
         raise UsageError(
-            f"{text[:60]!r}: write NAME: TEXT; NAME: TEXT, such as 'Project: Bridge 7; Author: A. "
-            "B.'"
+            "the lines at the top of a report must have the form NAME: TEXT; NAME: TEXT, such as "
+            f"'Project: Bridge 7; Author: A. B.', got {text[:60]!r}"
         )
     return tuple(lines)
 
@@ -298,6 +298,6 @@ def first_warning(warnings: Sequence[str]) -> str:
     more = f" (and {len(warnings) - 1} more: `warnings`)" if len(warnings) > 1 else ""
     first = warnings[0]
     if len(first) > WARNING_LENGTH:
-        # Shorten the warning at the end of a word.
+        # `rsplit` removes the last word, which may be cut off in the middle.
         first = f"{first[:WARNING_LENGTH].rsplit(' ', 1)[0]} ..."
     return f"; warning: {first}{more}"

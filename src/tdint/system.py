@@ -337,7 +337,8 @@ def this_host() -> str:
     with suppress(OSError):  # these files exist on Linux only
         identifiers.append(Path("/proc/sys/kernel/random/boot_id").read_text())
         identifiers.append(str(Path("/proc/self/ns/pid").readlink()))
-    # The identifier is part of names of files, so other characters are replaced.
+    # The identifier is part of file names. Therefore special characters are replaced, and the name
+    # is limited to 64 characters.
     file_name = re.sub(r"[^A-Za-z0-9_.]", "_", name)[:64]
     return f"{file_name}.{hashlib.sha256('|'.join(identifiers).encode()).hexdigest()[:8]}"
 

@@ -276,7 +276,8 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
     for base in reversed(declaring.__mro__):
         namespace |= vars(sys.modules[base.__module__])
     hints |= get_type_hints(declaring, namespace, include_extras=True)
-    # Properties declare their quantity in the annotation of the returned value.
+    # A property declares its quantity in the annotation of the returned value. `get_type_hints` of
+    # the class does not include properties.
     for name, member in vars(declaring).items():
         if isinstance(member, property) and "Quantity" in str(
             member.fget.__annotations__.get("return", "")

@@ -53,7 +53,7 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
             # tdint and is raised unchanged.
             raise _wrong_argument(name, bound) or error from error
 
-    # pickle imports the function by its public name.
+    # The wrapper gets the public name (`tdint.run`), by which pickle imports it.
     wrapper.__module__, wrapper.__qualname__, wrapper.__name__ = "tdint", name, name
     return wrapper
 

@@ -271,7 +271,8 @@ def _energy_conservation() -> Array:
     """
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
     history = _oscillator("moment4", 0.05, 10.0, **start)
-    # The sum of the kinetic energy and the potential energy of the force 100 u + 1000 u^3.
+    # The energy is the sum of the kinetic energy and of the potential energy of the restoring force
+    # 100 u + 1000 u^3.
     u, v = history.displacement[:, 0], history.velocity[:, 0]
     energy = 0.5 * v**2 + 50.0 * u**2 + 250.0 * u**4
     return np.array([np.max(np.abs(energy / energy[0] - 1.0))])
@@ -291,15 +292,15 @@ def _bilinear_loop() -> Array:
 
 def closed_form_cases() -> tuple[ValidationCase, ...]:
     """Return the cases with closed-form solutions."""
-    # Damped free vibration from 1 m, after 1.3 s.
+    # `free` is the displacement of a damped free vibration from 1 m after 1.3 s.
     damped, decay = _OMEGA * math.sqrt(1.0 - _XI**2), math.exp(-_XI * _OMEGA * 1.3)
     free = decay * (math.cos(damped * 1.3) + _XI / math.sqrt(1.0 - _XI**2) * math.sin(damped * 1.3))
-    # Undamped oscillator from rest under sin(omega t), after 4.9 s.
+    # `resonance` is the displacement of an undamped oscillator under sin(omega t) after 4.9 s.
     angle = _OMEGA * 4.9
     resonance = (math.sin(angle) - angle * math.cos(angle)) / (2.0 * _OMEGA**2)
-    # Sudden step: twice the static displacement, (1 m/s^2) / omega^2.
+    # A sudden load results in twice the static displacement, (1 m/s^2) / omega^2.
     steps = tuple(2.0 * (period / (2.0 * math.pi)) ** 2 for period in (0.3, 1.0, 3.0))
-    # Duffing oscillator: the elliptic cosine after 13.3 of its periods 4 K(m).
+    # The Duffing oscillator follows the elliptic cosine; its period has the length 4 K(m).
     _, m = _duffing_frequency()
     duffing = 1.5 * float(ellipj(13.3 * 4.0 * float(ellipk(m)), m)[1])
     computations = {
@@ -381,7 +382,8 @@ def _circular_frequencies(*stories: dict[str, Any]) -> Array:
 
 
 def _eigenvalues_of_three_masses() -> Array:
-    """Return the eigenvalues (squared circular frequencies, 1/s^2) of three masses."""
+    """Return the eigenvalues (squared circular frequencies, 1/s^2) of a shear building with three
+    stories, shape (3,)."""
     stories = (
         {"mass": 11.1, "stiffness": 30},
         {"mass": 22.2, "stiffness": 20},

@@ -177,6 +177,7 @@ class _Flow:
     """
 
     def __init__(self, scale: float = 1.0, last_chapters: int = 0) -> None:
+        """Start an empty flow at the top of the first page."""
         self.scale = scale
         self.last_chapters = last_chapters
         self.blank = 0.0
@@ -190,7 +191,7 @@ class _Flow:
         """Measure of blank areas and of reduced figures; 0 for a page without either."""
         missing_content = max(_MIN_LAST_PAGE - self.position / _PAGE, 0.0)
         excess_blank = max(self.blank / _PAGE - _MAX_BLANK_FRACTION, 0.0)
-        # The weight 10 avoids blank areas before it avoids reduced figures.
+        # Blank areas have the weight 10, because they are worse than reduced figures.
         return 10.0 * (missing_content + excess_blank) + 1.0 - self.scale
 
     def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
@@ -404,7 +405,7 @@ def _lay_out(
             f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in page_text.head
         )
         flow.text("p", "<br>".join(lines), more=' class="h"')
-    # CSS classes of the verdict. It comes first; warnings precede all numbers.
+    # CSS classes of the verdict, which is the first paragraph. Warnings precede all numbers.
     classes = {None: "v", True: "v kept", False: "v broken"}
     for is_met, text in page_text.verdict:
         flow.text("p", _html(text), more=f' class="{classes[is_met]}"', height=6.3)
@@ -506,8 +507,8 @@ def once(texts: Iterable[str]) -> list[str]:
 
     `a.yaml: no height` and `b.yaml: no height` become `a.yaml; b.yaml: no height`.
     """
-    # For each message without its file, the files as keys; the file is empty for a message
-    # without a file.
+    # The keys of `files` are the messages without their file; the keys of the inner dictionaries
+    # are the files, in the order of the messages. The file is empty for a message without a file.
     files: dict[str, dict[str, None]] = {}
     for text in texts:
         file, colon, message = text.partition(": ")
@@ -659,7 +660,7 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
     if sum(len(column.heading) for column in columns) < text_width:
         heading_lines = 1
     heading_height = heading_lines * _TABLE_LINE + _ROW
-    # The heading remains together with three rows.
+    # The heading remains together with three rows, so that it is not the last line of a page.
     page_class = flow.break_class(heading_height + 3.0 * (_TABLE_LINE + _ROW))
     flow.advance(heading_height + _TABLE)
     rows = []

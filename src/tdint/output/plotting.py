@@ -193,9 +193,10 @@ def _drawing_of(results: _Results) -> _Drawing:
 
 
 def _compare(results: _Results, units: OutputUnits) -> Figure:
-    """Return the figure of comparisons with recordings."""
+    """Return the figure of comparisons of computed with recorded responses of a building."""
     shortest, longest, count = _PERIODS
-    # Below two sampling intervals, a spectrum depends on the interpolation between samples.
+    # Periods below two sampling intervals are omitted, because there a spectrum depends on the
+    # interpolation between samples.
     shortest = max(shortest, 2.0 * results[0].event.base.dt)
     periods = np.geomspace(shortest, longest, count)
     return comparison.comparison_picture(results, periods, SA_DAMPING, units)

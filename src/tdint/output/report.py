@@ -668,7 +668,8 @@ def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, floa
     # The ground motions and their factors are collected by building and level.
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for (building, motion, _), scales in factors.items():
-        # The smallest factor of each ground motion belongs to the first level, whatever its value.
+        # Levels are ranks, because each ground motion can have its own scale factors: the smallest
+        # factor of each ground motion belongs to the first level.
         for rank, scale in enumerate(sorted(scales, key=abs)):
             levels.setdefault((building, rank), []).append((motion, scale))
     return [
@@ -878,7 +879,7 @@ def motion_chapter(
     return Chapter("Ground motions", parts)
 
 
-# This assumption applies to all reports of a suite.
+# Every report of a suite states this assumption.
 _SUITE = "means are over the ground motions without collapse"
 
 

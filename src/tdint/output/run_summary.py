@@ -257,14 +257,17 @@ def _with_provenance(
     notes: Sequence[str],
     inputs: Sequence[Input],
 ) -> dict[str, Any]:
-    """Return the content of a summary with record, settings, notes, inputs, versions and meanings.
+    """Add the origin of the results to the content of summary.json, and return it.
+
+    These are the record, the settings, the notes, the inputs and the versions. The meanings of all
+    numbers follow.
 
     Parameters
     ----------
     content : dict
-        Results of the run.
+        Results of the run; this dictionary is changed.
     record : Record or None
-        Ground motion of the run.
+        Ground motion of the run; None without ground motion.
     settings : mapping or None
         Options of the command line that are not part of the model.
     notes : sequence of str
@@ -442,7 +445,11 @@ def _damage(response: Response) -> dict[str, Any]:
 
 
 def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:
-    """Return time, story and type of a collapse for the summary; None without a collapse."""
+    """Return the part of summary.json about a collapse; None if the building did not collapse.
+
+    It states the time (s) and the story (from 1) of the collapse, whether the run ended at the
+    collapse, and whether a law failed.
+    """
     if collapse is None:
         return None
     return {

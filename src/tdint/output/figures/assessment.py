@@ -170,7 +170,7 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
     has_ratio = not math.isnan(first.frequency_ratio)
     several = len({order.frequency_ratio for order in measured}) > 1
     figure = _draw_orders(measured, thin) if several and has_ratio else _draw_order_chart(measured)
-    # The title states the properties that all curves share.
+    # The title states the properties that all curves share, so that the legend is short.
     loads = {
         "free": "free vibration",
         "harmonic": "harmonic load",
@@ -518,7 +518,7 @@ def sizes_picture(
                 interval = drawing.chart.interval
                 closest = min(points, key=lambda point: abs(math.log(point.dt / interval)))
                 stories.append(drawing.chart.stories)
-                # Time per step in microseconds; nan without time steps.
+                # The time per step is in microseconds; it is nan without time steps.
                 step_costs.append(1e6 * closest.fastest / (closest.steps or math.nan))
                 errors.append(drawing.error(closest))
         handles += cost.plot(stories, step_costs, **style)

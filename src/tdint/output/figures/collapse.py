@@ -232,7 +232,8 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
         "ec8": f"scaled to {target} by EN 1998-1",
         "p695": f"normalized by FEMA P-695{median}",
     }
-    # The title states the number of records, or the name of a single record.
+    # Many names would not fit, so the title states the number of records, or the name of a single
+    # record.
     records = [record for motion in scaling.motions for record in components(motion)]
     noun = "record" if isinstance(scaling.motions[0], Record) else "pair"
     subject = pluralize(len(scaling.motions), noun)
@@ -486,7 +487,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     state = f"damaged to {100.0 * damage:g} %" if damage else "intact"
     if len(study.motion_curves) < _MIN_MOTIONS:
         for i, curve in enumerate(study.motion_curves if several else ()):
-            # Only the first curve has a legend entry.
+            # All curves of a state have the same style, so only the first has a legend entry.
             style = {"color": color, "linewidth": 1.6, "label": "" if i else state}
             _draw_curve(axes, curve, limit, style)
         return
@@ -621,8 +622,8 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     number = function.motions if function.fit == "stripes" else function.runs
     title += f"\n{pluralize(number, 'run' if function.fit == 'cloud' else 'record')}"
     if any(censored):
-        # The number of censored observations can differ between the functions. A text times True
-        # is the text, times False an empty text.
+        # If the number of censored observations differs between the functions, the title states
+        # "up to" the maximum.
         title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
     return titled(figure, title)
 

@@ -129,8 +129,8 @@ def comparison_picture(
     lines = [*panels[0, 0].get_lines()[:2], *panels[0, 2].get_lines()[2:]]
     names = ["recorded", "computed", *(str(line.get_label()) for line in lines[2:])]
     figure.legend(lines, names, loc="outside lower center", ncols=len(lines), handlelength=3.0)
-    # The second line of the title states the conditions of the comparison: the method, and the
-    # processing of the recordings.
+    # The agreement depends on the method and on the processing of the recordings, so the second
+    # line of the title states both.
     first = comparisons[0]
     response, recording = first.response, first.event.recording
     facts = [f"{response.method}, dt {response.dt:.4g} s"]
@@ -271,7 +271,8 @@ def _strongest_cycles(comparison: Comparison) -> tuple[float, float]:
     returned.
     """
     floor = comparison.floors[-1]
-    # Indices of the samples before a change of sign, and the position of the peak in this list.
+    # `zero_crossings` contains the indices of the samples before a change of sign. `middle` is the
+    # number of zero crossings before the peak.
     zero_crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
     middle = int(np.searchsorted(zero_crossings, int(np.argmax(np.abs(floor.recorded)))))
     # A cycle has two zero crossings.
@@ -345,7 +346,7 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     if test.yield_drift < float(np.max(test.path.drift)):
         yielding = units.of(test.yield_drift, "m")
         label = f"yield drift {yielding:.3g} {units.label('m')}"
-        # Both lines have one legend entry.
+        # Only the line at the positive yield drift has a label, so that the legend has one entry.
         style = {"color": LIGHT, "linestyle": DASHES[2], "linewidth": 1.0}
         axes.axvline(yielding, label=label, **style)
         axes.axvline(-yielding, **style)
@@ -499,7 +500,7 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
         units.of(idealized_acceleration / result.participation, "m/s^2"),
     )
     axes.plot(*idealized, **line_look(1) | {"label": f"idealized, T* {result.period:.3g} s"})
-    # Spectral displacement of the elastic oscillator: Sd = Sa / omega^2.
+    # The spectral displacement of the elastic oscillator is Sd = Sa / omega^2.
     elastic = result.spectral_acceleration * (result.period / (2.0 * math.pi)) ** 2
     elastic_line = (
         np.array([0.0, units.of(elastic, "m")]),
@@ -873,7 +874,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         panels[0, 0],
         [handles[line] for line in shown_lines],
         [
-            # A text times True is the text, times False an empty text.
+            # The second text is empty (times False) if the method was run for all problems.
             chart.named(line)
             + ", partly not run" * any(p.not_run for p in profiles if p.method == line)
             for line in shown_lines

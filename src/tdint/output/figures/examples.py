@@ -50,13 +50,14 @@ def example_picture(
     time = runs[0].motion.time
     exact_displacement = runs[0].exact(reference).displacement[:, shown.floor - 1]
     displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
-    # The plotted values of each run: absolute errors, or displacements.
+    # The plotted values of each run are absolute errors or displacements.
     values = (
         [np.abs(motion - exact_displacement) for motion in displacements]
         if shown.is_error
         else displacements
     )
-    # Index of the time step of the largest error of any run, or of the peak of the exact solution.
+    # The close-up is at the largest error of any run, or at the peak of the exact solution. `peak`
+    # is the index of this time step.
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(exact_displacement)))
     close_up = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
     labels = [run.method for run in runs]

@@ -527,7 +527,7 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
         slope = units.of(units.unit("m")[1] * (2.0 * math.pi / period) ** 2, "m/s^2")
         end = min(right, top / slope)
         axes.plot([0.0, end], [0.0, slope * end], color=_SCALE, linewidth=0.8, zorder=1.2)
-        # The label is to the right of the panel, or above it.
+        # A ray ends at the right side or at the top of the panel; its label is outside of this end.
         if end == right:
             offset, horizontal, vertical = (2, 0), "left", "center"
         else:
@@ -745,7 +745,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         for spectrum, name in zip(spectra, names, strict=True)
     ]
     has_columns = 1 < len(set(components)) <= _MAX_COLUMNS
-    # In separate columns, the label of a line needs only the damping ratio.
+    # With a separate column for each component, the label of a line needs only the damping ratio,
+    # because the title of the column names the component.
     first_labels = line_labels(spectra)
     if has_columns:
         has_several_ratios = len({spectrum.damping for spectrum in spectra}) > 1

@@ -67,7 +67,7 @@ _STYLE = {
 _LATEX = ("latex", "dvipng")
 """Programs that matplotlib starts if text.usetex is set."""
 
-# Settings of figures with a printed width, which journals print without enlargement.
+# These settings apply to figures with a printed width, which journals print without enlargement.
 _PRINT = {
     "font.size": 8.0,
     "axes.titlesize": 8.0,
@@ -316,7 +316,7 @@ class Picture:
             figure = self.draw()
             # A canvas is required for the sizes of texts; creating it attaches it to the figure.
             FigureCanvasAgg(figure)
-            # The drawing functions create plain figures. The other class adds the display in
+            # The drawing functions create plain figures. `ShownFigure` adds their display in
             # notebooks.
             figure.__class__ = ShownFigure
             assert isinstance(figure, ShownFigure)
@@ -389,7 +389,7 @@ def _latex_errors_reported() -> Iterator[None]:
             if not mpl.rcParams["text.usetex"]:
                 raise
             raise UsageError(
-                f"text.usetex of the style sheet: {str(error).strip().splitlines()[0]}"
+                f"LaTeX (text.usetex of the style sheet): {str(error).strip().splitlines()[0]}"
             ) from None
 
 
@@ -463,7 +463,7 @@ def check_print(printed: PrintedAs) -> None:
         try:
             sheet = mpl.rc_params_from_file(printed.style, use_default_template=False)
         except (OSError, ValueError) as error:
-            raise UsageError(f"style sheet {printed.style}: {error}") from None
+            raise UsageError(f"style sheet {printed.style} cannot be used: {error}") from None
         if sheet.get("text.usetex") and not all(map(shutil.which, _LATEX)):
             raise UsageError(
                 f"style sheet {printed.style}: text.usetex requires {' and '.join(_LATEX)}, which "
@@ -685,7 +685,8 @@ def titled(figure: Figure, title: str) -> Figure:
     The title has one or more lines and no formulas. A line that is wider than the figure is
     wrapped; a line of more than twice the width is shortened.
     """
-    # Width of the figure in points (72 per inch), divided by the width of a character.
+    # The number of characters is the width of the figure in points (72 per inch) divided by the
+    # width of a character.
     max_letters = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
     lines: list[str] = []
     for title_line in title.splitlines():

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -35,9 +35,6 @@ from tdint.output.figures.style import (
     titled,
 )
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    pass
 
 _MAX_PANELS = 6  # maximum number of panels of floor spectra
 

@@ -238,7 +238,8 @@ def _varied_names(varied: Sequence[Mapping[str, float]]) -> list[str]:
 
 
 def varied_columns(names: Iterable[str]) -> list[Column]:
-    """Return the columns of parameters that a sweep changed, by their names."""
+    """Return the columns of the parameters that a sweep changed, for example with the name
+    `story 3.mass_factor`."""
     columns = []
     for name in names:
         # `story 3.mass_factor` becomes story_3_mass_factor; a key of model files is unchanged.
@@ -652,7 +653,8 @@ def copied_cells(store: Store) -> Callable[[int, int], list[str]]:
 def numeric(store: Store) -> list[bool]:
     """Return a list with True for each copied inventory column that contains numbers and no other
     text. Empty cells are ignored; a column with only empty cells is not numeric."""
-    # For each column a set that contains True if a cell is a number, and False if a cell is not.
+    # `answers` has a set for each column. It contains True if the column has a cell with a number,
+    # and False if it has a cell with other text.
     answers: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
         for column_answers, text in zip(answers, store.copied_cells(number), strict=False):

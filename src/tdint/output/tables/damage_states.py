@@ -173,7 +173,8 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
     inventory_cells = copied_cells(store)
     for damage in building_damages(store):
         building, type_name = cell_text(damage.building), cell_text(damage.type)
-        # Probabilities of all outcomes and, if there are losses, the loss ratio of each run.
+        # A row of `values_of_runs` contains the probabilities of all outcomes of a run and, if
+        # there are losses, its loss ratio.
         loss_columns = [damage.loss] if damage.states.losses else []
         values_of_runs = np.column_stack([damage.probability, *loss_columns]).tolist()
         cells_of_runs = zip(

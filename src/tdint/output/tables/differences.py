@@ -139,7 +139,7 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
         if max(0, len(old) - len(old_header)) != max(0, len(new) - len(new_header)):
             old_text, new_text = (pluralize(len(row), "cell") for row in (old, new))
             yield Difference(file, number, "", old_text, new_text)
-    # Additional rows of one file are counted, not listed.
+    # Additional rows at the end of a file are counted, because a list of their cells would be long.
     if old_count != new_count:
         old_text, new_text = (pluralize(count, "row") for count in (old_count, new_count))
         yield Difference(file, None, "", old_text, new_text)
@@ -445,7 +445,7 @@ def _json_differences(
     elif before != now or _is_number(before) != _is_number(now):
         is_rounding = False
         if _is_number(before) and _is_number(now):
-            # The last key of the path, without an index: `drift` for `stories[2].drift[1]`.
+            # The path `stories[2].drift[1]` has the key `drift`.
             key = path.rpartition(".")[2].partition("[")[0]
             magnitude = max(abs(before), abs(now), _json_magnitude(key, magnitudes))
             are_whole = isinstance(before, int) and isinstance(now, int)

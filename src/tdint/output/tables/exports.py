@@ -165,7 +165,7 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
         header.remove("component")
 
     def rows() -> Iterator[list[Any]]:
-        """Yield the rows of the table."""
+        """Yield the rows of the exported table: the cells that identify a run, and its demands."""
         for (building, record, component, *scale_and_sample), cells in _rows(
             store, stories, directions
         ):
@@ -247,7 +247,7 @@ def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> li
     stories : int
         Number of stories of the tallest building. Cells of missing stories are empty (None).
     """
-    # The cells of all stories by the name of the column, for example the heights of all stories.
+    # `columns` contains the cells of all stories by the name of the column, such as all heights.
     columns = dict(zip(STORIES.columns, zip(*rows, strict=True), strict=False))
     missing_stories = [None] * (stories - len(rows))
     heights, displacements = columns["height_m"], columns["peak_displacement_m"]
@@ -336,8 +336,8 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         for function, state in zip(group, group_states, strict=True):
             median, beta = function.theta * factor, function.beta_total
             limits += [median * math.exp(sign * _RANGE * beta) for sign in (-1.0, 1.0)]
-            # Mean and standard deviation of a lognormal variable from its median and from the
-            # standard deviation beta of its logarithm.
+            # The mean and the standard deviation of a lognormal variable follow from its median and
+            # from the standard deviation beta of its logarithm.
             mean = median * math.exp(0.5 * beta**2)
             deviation = mean * math.sqrt(math.expm1(beta**2))
             params.append(
@@ -449,9 +449,9 @@ def vulnerability_model(
 ) -> bytes:
     """Return mean loss ratios by building type as an OpenQuake vulnerability model.
 
-    The loss ratios follow from the fragility functions and the losses of the states. Coefficients
-    of variation are those of one building, for beta distributions. Collapse counts as the heaviest
-    state.
+    The loss ratios follow from the fragility functions and the losses of the states. The loss of a
+    single building at an intensity has a beta distribution with these means and coefficients of
+    variation. Collapse counts as the heaviest state.
 
     Parameters
     ----------
@@ -489,8 +489,8 @@ def vulnerability_model(
         loss_ratios = np.array(losses[group[0].type][: len(group)])
         mean = np.maximum(loss_ratios @ state_probabilities, _LEAST_LOSS)
         mean_square = loss_ratios**2 @ state_probabilities
-        # The coefficient of variation of a beta distribution is below the coefficient for losses
-        # that are either 0 or 1, the square root of 1 / mean - 1.
+        # OpenQuake requires a beta distribution. Its squared coefficient of variation is below
+        # 1 / mean - 1, the value for losses that are either 0 or 1.
         squared_cov = np.minimum(
             np.maximum(mean_square / mean**2 - 1.0, 0.0), (1.0 - 1e-6) * (1.0 / mean - 1.0)
         )

@@ -360,7 +360,7 @@ def reference_table(methods: Iterable[Method]) -> Table:
     for method in methods:
         references = references_of(method)
         for reference in references:
-            # The DOI has a separate column.
+            # The DOI is removed from the text, because it has a separate column.
             text, _, _ = reference.text.partition(" doi:")
             rows.append((method.name, text.replace(",", ";"), reference.doi))
         # A method of a plug-in has no references, but a source.

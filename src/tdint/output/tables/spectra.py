@@ -306,8 +306,7 @@ def _predominant_period(record: Record) -> float:
         return math.nan
     try:
         psa = spectrum(record, periods, SA_DAMPING).psa
-    except AnalysisError:
-        # The sampling interval is too long for the shortest period.
+    except AnalysisError:  # the sampling interval is too long for the shortest period
         return math.nan
     return float(periods[int(np.argmax(psa))])
 
@@ -412,8 +411,8 @@ def result_table(results: Sequence[Any], additional: Sequence[str] = ()) -> Tabl
     results : sequence of object
         Results of the same class. The annotations of the class declare the columns (`Quantity`).
     additional : sequence of str
-        Names of the declared quantities that only some tables contain and that this table has as
-        columns in addition to the usual columns; empty by default.
+        Names of optional quantities that have columns in this table, such as settings that differ
+        between the results; empty by default.
     """
     return record_table(columns_of(type(results[0]), *additional), results)
 
@@ -440,6 +439,7 @@ def rotated_table(spectra: Sequence[RotatedSpectrum], additional: Sequence[str] 
     additional : sequence of str
         Names of settings of the spectra that also have columns; empty by default.
     """
+    # The columns of the settings follow the columns that all spectra have.
     setting_columns = columns_of(Spectrum, *additional)[len(SPECTRUM) :]
     columns = (*OF_MOTION, *rotated(spectra[0].percentiles), *setting_columns)
     return Table.of_results(columns, spectra)

@@ -144,7 +144,7 @@ def described_in(
     dict of str to dict
         Descriptions by the new name of the column, with the new units.
     """
-    # Descriptions refer to other columns by name; these names change also.
+    # Descriptions can refer to other columns by their names, which change as well.
     new_names = {
         name: units.column(name, description.get("unit", TEXT))[0]
         for name, description in meanings.items()
@@ -250,7 +250,8 @@ class Table:
         return cls.of(columns, rows)
 
     def in_units(self, units: OutputUnits) -> Table:
-        """Return the table in other units, with renamed columns and converted numbers."""
+        """Return the table of SI values in other units, with renamed columns, converted numbers and
+        new descriptions."""
         if units == SI:
             return self
         names_and_factors = [

@@ -81,7 +81,7 @@ def _cells(value: Any, factor: float, row_count: int) -> Any:
     if isinstance(value, np.ndarray):
         if value.dtype.kind == "U":  # text
             return value.tolist()
-        # Without conversion, whole numbers remain whole numbers.
+        # Division by 1.0 would convert whole numbers to floats.
         return value if factor == 1.0 else value / factor
     if isinstance(value, list):
         return value
@@ -194,7 +194,7 @@ def to_html(result: Any, caption: str) -> str:
         for row in range(min(row_count, _ROWS))
     )
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    # A table with thousands of rows would fill the notebook.
+    # Only the first rows are shown, because thousands of rows would fill the notebook.
     more_text = f"<p>{row_count - _ROWS} more rows</p>" if row_count > _ROWS else ""
     return f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more_text}"
 
@@ -224,7 +224,7 @@ def _values(result: Any) -> _Values:
     # `to_dict` passes several results only if their class is in `_IN_ROWS`.
     if isinstance(result, list | tuple | ResultList):
         return _in_rows(list(result))
-    # The table of a class also applies to its subclasses.
+    # The table of a base class applies to subclasses without a separate table.
     for result_class in type(result).__mro__:
         if result_class.__name__ in _VALUES:
             return _VALUES[result_class.__name__](result)
