@@ -100,7 +100,7 @@ def processor() -> str:
 
 
 def memory() -> int | None:
-    """Return the memory of this machine, bytes; None if it is unknown."""
+    """Return the size of the physical memory of this machine, bytes; None if it is unknown."""
     if hasattr(os, "sysconf"):
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if (kernel := _windows()) is None:

@@ -129,7 +129,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "processor_time_s": store.seconds(),
         "without_an_error": without_error(store),
         "columns": describe(run_columns(store)),
-        "profiles": {"columns": describe([*PROFILES, *PROFILE_ERRORS * store.checked])},
+        "profiles": {"columns": describe([*PROFILES, *(PROFILE_ERRORS if store.checked else ())])},
         **({"damage": damage_summary(store)} if store.damage() else {}),
         "versions": {**versions(), **({"plugins": code} if (code := store.code()) else {})},
     }

@@ -463,8 +463,8 @@ def chart_picture(
     """Plot a work-precision diagram: cost over error with a line per method, or error over time
     step.
 
-    The gap is the uncertainty of the reference solution. Points with a smaller error are not shown.
-    If a line has such points, a triangle at the gap represents the point with the lowest cost. The
+    Points with an error below the uncertainty of the reference solution are not shown. If a line
+    has such points, a triangle at this uncertainty represents the cheapest of these points. The
     gray band connects the points for which no other point has both less cost and less error.
 
     Parameters

@@ -380,6 +380,7 @@ def ida_picture(study: IdaStudy) -> Figure:
         f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, "
         f"{study.method}"
     )
+    # The damping ratio is stated for spectral accelerations, but not for PGA (the period 0).
     if not isinstance(study.measure, MotionIntensity) and study.measure.periods != (0.0,):
         title += f", {100.0 * study.measure.damping:g} % damping of Sa"
     return titled(figure, title)

@@ -312,6 +312,7 @@ def _finish_row(
         panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         panel.set_xlim(left=0.0)
         panel.tick_params(labelleft=panel is drifts)
+        # Panels without lines, because no run has a result, have no scale.
         if not any(profile.motions for profile in profiles):
             panel.set_xticks([])
 

@@ -147,7 +147,8 @@ OF_CLASSES = (
 
 
 def pushover(stories: int) -> tuple[Column, ...]:
-    """Return the columns of a pushover of a building with this number of stories."""
+    """Return the columns of the table of a pushover analysis, with a column for the drift of each
+    story. `stories` is the number of stories."""
     return (
         Column(
             "step",

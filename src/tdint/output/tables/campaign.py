@@ -263,7 +263,10 @@ def run_heads(store: Store) -> Callable[[int, int], list[str]]:
 
 
 def run_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of runs.csv in the order of buildings, records, scale factors and samples."""
+    """Yield the rows of runs.csv, the table of all runs of a campaign, in the order of buildings,
+    records, scale factors and samples."""
+    # For each building of a sweep, `varied` has the changed values by the name of the parameter. It
+    # is empty for other campaigns.
     varied = store.varied()
     varied_names = _varied_names(varied)
     varied_cells = [[values.get(name) for name in varied_names] for values in varied]
@@ -294,7 +297,8 @@ def story_columns(store: Store) -> tuple[Column, ...]:
     same ground motion.
     """
     sample_column = (SAMPLE,) if store.count("sample > 0") else ()
-    return (*OF_BUILDING, *sample_column, *STORY_COLUMNS, *STORY_ERROR * store.checked)
+    error_columns_of_stories = STORY_ERROR if store.checked else ()
+    return (*OF_BUILDING, *sample_column, *STORY_COLUMNS, *error_columns_of_stories)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
@@ -302,7 +306,7 @@ def story_rows(store: Store) -> Iterator[list[Any]]:
     has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
     # A row of the store ends with the cells of the errors, even if no errors were estimated. They
     # are then cut off.
-    value_count = len(STORY_COLUMNS) + len(STORY_ERROR) * store.checked
+    value_count = len(STORY_COLUMNS) + (len(STORY_ERROR) if store.checked else 0)
     for building, record, scale, sample, *values in store.stories():
         sample_cell = (sample,) if has_samples else ()
         yield [*name_cells(building, record), scale, *sample_cell, *values[:value_count]]
@@ -386,8 +390,8 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
     """
     from tdint.campaign.profiles import profiles
 
-    columns = [*_with_level(store, PROFILES, 2), *PROFILE_ERRORS * store.checked]
-    columns = [*with_pair_demand(store, columns)]
+    errors = PROFILE_ERRORS if store.checked else ()
+    columns = with_pair_demand(store, (*_with_level(store, PROFILES, 2), *errors))
     write_rows(columns, profile_rows(profiles(store), units), stream)
 
 

@@ -508,7 +508,8 @@ def _curve_cells(
             probabilities = _exceeding(mean_loss, means, deviations, maxima)
             rates_with_scatter.append(float(event_rates @ probabilities))
         error = float((event.money if costs else event.loss).error[0])
-        # The events before this event have larger mean losses.
+        # The events before this event have larger mean losses, so the rate of exceedance is the sum
+        # of the rates up to this event.
         exceedance_rate = float(np.sum(event_rates[: index + 1]))
         cumulative_annual_loss = float(np.sum(annual_losses[: index + 1]))
         yield (
