@@ -296,8 +296,8 @@ def sections(name):
 
 
 def test_measured_numbers_have_date_or_test():
-    """Each section of tests/README with numbers states the date of the measurement. The other two
-    pages are written by one command, which states versions and processor at their head."""
+    """Each section of tests/README with numbers states the date of the measurement. A single
+    command writes the other two pages; it states versions and processor at their head."""
     for heading, text in sections("tests/README.md").items():
         if heading in ("", "Running the tests"):
             continue

@@ -148,7 +148,7 @@ def test_files_without_rows_are_refused(tmp_path, reader):
 
 
 def ending_in(cell, reader):
-    """Return a table of a reader whose row ends with a cell."""
+    """Return the text of a valid table for a reader, with the cell at the end of its row."""
     header, row = FULL[reader]
     return f"{header}\n{row.rpartition(',')[0]}{',' * (',' in row)}{cell}\n"
 
