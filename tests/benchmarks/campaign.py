@@ -1,11 +1,13 @@
-"""What campaigns cost: the engine beside the compiled loop alone, and inventories with their store.
+"""Measure the time of campaigns: the engine compared with the compiled loop, and inventories with
+their store.
 
     python tests/benchmarks/campaign.py                  # 440 runs of ten yielding stories, 22 motions x 20 scales
-    python tests/benchmarks/campaign.py --buildings 2000 # two-story buildings of an inventory under
-    a pair of motions python tests/benchmarks/campaign.py --buildings 1000000 --parts 1000 # one
-    part of them under fields of 100 events
+    # two-story buildings of an inventory under a pair of ground motions
+    python tests/benchmarks/campaign.py --buildings 2000
+    # one part of an inventory under fields of 100 events
+    python tests/benchmarks/campaign.py --buildings 1000000 --parts 1000
 
-Wall times tell something on a quiet machine only; processor times do on a busy one, too.
+Wall times are meaningful only on an idle machine; processor times also on a busy machine.
 """  # noqa: E501
 
 import argparse

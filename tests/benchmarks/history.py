@@ -1,6 +1,8 @@
-"""CPU time of writing a history of ten stories as CSV, beside numpy's own text output of the same
-table, packed; and the memory that it takes beside the table: python tests/benchmarks/history.py
-[STEPS]"""
+"""Measure the processor time and the memory for writing a response history of ten stories as CSV,
+compared with the text output of NumPy for the same table, compressed.
+
+    python tests/benchmarks/history.py [STEPS]
+"""
 
 import io
 import sys

@@ -1,9 +1,10 @@
-"""Target displacements beside time histories: python tests/benchmarks/target_displacement.py
-MODEL.yaml...
+"""Compare target displacements with response history analyses.
 
-Eleven artificial motions, iterated to the target spectrum; the median of the roof's peaks over the
-runs, its fractiles, and what `tdint pushover --target` gives. The figures stand in
-configs/README.md.
+    python tests/benchmarks/target_displacement.py MODEL.yaml...
+
+The response to eleven artificial ground motions, which are matched to the target spectrum, gives
+the median and the fractiles of the peak roof displacement. They are printed with the target
+displacement of `tdint pushover --target`. The results are listed in configs/README.md.
 """
 
 import sys
