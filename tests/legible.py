@@ -2,7 +2,9 @@
 
 from typing import Any
 
+from matplotlib import rcParams
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator
 
@@ -28,9 +30,10 @@ def check(figure: Figure) -> None:
     assert fits_a_page, f"{width:.2f} by {height:.2f} inches do not fit a page"
     sizes = [
         text.get_fontsize()
-        for text in figure.findobj(Text)
+        for text in texts(figure)
         if text.get_visible() and text.get_text().strip()
     ]
+    sizes += [size for axes in panels for size in _sizes_of_tick_labels(axes)]
     assert min(sizes) >= 6.0 and max(sizes) <= 11.0, "letters of another size than those of a page"
     # The lowest panel of each column must have a label of the horizontal axis, and the first panel
     # of each row a label of the vertical axis.
@@ -49,6 +52,33 @@ def check(figure: Figure) -> None:
             assert axes.get_ylabel() or axes.get_title() or _has_names(axes.yaxis), (
                 "nothing says what is along"
             )
+
+
+def texts(figure: Figure) -> list[Text]:
+    """Return all texts of a figure except tick labels.
+
+    `Figure.findobj` would also return tick labels, but it creates the ticks of all axes, which
+    takes most of the time of a figure that is not rendered.
+    """
+    panels = [panel for axes in figure.axes for panel in (axes, *axes.child_axes)]
+    found = [*figure.texts]
+    for panel in panels:
+        found += [panel.xaxis.label, panel.yaxis.label]
+        found += [child for child in panel.get_children() if isinstance(child, Text)]
+    for legend in [*figure.legends, *filter(None, (panel.get_legend() for panel in panels))]:
+        found += [*legend.get_texts(), legend.get_title()]
+    return found
+
+
+def _sizes_of_tick_labels(axes: Any) -> list[float]:
+    """Return the font sizes (points) of the tick labels of an axes, without creating ticks."""
+    sizes = []
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_visible():
+            default = rcParams[f"{axis.axis_name}tick.labelsize"]
+            size = axis.get_tick_params().get("labelsize", default)
+            sizes.append(FontProperties(size=size).get_size_in_points())
+    return sizes
 
 
 def _place(axes: Any) -> tuple[Any, range, range]:

@@ -31,7 +31,10 @@ def rows():
     return {row[0]: (row[2], row[4]) for row in cells}
 
 
-@pytest.mark.parametrize("where", rows())
+@pytest.mark.parametrize(
+    "where",
+    [pytest.param(name, marks=[pytest.mark.long] * (name == "Conclusion 8")) for name in rows()],
+)
 def test_row_of_claims_agrees_with_measurement(where):
     """Numbers outside back quotes and references to equations are the measured values, to the
     digits of the page, or upper bounds; the verdict follows from the values."""
@@ -91,6 +94,7 @@ def test_each_misprint_alone_is_wrong(number):
 
 
 @pytest.mark.parametrize("number", CLOSED_FORMS)
+@pytest.mark.long
 def test_changed_number_of_closed_form_is_detected(number):
     """An equation with any coefficient or exponent changed by 1 is not confirmed."""
     text = corrected(number)

@@ -162,6 +162,7 @@ def test_pair_is_matched_in_rotd100(pair):
     assert matched.to_dict()["component"] == ["HN1", "HN2"]
 
 
+@pytest.mark.long
 def test_suite_match_fits_mean_and_keeps_scatter(motion, pair):
     """Each motion is matched to its own share of the target."""
     motions = [
@@ -238,6 +239,7 @@ def test_memory_of_free_vibrations_does_not_grow_with_record(motion):
     assert sizes[1] < 2.0 * sizes[0]
 
 
+@pytest.mark.long
 def test_motion_is_matched_at_several_damping_ratios(motion, tmp_path):
     """The targets are the spectra of a real motion, so that a motion can match them at all ratios.
 

@@ -69,6 +69,7 @@ def headings(page):
     return re.findall(r"^#+ .*$", page, re.MULTILINE)
 
 
+@pytest.mark.long
 def test_the_page_has_the_sections_and_the_words_of_its_program():
     entries = [run.Entry(made_up(), "2026-01-01", 0.5, 1.0)]
     shown = [(f"{name}.png", name) for name in (*PEAKS, *(name for name, _ in run.CHARTS))]
@@ -131,6 +132,7 @@ def test_what_is_not_solved_is_counted(errors):
     assert "|`impulse4`|0/-/-/1|" in run.tables_of_profiles(chart)
 
 
+@pytest.mark.long
 def test_the_page_is_written_from_the_stored_points(stored):
     """The committed page is equal to the page of the CSV files, without a run."""
     entries, conditions, chart = stored

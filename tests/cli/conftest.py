@@ -215,23 +215,16 @@ def _pictures(
     only the signature of their format and the texts of the figure. tests/output/test_plots.py
     renders all types of figures."""
     from matplotlib.figure import Figure
-    from matplotlib.text import Text
 
     import legible
 
     def write(self: Figure, stream: BinaryIO, *, format: str, **_: object) -> None:
         legible.check(self)
-        panels = [panel for axes in self.axes for panel in (axes, *axes.child_axes)]
-        texts = [
-            *self.texts,
-            *(axis.label for panel in panels for axis in (panel.xaxis, panel.yaxis)),
+        escaped = [
+            escape(text.get_text(), quote=False)
+            for text in legible.texts(self)
+            if text.get_visible()
         ]
-        texts += [
-            child for panel in panels for child in panel.get_children() if isinstance(child, Text)
-        ]
-        legends = [*self.legends, *filter(None, (panel.get_legend() for panel in panels))]
-        texts += [text for legend in legends for text in legend.get_texts()]
-        escaped = [escape(text.get_text(), quote=False) for text in texts if text.get_visible()]
         stream.write(
             BEGINNINGS[format] + "".join(f"<text>{word}</text>\n" for word in escaped).encode()
         )

@@ -115,7 +115,11 @@ def select_and_match(tdint, record_options):
     assert len(list(Path("m").glob("*.at2"))) == 6
 
 
-@pytest.mark.parametrize("pool", ["csv", "mseed", "sac", "knet"], indirect=True)
+@pytest.mark.parametrize(
+    "pool",
+    ["knet", *(pytest.param(name, marks=pytest.mark.long) for name in ("csv", "mseed", "sac"))],
+    indirect=True,
+)
 def test_pairs_of_each_format_are_selected_and_matched(pool, tdint, short_matching):
     """The formats differ only in the files that `scale` and `match` read. The next test executes
     the complete chain, for these formats as a slow test."""
@@ -161,6 +165,7 @@ def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
 
 
 @pytest.mark.parametrize("pool", ["at2"], indirect=True)
+@pytest.mark.long
 def test_annual_losses_of_matched_pairs(pool, tdint):
     """In a campaign with the matched pairs as events with annual rates, the average annual losses
     of tables and map equal the results of the script for each rule."""

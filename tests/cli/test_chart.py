@@ -467,6 +467,7 @@ def test_profiles_of_several_ground_motions(folder, tdint, make_record, drawn):
     assert (folder / "x.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_a_file_of_problems_and_its_figure(folder, tdint):
     (folder / "mine.yaml").write_text(PROBLEMS.replace(", far: 1", ""))
     call = (

@@ -19,6 +19,7 @@ def only_a_small_kernel(monkeypatch):
     monkeypatch.setattr(prepared, "all_kernels", lambda: [(scaled, EVERYTHING)])
 
 
+@pytest.mark.long
 def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypatch):
     """--show lists the objects that are used, and --clean removes them."""
     result = tdint(

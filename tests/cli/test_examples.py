@@ -77,6 +77,7 @@ def test_examples_with_their_figures(working_directory, tdint, numbers, drawn):
         )
 
 
+@pytest.mark.long
 def test_all_figures_of_the_paper(working_directory, tdint, monkeypatch):
     """Titles and curves of the figures of methods, buildings and examples are checked. The examples
     show displacements and |u - u_exact|, and the building shows its masses and forces."""

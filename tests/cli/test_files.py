@@ -193,7 +193,12 @@ def check_json_file(
     assert all(f"{Path(name).name}: the same, " in again.stderr for name in tables)
 
 
-@pytest.mark.parametrize("name", WRITING)
+QUICK = ("run", "spectrum", "scale", "campaign", "stability")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK)) for name in WRITING]
+)
 def test_files_of_other_origin_are_not_replaced(study: Path, tdint: Command, name: str) -> None:
     """A command lists the files that it wrote, and writes them again without --overwrite, with
     equal bytes except for times."""

@@ -73,9 +73,11 @@ def office(tmp_path_factory):
     return folder
 
 
+MARKS = {"examples": [pytest.mark.slow], "compile": [pytest.mark.long]}
+
+
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name == "examples")) for name in COMMANDS],
+    "name", [pytest.param(name, marks=MARKS.get(name, [])) for name in COMMANDS]
 )
 @pytest.mark.usefixtures("short_matching")
 def test_examples_run(name, office, monkeypatch, tdint):

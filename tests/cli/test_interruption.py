@@ -50,6 +50,7 @@ def started(ends, *arguments):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.long
 def test_a_signal_ends_the_command_inside_a_library(tmp_path):
     """The signals are Ctrl-C and the hang-up of a terminal, sent to separate commands."""
     ends = started([ASKED[0], *OTHERS[:1]], "-c", STUCK, str(tmp_path))

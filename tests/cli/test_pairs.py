@@ -26,7 +26,9 @@ def write_pair(folder, name="RSN1_EQ_GIL", event="Loma Prieta", seed=0, sizes=(1
         write_at2(folder / f"{name}{direction}.AT2", description, values)
 
 
-@pytest.mark.parametrize("suffix", ["mseed", "at2", "csv"])
+@pytest.mark.parametrize(
+    "suffix", ["at2", *(pytest.param(name, marks=pytest.mark.long) for name in ("mseed", "csv"))]
+)
 def test_commands_recognize_a_matched_pair(folder, tdint, suffix):
     write_pair(folder)
     tdint(*MATCH.split(), *TARGET.split(), "--format", suffix, "-o", "m", code=0)
@@ -137,7 +139,8 @@ def suite(folder, tdint, matched_files):
 
 
 @pytest.mark.parametrize(
-    ("demand", "combine"), [("larger", max), ("mean", np.mean), ("separate", None)]
+    ("demand", "combine"),
+    [pytest.param("larger", max, marks=pytest.mark.long), ("mean", np.mean), ("separate", None)],
 )
 def test_a_limit_of_matched_pairs_uses_the_specified_demand(suite, tdint, demand, combine):
     """This is the unsafe case: the average over separate components meets a limit that the average

@@ -253,7 +253,13 @@ def studied(folder, tdint, request):
 
 @pytest.mark.usefixtures("laid_out", "studied")
 @pytest.mark.parametrize(
-    "line", [pytest.param(entry, marks=[pytest.mark.slow] * (entry not in FAST)) for entry in DRAWN]
+    "line",
+    [
+        pytest.param(
+            entry, marks={"run": [], "law": [pytest.mark.long]}.get(entry, [pytest.mark.slow])
+        )
+        for entry in DRAWN
+    ],
 )
 def test_texts_are_within_the_page_and_do_not_overlap(tdint, monkeypatch, line):
     found = []

@@ -130,7 +130,8 @@ def known_numbers(name: str) -> Known:
     return known
 
 
-FAST = ("bilinear", "kip", "suite")
+MARKS = {"kip": [], "bilinear": [pytest.mark.long], "suite": [pytest.mark.long]}
+"""Marks of the types of reports that are not slow."""
 EXCEPTIONS = {
     "suite of many": {"16"},  # fractile, %
     "scaled suite": {"84"},
@@ -146,7 +147,7 @@ EXCEPTIONS = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(kind, marks=[pytest.mark.slow] * (kind not in FAST)) for kind in KINDS]
+    "name", [pytest.param(kind, marks=MARKS.get(kind, [pytest.mark.slow])) for kind in KINDS]
 )
 def test_numbers_equal_the_numbers_of_the_tables(
     working_directory: Path, tdint: Command, drawn_texts: list[str], name: str
@@ -297,7 +298,7 @@ def check_method(found: Page, name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(kind, marks=[pytest.mark.slow] * (kind not in FAST)) for kind in KINDS],
+    [pytest.param(kind, marks=MARKS.get(kind, [pytest.mark.slow])) for kind in KINDS],
 )
 def test_the_pages_answer_the_questions_of_a_checking_engineer(
     working_directory: Path, tdint: Command, drawn: None, name: str

@@ -422,6 +422,7 @@ def in_another_process(kernels, *arguments):
     subprocess.run(line, env=environment, check=True, capture_output=True)
 
 
+@pytest.mark.long
 def test_interpreted_and_compiled_loops_are_equal_within_rounding(
     folder, tdint, rerun, monkeypatch
 ):

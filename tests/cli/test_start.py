@@ -235,6 +235,7 @@ def test_every_command_is_started():
     assert set(CALLS) == set(COMMANDS)
 
 
+@pytest.mark.long
 def test_names_of_unneeded_modules_exist():
     """Otherwise, a renamed module would no longer be checked."""
     own_modules = {

@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 import dialect
 
 
+@pytest.mark.long
 def test_marker_rates_do_not_exceed_the_stored_rates():
     """After a rewrite, `python tests/dialect.py --store` lowers the stored rates. The layer `tests`
     contains this test suite."""

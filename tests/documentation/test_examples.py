@@ -118,6 +118,7 @@ def test_the_drift_spectra(checkout):
     assert (folder / "drifts.png").exists()
 
 
+@pytest.mark.long
 def test_the_notebook(monkeypatch):
     monkeypatch.chdir(readmes.ROOT)
     text = (readmes.ROOT / "src" / "README.md").read_text()
@@ -195,6 +196,7 @@ def test_a_fit_by_derivatives(checkout):
     assert sum(map(int, re.findall(r"\d+", calls))) < 40
 
 
+@pytest.mark.long
 def test_your_own_record_on_your_own_building(checkout):
     """An AT2 file and the model of the page give peaks with errors, a figure and a report."""
     folder, run = checkout
@@ -246,6 +248,7 @@ def test_an_additional_method_is_defined_in_one_line():
     assert critical_step(integrator) == pytest.approx(integrator.stability_limit, rel=1e-4)
 
 
+@pytest.mark.long
 def test_the_script_of_an_array(checkout, monkeypatch):
     """The first of two tasks runs in this process, the second with the environment of Slurm. The
     merged tables equal the tables of a single call to the last byte."""

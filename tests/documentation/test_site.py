@@ -316,6 +316,7 @@ def site(maker, tmp_path_factory):
     return folder / "site"
 
 
+@pytest.mark.long
 def test_links_of_the_site_have_targets_and_no_external_files_are_loaded(site):
     found = {
         file: Found(file.read_text("utf-8"))
@@ -345,6 +346,7 @@ def test_links_of_the_site_have_targets_and_no_external_files_are_loaded(site):
             )
 
 
+@pytest.mark.long
 def test_lists_are_rendered_and_every_page_is_in_the_search_index(site, pages):
     for file in site.rglob("*.html"):
         assert not re.search(r"<p>[^<]*\n[-*] ", file.read_text("utf-8")), file
@@ -375,6 +377,7 @@ def test_lists_are_rendered_and_every_page_is_in_the_search_index(site, pages):
         *("tdint.run", "getting started", "AT2", "choose a time-integration method"),
     ],
 )
+@pytest.mark.long
 def test_the_search_finds_the_terms_of_the_field(site, term):
     """The search index contains the term in a text, so the search leads to its page."""
     index = json.loads((site / "search.json").read_text("utf-8"))
@@ -392,6 +395,7 @@ def test_the_search_finds_the_terms_of_the_field(site, term):
         ("columns", "cli/columns/"),
     ],
 )
+@pytest.mark.long
 def test_a_heading_or_the_beginning_of_its_page_contains_the_term(site, term, address):
     """The search ranks titles first. The beginning of a page is a separate entry."""
     items = json.loads((site / "search.json").read_text("utf-8"))["items"]

@@ -110,6 +110,7 @@ def printed_in_process(*arguments):
 @pytest.mark.parametrize(
     "commands", [COMMANDS, pytest.param(SLOW, marks=pytest.mark.slow)], ids=["few", "slow"]
 )
+@pytest.mark.long
 def test_commands_run_without_posix_functions(restricted, commands):
     done = restricted("-c", ALL_OF.format(lines=[[*map(str, command)] for command in commands]))
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr.decode()

@@ -32,7 +32,7 @@ def temporary_files(folder):
 @pytest.mark.parametrize(
     ("number", "code"),
     [
-        (signal.SIGTERM, 143),
+        pytest.param(signal.SIGTERM, 143, marks=pytest.mark.long),
         (signal.SIGINT, 130),
         pytest.param(signal.SIGKILL, -9, marks=pytest.mark.slow),
     ],

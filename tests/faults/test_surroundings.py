@@ -27,6 +27,7 @@ def hostile(folder):
     assert not (folder / "trapped").exists()
 
 
+@pytest.mark.long
 def test_a_figure_in_a_hostile_working_directory(hostile, start):
     """The file matplotlibrc in the working directory has no effect."""
     code, _, messages = start("modes", "model.yaml", "-o", "b.csv", "--plot=b.png").end()

@@ -33,7 +33,9 @@ MAX_SEEDS = {"memory": 2, "match": 6}
 """Largest numbers of seeds of names whose single calls take a second or longer."""
 
 CASES = [
-    (kind, name)
+    pytest.param(
+        kind, name, marks=[pytest.mark.long] * (kind == "studies" and name not in ("run", "select"))
+    )
     for kind in TRIED
     for name in dict.fromkeys(KINDS[kind].names())
     if not (kind == "commands" and name in SLOW) and (kind != "models" or name in MODELS)
@@ -58,7 +60,13 @@ def test_corrupt_inputs_have_expected_outcomes(work, input_type, name):
     assert len(found) > 1 or input_type not in ("studies", "stores"), "damage makes no difference"
 
 
-@pytest.mark.parametrize("name", studies.STUDIES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.long] * (name in ("limits", "compare")))
+        for name in studies.STUDIES
+    ],
+)
 @pytest.mark.usefixtures("short_matching")
 def test_intact_studies_are_done(work, name):
     """Fits are excluded, because they take seconds and are tested in tests/cli/test_compare.py."""

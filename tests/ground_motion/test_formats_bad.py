@@ -92,6 +92,7 @@ def test_huge_number_of_samples_does_not_fill_memory(name, data):
 LETTERS = st.text(alphabet="NPTSDT=,.0123456789\n eE+-#", max_size=400)
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(
     data=st.binary(max_size=600) | LETTERS.map(str.encode) | st.text(max_size=300).map(str.encode)

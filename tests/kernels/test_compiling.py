@@ -118,6 +118,7 @@ def computed():
     return Kernel(scaled.function, scaled.signature, ()).compiled(np.array([1.0, 3.0]), 4.0)
 
 
+@pytest.mark.long
 def test_unwritable_cache_is_tolerated_and_truncated_object_is_recompiled(
     cache, ahead, monkeypatch, caplog
 ):
@@ -147,6 +148,7 @@ def test_unwritable_cache_is_tolerated_and_truncated_object_is_recompiled(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of processes")
+@pytest.mark.long
 def test_kernel_runs_from_memory_if_disk_is_full(cache, monkeypatch, caplog):
     """The disk is full only when the object file is written, because files are limited to 100
     bytes."""
@@ -167,6 +169,7 @@ def test_kernel_runs_from_memory_if_disk_is_full(cache, monkeypatch, caplog):
     assert not list(cache.rglob("*.object")) + list(cache.rglob("*.part"))
 
 
+@pytest.mark.long
 def test_kernels_are_compiled_ahead_for_several_processors(tmp_path, ahead, monkeypatch):
     folder = shutil.copytree(ahead, tmp_path / "ahead")
     assert compile_ahead(WANTED, ["native"], folder, print) == []
@@ -257,6 +260,7 @@ compile_ahead([(two.{}, EVERYTHING), (two.{}, EVERYTHING)], ["native"], Path("ou
 """  # noqa: E501
 
 
+@pytest.mark.long
 def test_compilation_is_reproducible(tmp_path):
     """The object file does not depend on the location of the sources, the order of compilation and
     the hash seed of Python, and contains no path."""

@@ -63,6 +63,7 @@ def environment(cache, **further):
 @pytest.mark.skipif(
     store._PREBUILT.exists(), reason="this is a wheel with compiled loops: nothing is interpreted"
 )
+@pytest.mark.long
 def test_interpreted_loops_agree_with_compiled_loops(tmp_path):
     process = subprocess.run(
         [sys.executable, "-c", INTERPRETED, json.dumps(CASES)],

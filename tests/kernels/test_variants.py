@@ -34,7 +34,7 @@ SCENES = [(name,) for name in LAWS if name not in APART] + [APART]
 
 # Compilation dominates the time: linear stories are run with all methods, and other laws with one
 # method each, so that each method has two of the other laws.
-CASES = [pytest.param(("linear",), METHODS, id="linear")] + [
+CASES = [pytest.param(("linear",), METHODS, id="linear", marks=pytest.mark.long)] + [
     pytest.param(laws, METHODS[i % 3 : i % 3 + 1], id=" ".join(laws), marks=pytest.mark.slow)
     for i, laws in enumerate(SCENES)
     if laws != ("linear",)

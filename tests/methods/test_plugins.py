@@ -64,6 +64,7 @@ def outside(tmp_path, text, name="outside_plugin"):
 
 
 @pytest.mark.usefixtures("compiled_truth")
+@pytest.mark.long
 def test_method_of_readme_agrees_with_its_declarations(verlet, monkeypatch):
     """`check` confirms its declarations, and reports changed declarations as wrong."""
     tdint.load_plugin(str(verlet))
@@ -151,6 +152,7 @@ def test_check_accepts_own_methods():
         assert step_check.faults_with_yielding(methods.parse(name)) == {}
 
 
+@pytest.mark.usefixtures("plain")
 def test_incompletely_set_branch_is_reported(tmp_path):
     """A variant of the law `gap` does not set the lower end of a branch. Compiled code would
     continue with this error without a message."""
@@ -190,6 +192,7 @@ def model_with_law(tmp_path, hyperbolic):
     return tdint.load_model(str(file))
 
 
+@pytest.mark.usefixtures("plain")
 def test_law_of_readme_agrees_with_formula(model_with_law):
     """Along cycles, its force equals its formula."""
     path = tdint.cyclic_test(model_with_law, 1, ["2%"], points=50).path
@@ -198,6 +201,7 @@ def test_law_of_readme_agrees_with_formula(model_with_law):
     assert check_law(model_with_law, 1) == []
 
 
+@pytest.mark.usefixtures("plain")
 def test_false_tangent_and_energy_of_law_are_reported(tmp_path, hyperbolic):
     text = hyperbolic.read_text()
     for sound, false in (
@@ -291,6 +295,7 @@ def test_invalid_declaration_is_reported_and_not_registered(request, change):
     assert "verlet" not in methods.catalogue()
 
 
+@pytest.mark.long
 def test_compilation_error_contains_file_and_line(tmp_path, verlet):
     before = "n = linear_terms.shape[1] - 1"
     line = verlet.read_text().partition(before)[0].count("\n") + 1
@@ -389,6 +394,7 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
     return run
 
 
+@pytest.mark.long
 def test_commands_use_methods_and_laws_of_files(workshop, verlet, tmp_path):
     """`run`, `stability` and `order` in one process each use only the plug-ins of their --plugin
     options."""
@@ -488,6 +494,7 @@ def test_cached_reference_depends_on_law(model_with_law, hyperbolic, tmp_path):
         tdint.load_plugin(str(hyperbolic))
 
 
+@pytest.mark.usefixtures("plain")
 def test_plugin_files_are_sent_to_workers(workshop, verlet, hyperbolic, tmp_path):
     """A process without the two plug-ins, such as a Dask worker, gives the same runs."""
     for file in (verlet, hyperbolic):
@@ -549,12 +556,13 @@ def test_case_and_result_are_read_by_new_process(workshop, verlet, hyperbolic, t
     ("name", "change", "fault"),
     [
         ("few", ("FACTORS + factor_rows(modes)", "2"), "is used, but only 2 are declared"),
-        (
+        pytest.param(
             "forgets",
             ("        commit(law_parameters, law_state, i, rows.SECOND_TRIAL", "        abs("),
             "state of each story",
+            marks=pytest.mark.long,
         ),
-        ("sound", ("", ""), ""),
+        pytest.param("sound", ("", ""), "", marks=pytest.mark.long),
     ],
 )
 def test_plugin_is_executed_in_python_before_first_compiled_run(

@@ -125,6 +125,7 @@ def test_several_plugins_are_in_front_of_other_methods_and_equally_thick(registe
             assert all(width > 1.5 * look[2] and height > look[3] for look in others)
 
 
+@pytest.mark.long
 def test_a_chart_in_one_column_has_a_short_explanation_and_a_high_panel():
     """90 mm wide: at most three lines explain circle, triangle and band, and the panel is at least
     55 mm high."""

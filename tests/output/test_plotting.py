@@ -72,6 +72,7 @@ ON_AXES = {
 
 
 @pytest.mark.usefixtures("laid_out")
+@pytest.mark.long
 def test_each_result_is_drawn(results):
     """The panels can be laid out. Another test lays out the figures in NARROW; the panels of two
     results are also in the figures of other results."""
@@ -343,6 +344,7 @@ print(figure._repr_png_() == shown, "matplotlib.pyplot" in sys.modules)
 """  # noqa: E501
 
 
+@pytest.mark.long
 def test_a_notebook_shows_a_figure_without_pyplot():
     """IPython requests a PNG image of the last value of a cell. The image is reproducible, and
     matplotlib is imported only for it."""

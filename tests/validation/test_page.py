@@ -63,6 +63,7 @@ def test_manufactured_forces_satisfy_equation_of_motion(law):
     assert np.max(np.abs(residual)) < 1e-11 * np.max(np.abs(force))
 
 
+@pytest.mark.long
 def test_every_method_has_its_order_for_manufactured_motions():
     found = manufactured.observe_all()
     assert len(found) == 46

@@ -79,7 +79,9 @@ def test_error_of_reference_of_paper(number, dt):
     assert 1e-5 < gap(example, 0.02, EXACT, exact_steps(example, 0.02)) < 5e-5
 
 
-@pytest.mark.parametrize("number", FILES)
+@pytest.mark.parametrize(
+    "number", [pytest.param(name, marks=[pytest.mark.long] * (name == 3)) for name in FILES]
+)
 def test_errors_against_both_references(number):
     """The errors differ at most by the difference of the references. RK5 is closer to the exact
     solution than the reference of the paper."""

@@ -100,12 +100,12 @@ def opensees(request, monkeypatch, capfdbinary):
 @pytest.mark.parametrize(
     ("name", "parts"),
     [
-        ("linear", 4),
         ("bilinear", 1),
-        ("bilinear", 4),
-        ("dashpots", 4),
-        ("leaning", 4),
         ("forced", 1),
+        *(
+            pytest.param(name, 4, marks=pytest.mark.long)
+            for name in ("linear", "bilinear", "dashpots", "leaning")
+        ),
     ],
 )
 def test_average_acceleration_agrees_with_openseespy(name, parts):
@@ -122,6 +122,7 @@ def test_average_acceleration_agrees_with_openseespy(name, parts):
     assert point.errors.acceleration < 1e-7
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("opensees")
 def test_gap_to_openseespy_detects_different_law(monkeypatch):
     """With twice the hardening, the gap between the programs does not decrease with the time
@@ -142,8 +143,8 @@ def test_gap_to_openseespy_detects_different_law(monkeypatch):
     "law",
     [
         Law("tanh", (2e4,)),
-        Law("polynomial", (1e6, 0.0, 1e9)),
-        Law("bouc-wen", (4e4, 0.05, 2.0, 0.5)),
+        pytest.param(Law("polynomial", (1e6, 0.0, 1e9)), marks=pytest.mark.long),
+        pytest.param(Law("bouc-wen", (4e4, 0.05, 2.0, 0.5)), marks=pytest.mark.long),
     ],
 )
 def test_curved_laws_agree_with_openseespy(law):

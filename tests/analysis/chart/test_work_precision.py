@@ -353,6 +353,7 @@ def test_timing_is_repeated_until_verdict_is_stable(verdicts, turns):
     assert len(chart.points[0].times) == turns
 
 
+@pytest.mark.long
 def test_recommended_run_meets_target_error():
     """The building is bilinear, and its reference is confirmed by another method."""
     building, record = stretched(ten_bilinear(), 4), noise(samples=201, peak=6.0)

@@ -296,6 +296,7 @@ def test_spectra_of_recorded_and_computed_motion(recorded_model):
     np.testing.assert_allclose(by_displacement.computed, by_acceleration.computed, rtol=4e-2)
 
 
+@pytest.mark.long
 def test_stiffness_and_damping_are_fitted_from_30_percent_off(recorded_model):
     """The recordings of the floors contain 10 % noise; the initial stiffnesses of the stories
     deviate in different directions."""

@@ -76,6 +76,7 @@ def test_file_written_in_chunks_is_identical(monkeypatch: pytest.MonkeyPatch) ->
     assert at_once.getvalue() == in_pieces.getvalue()
 
 
+@pytest.mark.long
 def test_memory_of_history_chunks_does_not_grow_with_steps() -> None:
     """The complete history of these steps would require more than 100 MB."""
     response = run(model(ONE), MOTION, method="newmark-average", dt=1e-5, duration=10.0)

@@ -131,7 +131,9 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name == "mixed")) for name in CASES]
+)
 def test_story_shears_are_in_equilibrium_in_every_row(name):
     """The laws are evaluated again, from row to row, for the drifts of the table."""
     case, drift = CASES[name]
