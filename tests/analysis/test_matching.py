@@ -139,6 +139,7 @@ def test_motion_is_matched_to_target(motion, matched):
     ]
 
 
+@pytest.mark.long
 def test_pair_is_matched_in_rotd100(pair):
     """The maximum over all directions agrees at other periods, and both components have the same
     factor."""

@@ -256,7 +256,7 @@ def test_limits_include_common_factor_of_rule(rule):
 
 
 @pytest.mark.usefixtures("few_starts")
-@pytest.mark.parametrize("rule", ["asce7", "ec8"])
+@pytest.mark.parametrize("rule", [pytest.param("asce7", marks=pytest.mark.long), "ec8"])
 def test_nearest_selection_is_reported_if_limits_cannot_be_met(rule):
     """The limits in the message are sufficient."""
     target = "asce7:sds=1,sd1=0.6,tl=8" if rule == "asce7" else "ec8:type=1,soil=B,ag=0.4g"

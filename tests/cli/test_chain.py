@@ -120,6 +120,7 @@ def select_and_match(tdint, record_options):
     ["knet", *(pytest.param(name, marks=pytest.mark.long) for name in ("csv", "mseed", "sac"))],
     indirect=True,
 )
+@pytest.mark.long
 def test_pairs_of_each_format_are_selected_and_matched(pool, tdint, short_matching):
     """The formats differ only in the files that `scale` and `match` read. The next test executes
     the complete chain, for these formats as a slow test."""

@@ -65,6 +65,7 @@ def write_recorded(folder):
         Command()("compare", "off.yaml", *FIT, "-o", "si/table.csv", code=0)
 
 
+@pytest.mark.long
 def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
     out = tmp_path / "deep" / "out"
     files = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml")

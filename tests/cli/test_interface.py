@@ -154,7 +154,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.long] * name.startswith("pushover")) for name in CASES],
+)
 def test_functions_return_the_printed_tables(name, study, tdint):
     arguments, call = CASES[name]
     printed = tdint(*arguments, code=0)

@@ -255,6 +255,7 @@ def test_overshoot_in_nonlinear_motion(working_directory, tdint):
 # ---- order
 
 
+@pytest.mark.long
 def test_order_over_the_frequency_ratio(working_directory, tdint, monkeypatch):
     """The order is computed at fifteen frequency ratios by default. A reference solution with a
     tolerance of 1e-8 suffices, because the errors exceed 1e-5."""

@@ -214,6 +214,7 @@ def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeyp
     assert "pair_demand: larger" in text
 
 
+@pytest.mark.long
 def test_capacities_of_pairs(suite, tdint):
     """Each pair has one capacity: with the larger demand the smaller capacity of its components,
     with the mean demand a value between them. Fragility functions state the rule."""

@@ -22,6 +22,7 @@ POINTS = 72.0 / 25.4
 STABILITY = ("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", "0.01:1:9")
 
 
+@pytest.mark.long
 def test_a_pdf_has_the_requested_width_truetype_fonts_and_text_of_six_to_eight_points(
     working_directory, tdint, drawn
 ):

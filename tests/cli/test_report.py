@@ -407,6 +407,7 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
     assert "the method of scaling is unknown" in page("changed.html").text
 
 
+@pytest.mark.long
 def test_the_page_of_a_pushover_reports_unmet_targets(folder: Path, tdint: Command) -> None:
     target = "ec8:type=1,soil=C,ag=0.35g"
     call = ("pushover", CONFIGS / "collapse-prone-frame.yaml", "--target", target, "-o", "t.csv")

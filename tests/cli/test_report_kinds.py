@@ -300,6 +300,7 @@ def check_method(found: Page, name: str) -> None:
     "name",
     [pytest.param(kind, marks=MARKS.get(kind, [pytest.mark.slow])) for kind in KINDS],
 )
+@pytest.mark.long
 def test_the_pages_answer_the_questions_of_a_checking_engineer(
     working_directory: Path, tdint: Command, drawn: None, name: str
 ) -> None:

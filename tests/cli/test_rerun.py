@@ -485,6 +485,7 @@ def test_rounding_is_relative_to_the_peak(tmp_path):
 
 
 @pytest.mark.usefixtures("short_matching")
+@pytest.mark.long
 def test_matched_motions_are_compared(folder, tdint, rerun):
     """Matched ground motions are results of the command: a changed byte and a deleted file are
     reported."""

@@ -142,6 +142,7 @@ def test_a_worker_ends_with_a_killed_parent(name):
         wait_until(lambda: parent.stdout.read() == b"", 20.0)
 
 
+@pytest.mark.long
 def test_workers_of_fuzz_tests_end_with_a_killed_parent():
     """A batch of a worker needs minutes, so that the worker would remain."""
     script = Path(__file__).parents[1] / "fuzz/run.py"

@@ -75,6 +75,7 @@ def objects(compiled):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.long
 def test_object_requires_only_mathematical_library(objects, name):
     code, target = objects[name]
     assert code.startswith(MAGIC[target.platform])

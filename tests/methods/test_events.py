@@ -169,7 +169,7 @@ CURVED = {
 }
 
 
-@pytest.mark.parametrize("name", CURVED)
+@pytest.mark.parametrize("name", [pytest.param("bouc-wen", marks=pytest.mark.long), "mixed"])
 def test_kinks_are_located_among_curved_laws(name):
     """Order 4 is retained at reversals of a Bouc-Wen story, and if some stories have kinks and
     others are curved. Average acceleration with Newton iteration across kinks converges to the same

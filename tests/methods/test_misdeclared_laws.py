@@ -233,8 +233,16 @@ def refusal_or_errors(name, methods=METHODS):
     return "", errors
 
 
+LONG = (
+    *("memory-switch-missing", "enter-missing", "curved-for-branches", "kinks-as-curves"),
+    *("too-few-points", "stop-as-curve"),
+)
+
+
 @pytest.mark.usefixtures("plain")
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in CASES]
+)
 def test_misdeclared_law_is_refused_or_integrated_correctly(name):
     expected = CASES[name][3]
     message, errors = refusal_or_errors(name)

@@ -86,6 +86,7 @@ def test_energy_balance_of_yielding_building_with_fluid_dampers(name):
     assert response.energy.dampers > 0.5 * response.energy.input
 
 
+@pytest.mark.long
 def test_located_yielding_with_dampers_agrees_with_average_acceleration():
     record = noise(peak=8.0)
     law = Law("bilinear", (4e5, 0.05))

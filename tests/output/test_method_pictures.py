@@ -21,6 +21,7 @@ from tdint.output.figures.style import picture
 from tdint.output.printed import PRINTED, parse_style
 
 LONG = [f"a-plug-in-with-a-rather-long-name-{name}" for name in ("one", "two", "three")]
+OTHERS = ["hht", "bathe", "wilson"]
 NAMES = ["impulse4", "newmark-average", "wilson:theta=1.3", "openseespy/hht", "scipy/RK45", *LONG]
 
 
@@ -87,6 +88,7 @@ def styles_in_figures(lines, highlight=""):
     return [line_styles(figure, lines) for figure in figures]
 
 
+@pytest.mark.long
 def test_a_method_has_the_same_distinct_style_in_all_figures(register_methods):
     register_methods(LONG)
     all_styles = styles_in_figures(NAMES)
@@ -102,7 +104,12 @@ def test_a_method_has_the_same_distinct_style_in_all_figures(register_methods):
 
 
 @pytest.mark.parametrize(
-    ("plugins", "highlighted"), [((), "newmark-average"), (("mine",), ""), (LONG, LONG[1])]
+    ("plugins", "highlighted"),
+    [
+        pytest.param((), "newmark-average", marks=pytest.mark.long),
+        pytest.param(("mine",), "", marks=pytest.mark.long),
+        (LONG, LONG[1]),
+    ],
 )
 def test_highlighted_and_plugin_methods_are_thick_and_in_front(
     register_methods, plugins, highlighted
@@ -186,10 +193,11 @@ def matrix(names, width):
 @pytest.mark.parametrize(
     ("names", "width", "panels"),
     [
-        (["impulse4", "hht", "bathe", "wilson"], 90, 1),
         (["impulse4", *LONG], 90, 3),
-        (["impulse4", *LONG], 180, 1),
-        (["impulse4", "hht", "bathe", "wilson"], 180, 1),
+        *(
+            pytest.param(["impulse4", *names], width, 1, marks=pytest.mark.long)
+            for names, width in ((OTHERS, 90), (LONG, 180), (OTHERS, 180))
+        ),
     ],
 )
 def test_texts_of_the_matrix_do_not_overlap(names, width, panels):

@@ -189,7 +189,9 @@ def test_a_title_is_not_wider_than_its_figure():
     assert box.x0 > 0.0 and box.x1 < figure.bbox.width
 
 
-@pytest.mark.parametrize("suffix", STARTS)
+@pytest.mark.parametrize(
+    "suffix", [pytest.param(name, marks=[pytest.mark.long] * (name == ".pdf")) for name in STARTS]
+)
 def test_formats(tmp_path, suffix):
     """Each file starts with the signature of its format. Equal results give equal files. No file is
     replaced without permission."""
@@ -209,6 +211,7 @@ def test_profiles_of_a_run_without_history_are_drawn(forced):
     assert len(labels) == 3 and "story shear" in labels[2]
 
 
+@pytest.mark.long
 def test_names_are_drawn_literally(tmp_path, forced):
     name = "_a $x_ 建物"
     draw_run(replace(forced, model=replace(forced.model, name=name)), tmp_path / "run.svg")

@@ -179,7 +179,9 @@ def check_failure(failure, case, record):
 @pytest.mark.parametrize(
     "batch",
     [
-        pytest.param(i, marks=[pytest.mark.slow] if i >= USUAL // BATCH else [])
+        pytest.param(
+            i, marks=[pytest.mark.slow] if i >= USUAL // BATCH else [pytest.mark.long] * (i > 0)
+        )
         for i in range(RUNS // BATCH)
     ],
 )
