@@ -1,9 +1,9 @@
-"""Motions of `records` matched to three target spectra: how near they come, what they keep, and how
-long it takes.
+"""Match the motions of `records` to three target spectra, and report the misfits, the preserved
+properties of the motions, and the time.
 
     python tests/benchmarks/matching.py [--pairs] [--suite]
 
-Periods from 0.05 to 4 s at 5 % damping, judged at 1000; processor time of one core.
+Periods from 0.05 to 4 s at 5 % damping, with misfits at 1000 periods; processor time of one core.
 """
 
 import argparse
@@ -50,7 +50,7 @@ def told(name, match, seconds):
 
 
 def timed(call, *arguments):
-    """What a call gives, and its processor time, s."""
+    """Return the result of a call, and its processor time, s."""
     begin = time.process_time()
     return call(*arguments), time.process_time() - begin
 
@@ -70,7 +70,8 @@ def main():
         tdint.read_record(RECORDS / f"{name}.mseed", component=c, units="m/s^2")
         for name, c in COMPONENTS
     ]
-    tdint.match(records[0], next(targets())[1], periods=(0.5, 1.0))  # what is compiled and imported
+    # The first match loads modules and compiled kernels, so that they are not timed.
+    tdint.match(records[0], next(targets())[1], periods=(0.5, 1.0))
     if asked.suite:
         for title, target in targets():
             matches, seconds = timed(tdint.match_suite, records, target)

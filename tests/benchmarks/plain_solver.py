@@ -22,9 +22,11 @@ PEAKS = (
 
 @njit
 def spring(kind, p, s, d):
-    """Force of a story at drift d, N; `s` is what it remembers: drift, force, the farthest points
-    of both sides (drift, force), the branch of a peak-oriented one (0 elastic, +-1 yielding, +-2
-    reloading, +-3 unloading)."""
+    """Return the force of a story at drift d, N.
+
+    The state `s` contains the drift, the force, the farthest points on both sides (drift, force),
+    and the branch of a peak-oriented law (0 elastic, +-1 yielding, +-2 reloading, +-3 unloading).
+    """
     k = p[0]
     if kind == 1:  # bilinear: an elastic part beside a perfectly plastic one
         z = s[1] - p[2] * k * s[0] + (1.0 - p[2]) * k * (d - s[0])

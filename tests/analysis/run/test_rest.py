@@ -174,7 +174,7 @@ def test_errors_of_residual_drifts_of_steps_beyond_end_of_record(samples):
 
 def test_residual_oscillation_of_first_mode():
     """For two equal stories, omega^2 = (3 - sqrt 5) / 2 k/m; the ratio of the floors is 1 to the
-    golden ratio, and that of the drifts its inverse."""
+    golden ratio, and the ratio of the drifts is its inverse."""
     golden, omega = (1.0 + np.sqrt(5.0)) / 2.0, 10.0 * np.sqrt((3.0 - np.sqrt(5.0)) / 2.0)
     two = model([story(1.0, 100.0), story(1.0, 100.0)], velocity=(0.3, 0.3 * golden))
     for duration in (1.0, 1.37):
