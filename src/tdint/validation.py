@@ -83,7 +83,7 @@ class ValidationCase:
 def cases_of(
     group: str, computations: Mapping[str, tuple[Callable[[], Array], tuple[float, ...]]]
 ) -> tuple[ValidationCase, ...]:
-    """Return the cases of a group of `validation_cases.toml`.
+    """Return the validation cases of a group in the file `validation_cases.toml`.
 
     Parameters
     ----------
@@ -291,7 +291,10 @@ def _bilinear_loop() -> Array:
 
 
 def closed_form_cases() -> tuple[ValidationCase, ...]:
-    """Return the cases with closed-form solutions."""
+    """Return the validation cases with closed-form solutions as reference values.
+
+    The functions of the cases compute the same values when they are called; no run is made here.
+    """
     # `free` is the displacement of a damped free vibration from 1 m after 1.3 s.
     damped, decay = _OMEGA * math.sqrt(1.0 - _XI**2), math.exp(-_XI * _OMEGA * 1.3)
     free = decay * (math.cos(damped * 1.3) + _XI / math.sqrt(1.0 - _XI**2) * math.sin(damped * 1.3))
@@ -452,7 +455,8 @@ _TEXTBOOKS: dict[str, Callable[[], Array]] = {
 
 
 def textbook_cases() -> tuple[ValidationCase, ...]:
-    """Return the cases with tables of textbooks and printed results of other programs."""
+    """Return the validation cases with reference values from tables of textbooks and from printed
+    results of other programs."""
     return cases_of("textbook", {name: (computed, ()) for name, computed in _TEXTBOOKS.items()})
 
 

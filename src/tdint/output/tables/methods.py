@@ -303,7 +303,7 @@ def _example_errors(reference: str, description: str, prefix: str = "") -> tuple
     """
 
     def column(quantity: str, unit: str) -> Column:
-        """Return the column of a quantity."""
+        """Return the column of the error of a quantity with this unit."""
         meaning = f"maximum error of the {quantity} over all floors, relative to {description}"
         name = f"{prefix}{quantity}{suffix(unit)}_error"
         return Column(name, unit, lambda run: run.error(quantity, reference), meaning)

@@ -419,7 +419,7 @@ class _CurveRows:
 
 
 def ida_table(study: IdaStudy) -> Table:
-    """Return the results of an incremental dynamic analysis, with one row per run.
+    """Return the table of the results of an incremental dynamic analysis, with one row per run.
 
     The rows are in the order of the records, and of the intensity levels of each record from the
     lowest.
