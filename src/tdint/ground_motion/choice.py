@@ -77,6 +77,7 @@ class TextLayout(_OptionalFields):
 
     def __post_init__(self) -> None:
         """Validate the values, and convert the columns to a tuple of texts."""
+        # In Python, True and False are also numbers; they are not accepted here.
         step: Any = self.step
         is_number = isinstance(step, Real) and not isinstance(step, bool)
         if step is not None and not (is_number and math.isfinite(step) and step > 0.0):

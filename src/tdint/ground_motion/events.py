@@ -144,11 +144,13 @@ def is_same_event(event: Earthquake, other: Earthquake) -> bool:
         Earthquakes identified by the two files.
     """
     if event.time and other.time and event.has_clock and other.has_clock:
+        # A record may start minutes after the origin time, so that starts may differ more.
         are_origins = not (event.is_start or other.is_start)
         return abs(event.time - other.time) <= (_SAME_ORIGIN if are_origins else _SAME_START)
     if event.name and other.name and not _names_agree(event.name, other.name):
         return False
     if event.time and other.time:
+        # At least one time of day is unknown, so only the dates are compared.
         dates = [
             datetime.combine(moment, datetime.min.time()) for moment in (event.time, other.time)
         ]

@@ -469,6 +469,7 @@ def _control_length(data: bytes) -> int | None:
     if data[8:11] in (b"005", b"008", b"010") and data[19:21].isdigit():
         exponent = int(data[19:21])
         return 2**exponent if exponent in _LENGTH_EXPONENTS else None
+    # The next header starts after the first record, which has one of the permitted lengths.
     lengths = (2**exponent for exponent in _LENGTH_EXPONENTS)
     return next((length for length in lengths if _begins_record(data[length : length + 8])), None)
 
@@ -607,6 +608,8 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
     int or None
         Position, a power of 2; None if there is no inner record.
     """
+    # The position is a permitted record length below the stated length of the record. Bytes 8 to 19
+    # of a header are the codes of its channel.
     for exponent in range(_LENGTH_EXPONENTS.start, record.length.bit_length() - 1):
         position = offset + 2**exponent
         if (

@@ -274,6 +274,7 @@ def component_names(records: Sequence[Record]) -> list[str]:
     channel_count = Counter((source, component) for source, _, component in channels)
     names = []
     for record in records:
+        # The slice is empty for an id without a location code.
         location = record.id.split(".")[2:3]
         is_exported = location == [SI_LOCATION]
         unique_name = station_of(record.id) if is_exported else record.id

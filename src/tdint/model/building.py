@@ -202,7 +202,8 @@ class Building:
         return _tridiagonal(self.initial_stiffness, self.linear_terms[rows.LINK, :-1])
 
     def damping_matrix(self) -> Array:
-        """Return the damping matrix without power-law dashpots, N s/m, shape (n, n)."""
+        """Return the damping matrix without power-law dashpots, N s/m, shape (n, n): the sum of the
+        dampers in the stories, the dampers from the floors to the ground, and modal damping."""
         story_matrix = _tridiagonal(
             self.linear_terms[rows.STORY_DAMPER, :-1], self.linear_terms[rows.LINK, :-1]
         )
@@ -271,7 +272,7 @@ def _frequency_bound(
     Power iteration: a vector x with positive entries is multiplied repeatedly by M^-1 K, where K is
     the stiffness matrix with absolute values of its entries. In each iteration, the maximum of
     (M^-1 K x)_i / x_i over the floors i is an upper bound of the squared frequencies (Collatz
-    1942). The result has the shape of the leading axes of `stiffness`.
+    1942).
 
     Parameters
     ----------
@@ -284,6 +285,11 @@ def _frequency_bound(
         Mass of each floor, kg.
     iterations : int
         Number of iterations of the power iteration.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Bound for each building: the leading axes of `stiffness`.
     """
     # The last column is the fictitious story above the roof, which has no stiffness. Row i of K has
     # the entry `stiffness_below` for the floor below and `stiffness_above` for the floor above.
@@ -297,11 +303,13 @@ def _frequency_bound(
     shape = np.ones(stiffness.shape)
     bound = np.full(stiffness.shape[:-1], math.inf)
     for _ in range(iterations):
+        # Multiply x (`shape`) by the diagonal of K, then add the products with the neighbors.
         stiffness_times_shape = (story_stiffness[..., :-1] + stiffness_above) * shape
         stiffness_times_shape[..., 1:] += stiffness_below[..., 1:] * shape[..., :-1]
         stiffness_times_shape[..., :-1] += stiffness_above[..., :-1] * shape[..., 1:]
         stiffness_times_shape /= mass
         bound = np.minimum(bound, np.max(stiffness_times_shape / shape, axis=-1))
+        # The small number keeps all entries of x positive, as the bound requires.
         shape = (
             stiffness_times_shape / np.max(stiffness_times_shape, axis=-1, keepdims=True)
             + _SMALL_ORDINATE
@@ -748,6 +756,8 @@ def oscillators(omega: Array, damping: Array) -> Building:
     law_parameters = np.zeros((rows.FIRST_PARAMETER, k + 1))
     law_parameters[rows.CODE, :k] = CODES["linear"]
     law_parameters[rows.STIFFNESS, :k] = omega**2
+    # The links remain 0, because each oscillator is supported by the ground. Oscillators have no
+    # height and do not yield.
     unknown = np.full(k, math.nan)
     vibration = FreeVibration(
         linear_terms[rows.MASS, :k], law_parameters[rows.STIFFNESS, :k], linear_terms[rows.LINK, :k]
@@ -897,6 +907,7 @@ def _damping_without_isolators(
         has_rayleigh, damping.stiffness * stiffness, 0.0
     )
     mass = linear_terms[rows.MASS, :n]
+    # The sum counts the isolators from the ground up to each story.
     is_below_isolators = np.cumsum(~has_rayleigh) == 0
     linear_terms[rows.FLOOR_DAMPER, :n] += np.where(is_below_isolators, damping.mass * mass, 0.0)
     dampers = []
@@ -905,6 +916,8 @@ def _damping_without_isolators(
         if not has_rayleigh[floor]:
             floor_on_isolator = floor
         elif not is_below_isolators[floor] and damping.mass > 0.0:
+            # This row w is the difference of the velocities of the two floors, so that w w^T is the
+            # matrix of a damper between them.
             row = np.zeros(n + 1)
             row[floor], row[floor_on_isolator] = 1.0, -1.0
             dampers.append(np.sqrt(damping.mass * mass[floor]) * row)

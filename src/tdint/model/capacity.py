@@ -78,6 +78,7 @@ class CapacityCurve:
 
     def __post_init__(self) -> None:
         """Check the number of points and their values."""
+        # Both coordinates must have the same number of values, from two to four.
         if not 2 <= len(self.displacement) == len(self.acceleration) <= 4:
             raise UsageError(
                 f"a capacity curve must have two to four points, got {len(self.displacement)}"

@@ -782,6 +782,7 @@ def _changes_by_parameter(story: Story) -> dict[str, list[tuple[int, bool, LawPa
         empty for a parameter that cannot be changed.
     """
     has_stiffness = LAWS[story.law.name].initial_stiffness is not None
+    # Indices of the values that the factors on the stiffness and on the strength multiply.
     stiffness_indices, strength_indices = [STIFFNESS], []
     set_law: dict[str, list[tuple[int, bool, LawParameter | None]]] = {}
     for i, described in enumerate(_named_parameters(story.law), start=FIRST_LAW_PARAMETER):
@@ -888,6 +889,7 @@ def check_parameter(name: str) -> None:
     if name in PARAMETERS or key in _STORY_KEYS or key in _FACTOR_NAMES or key.startswith("law."):
         return
     similar_key = nearest(key, (*_STORY_KEYS, *_FACTOR_NAMES)) if story_match else None
+    # The hint is the name with its key, which is at the end of the name, replaced.
     hint = (
         f"; did you mean {name[: -len(key)] + similar_key!r}?"
         if similar_key

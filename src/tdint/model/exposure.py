@@ -350,10 +350,12 @@ class _Assets:
                 fault(coordinate, "is missing; give degrees")
         building_count = nonnegative(NUMBER)
         cost_cells = [repr(self._cost(building_count, nonnegative, fault))] if self.has_cost else []
+        # The method `check` reports all taxonomies without a row in the mapping table together.
         mapped_cells = self._mapped_cells.get(taxonomy)
         if mapped_cells is None:
             self._unmapped[taxonomy] += 1
             return
+        # The row is added only if this asset has no error.
         if self._fault_count == earlier_fault_count:
             location = [values["lon"], values["lat"]]
             tag_cells = [values.get(tag, "") for tag in self._tags]

@@ -165,9 +165,11 @@ def read_inventory(
     )
     arguments = (length, mass_only, classes, as_published)
     if mapping is None:
+        # With classes, the description of a valid file lists other columns.
         requirements = _REQUIREMENTS.replace(", ".join(NEEDED), ", ".join(needed))
         table, rows = stream_table(source, requirements, columns=columns, read_first=True)
     else:
+        # The mapping table must contain all required columns except the first, which is the id.
         taxonomies = read_mapping(mapping)
         taxonomies.need(*needed[1:])
         _check_mapping(_Table(taxonomies, *arguments))
@@ -585,7 +587,7 @@ class _Row:
         self._faults.append(ModelFault(source, self._line, index + 1, name, message))
 
     def building(self) -> InventoryRow | None:
-        """Return the building; None after reporting an error."""
+        """Return the building that the row defines; None after reporting an error."""
         classes, cell = self._table.classes, self._cell
         facts = self._facts() if classes is None else self._facts_of_class(classes)
         building_id = cell("id")
@@ -894,6 +896,7 @@ def _multilinear_text(story: Story, degradation: bool) -> str:
     direction in the file.
     """
     parameters = story.law.parameters
+    # Of the two backbones (parameters 0 to 15) and pinchings (16 to 21), the first is written.
     points = ", ".join(
         f"[{point_drift!r}, {point_force!r}]"
         for point_drift, point_force in zip(parameters[0:8:2], parameters[1:8:2], strict=True)

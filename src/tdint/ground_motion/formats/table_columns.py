@@ -172,6 +172,13 @@ def _index_of_name(name: str, names: tuple[ColumnName, ...]) -> int:
     The name is compared with the complete column names, then with the names without units, and then
     with the components.
 
+    Parameters
+    ----------
+    name : str
+        Name of a column, with or without units, or name of a component.
+    names : tuple of ColumnName
+        Names of all columns.
+
     Raises
     ------
     RecordError

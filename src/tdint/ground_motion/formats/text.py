@@ -216,6 +216,7 @@ def read_text(
         *((SAMPLES,) if header.get("samples") else ()),
         *((STEP,) if times is not None else ()),
     )
+    # All components of the table have these attributes; samples and units are added later.
     common = Series(
         np.empty(0),
         dt,
@@ -387,6 +388,8 @@ def _series(
         motion = motion_units(name.units) if name.units else None
         quantity = parse_units(motion).quantity if motion else "acceleration"
     units = required_units(text, quantity) if text else ""
+    # A column of unknown quantity is named by its text in the file without units, which follow the
+    # name and are cut off here.
     channel = code(name.component) or (
         code(name.text[: len(name.plain)]) if name.quantity == OTHER else common.channel
     )
@@ -432,6 +435,7 @@ def _times(
     if len(columns) == 1 or 0 in selected:
         return None
     first = columns[0]
+    # If the user specifies the sampling interval, the first column may contain data.
     if layout.step is not None and (
         not np.all(np.diff(first) > 0.0) or _counts_samples(first, layout.step)
     ):

@@ -130,6 +130,11 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
         Units for `parse_units`. Default: the units at the end of the column name (`base_m_s2`,
         `roof (cm)`).
 
+    Returns
+    -------
+    Signal
+        Samples in SI units, with the times of the table as clock.
+
     Raises
     ------
     RecordError
@@ -149,7 +154,7 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
         stated = parse_units(units or name_and_units(column)[1])
     except UsageError:
         if units:
-            raise
+            raise  # The message explains the error in the argument of the user.
         raise RecordError(
             f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); "
             "specify them by `units`"

@@ -706,7 +706,7 @@ def _to_record(
     """Convert a channel to a record with an acceleration in m/s^2.
 
     The instrument response is removed if an inventory is specified and the units of the samples are
-    not known from the user or from the file.
+    not known from the user or from the file. Warnings are stored in the record and logged.
 
     Parameters
     ----------

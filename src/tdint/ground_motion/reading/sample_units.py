@@ -126,6 +126,7 @@ def file_units(given: SampleUnits | None) -> FileUnits:
         return FileUnits()
     stated = units_of_text(given) if isinstance(given, str) else given
     if not isinstance(stated, Mapping):
+        # The pattern * matches every file.
         return FileUnits((("*", parse_units(stated)),), for_all=True)
     entries: list[tuple[str, Units | None]] = []
     for name, text in stated.items():

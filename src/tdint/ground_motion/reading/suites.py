@@ -294,6 +294,7 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
                 f"{file}: vertical component omitted: "
                 f"{', '.join(component.component for component in omitted)}"
             )
+        # Records are compared by identity, because the comparison of their arrays is no boolean.
         records += [
             component
             for component in components

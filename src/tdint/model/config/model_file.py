@@ -102,7 +102,7 @@ LAYOUT = (
 
 
 def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordChoice:
-    """Return how a record is selected and processed, from the entries of a section.
+    """Return the options for reading and processing a record from the entries of a section.
 
     Parameters
     ----------
@@ -449,6 +449,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     excitation = section.get("excitation")
 
     output_units, page_units = _read_output_units(section.get("output_units"), unit)
+    # The keys of `_ANALYSIS` have the order of the attributes of `Analysis`.
     model = Model(
         name=section.read("name") or origin.name,
         source=origin.label,

@@ -478,6 +478,7 @@ class Value:
         The form is a mapping, a list or a scalar. A `Choice` is skipped if the value is not one of
         its names. The result is None after reporting an error.
         """
+        # These are the types of a scalar.
         allowed_types: Any = (Bounds, Whole, Choice, PathOf)
         if self.is_mapping:
             allowed_types = Keys
