@@ -360,7 +360,7 @@ def test_unsupported_fit_parameters_are_refused(recorded_model):
     [
         (
             recording(first=sensor("floor_1_m_s2", DISPLACEMENT)),
-            r"units specify acceleration, its quantity specifies displacement.*one of m, cm",
+            r"are units of acceleration, but .* specifies displacement.*one of m, cm",
         ),
         (
             recording(first=sensor("floor_9_m_s2")),
