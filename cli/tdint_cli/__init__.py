@@ -8,7 +8,7 @@ def start() -> None:
     """
     import os
 
-    # During the import of the module `signal`, Python raises KeyboardInterrupt for Ctrl-C.
+    # Until the handlers are set, Ctrl-C raises KeyboardInterrupt, also while `signal` is imported.
     try:
         import signal
 

@@ -251,10 +251,11 @@ class Profiles:
         return f"{name}: of {pluralize(profile.runs, 'ground motion')}, {counts_text}; {means}"
 
     def report_results(self) -> list[TdintError]:
-        """Report the motions that the means exclude, and compare the mean drifts with the limit.
+        """Report collapsed and failed runs, and compare the mean demands with the limits.
 
-        Both are reported only after all runs are done, because a mean over some of the motions
-        could be mistaken for the mean over all motions.
+        Means over the motions exclude collapsed and failed runs. Both are reported only after all
+        runs are completed, because a mean over some of the motions could be mistaken for the mean
+        over all motions.
 
         Returns
         -------
@@ -294,8 +295,8 @@ class Profiles:
             warn(text)
             return []
         lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
-        # Many such lines occur for the buildings of a region. Collapses are then a result of the
-        # study and not a reason for a warning.
+        # A campaign with the buildings of a region can have collapses in many buildings, which are
+        # results of the study. Only the first lines are shown then, as notes and not as warnings.
         omitted = len(lines) - _MAX_LINES
         if omitted > 0:
             lines[_MAX_LINES:] = [
@@ -766,7 +767,8 @@ def _suite_contents(
     """
     request, store = profiles.request, profiles.store
     picture = request.picture(folder)
-    # Means, figures and reports over some of the motions could be mistaken for complete results.
+    # These files are written only after all runs are completed, because results over some of the
+    # motions could be mistaken for results over all motions.
     if not is_complete(store):
         return {}
     contents: dict[str, Content] = (

@@ -341,8 +341,9 @@ def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
         Record to process.
     """
     try:
-        # A worker process cannot register its input files in this process. Register no files here
-        # either, so that the lists do not depend on the process. Each record reports its files.
+        # Files that a worker process reads cannot be registered as inputs in the first process. No
+        # process registers them here, so that the list of inputs does not depend on the number of
+        # processes; each record reports its files.
         context = copy_context()
         context.run(INPUT_DIGESTS.set, None)
         return context.run(work, task)

@@ -132,6 +132,7 @@ def _combine_equal(texts: Sequence[str]) -> list[str]:
     for text in texts:
         file, _, message = text.rpartition(": ")
         files_of_message.setdefault(message, []).append(file)
+    # A message without a file has an empty file name and is not combined.
     common_messages = {
         message: files
         for message, files in files_of_message.items()
@@ -423,9 +424,8 @@ def _report_error(error: BaseException, settings: Settings) -> int:
                 "or periods"
             ]
             code = OUT_OF_MEMORY
-        elif (
-            isinstance(error, OSError) and error.errno == errno.ENOSPC
-        ):  # Click itself raises this error.
+        # Click raises OSError if it writes to a full disk; `emit` raises OutputError.
+        elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
             lines, code = (
                 [f"standard output: cannot be written: {error.strerror}"],
                 OutputError.exit_code,

@@ -510,7 +510,8 @@ def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
             "step; they count neither as survival nor as collapse"
         )
     capacities = [curve.collapse for curve in study.curves if not curve.collapse.censored]
-    # The last factor allows for rounding. The condition also counts limits that are not numbers.
+    # The last factor allows for rounding. With a limit that is NaN the comparison is false, so that
+    # the capacity also counts as imprecise.
     imprecise = sum(
         not capacity.upper <= capacity.lower * (1.0 + precision) * (1.0 + 1e-9)
         for capacity in capacities

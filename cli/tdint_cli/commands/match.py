@@ -251,12 +251,12 @@ def _match_each(
     matching_options: dict[str, Any],
     show_progress: Progress,
 ) -> list[Match]:
-    """Match each motion to the same targets.
+    """Match each ground motion separately to the target spectra.
 
     Parameters
     ----------
     motions : sequence of Record or Horizontals
-        Seeds.
+        Ground motions (single components or pairs) that are scaled and matched.
     targets : sequence of TargetSpectrum
         Target for each damping ratio.
     matching_options : dict

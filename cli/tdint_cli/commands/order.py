@@ -104,7 +104,8 @@ def command(
         outputs.deliver(
             tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured)
         )
-        # The order is NaN if too few errors exceed the rounding errors: the results are then exact.
+        # The order is NaN if too few errors exceed the rounding errors, because the method is exact
+        # for this load.
         exact = dict.fromkeys(
             order.method for order in measured if math.isnan(order.order("displacement"))
         )

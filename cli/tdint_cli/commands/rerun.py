@@ -685,7 +685,7 @@ def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -
         code = end.code if isinstance(end.code, int) else 1
     finally:
         ELSEWHERE.reset(before)
-    # Exit codes from 128 represent signals.
+    # An exit code from 128 means that a signal ended the command. It also ends this command.
     if code >= 128:
         raise click.exceptions.Exit(code)
     return code
@@ -722,7 +722,7 @@ def _change_text(name: str, before: str | None, now: str | None) -> str:
         Present SHA-256 of the input; None if it is not read now. If `before` is None, any nonempty
         text has the same effect.
     """
-    # Only one of the two runs has read the input, or both have read different contents.
+    # If a SHA-256 is missing, only one of the two runs has read the input.
     if before is None or now is None:
         return (
             f"{name}: was {'not ' if before is None else ''}read by the recorded command, and is "

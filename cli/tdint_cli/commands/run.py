@@ -99,7 +99,7 @@ def command(request: Request) -> None:
             "under the same records, use a campaign with `buildings: {models: "
             f"[{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
         )
-    # A comma after a colon separates the parameters of a method.
+    # A comma after a colon separates the parameters of a method. Any other comma separates methods.
     method = request.method
     if method and "," in method and ":" not in method:
         raise UsageError(
@@ -646,7 +646,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
         stale=earlier_files,
         last=(folder / SUMMARY, summary_bytes),
     )
-    # A file of an earlier run is removed only if it is unchanged.
+    # `write_files` removes files of an earlier run only if they are unchanged: report the others.
     remaining = [
         file.name
         for file in possible_files

@@ -158,6 +158,7 @@ class Request(BuildingRequest, SuiteRequest):
         """
         history = self.history_file
         self.of_floors.check(self.output, self.export_floors)
+        # `check_motion` refuses different scale factors, which the events of a sequence may have.
         check_motion(replace(self, scale=None) if self.sequence else self)
         picture = self.picture_file
         if picture:

@@ -196,7 +196,8 @@ class ScaleRequest(RecordsRequest):
             )
         if self.p695 and measure not in ("", "sa"):
             raise UsageError(f"--p695 cannot be used with --{measure}; use --sa with --at")
-        # These rules compare spectra in a range about the period T of the structure.
+        # The rules asce7 and ec8 compare spectra from 0.2 T to 2 T with the period T of the
+        # structure, unless --range specifies the periods.
         needs_period = self.rule in _BY_PERIOD and self.range is None
         if measure.startswith("sa") and self.at is None:
             raise UsageError(f"--{measure} requires a period; add --at SECONDS")
@@ -291,7 +292,11 @@ def command(request: ScaleRequest) -> None:
     table = tables.studies.factor_table(scaling)
 
     def summarize() -> dict[str, Any]:
-        """Return the content of the JSON file."""
+        """Return the content of the JSON file.
+
+        With the SHA-256 of the table, `tdint campaign` recognizes the table to which the file
+        belongs.
+        """
         records = [record_summary(record) for record in suite.records]
         content = table_summary("scale", _settings(request, scaling), records, table.meanings)
         return content | {
@@ -478,7 +483,8 @@ def _warnings(scaling: Scaling) -> list[str]:
             f"the mean spectrum of EN 1998-1 requires at least {FEW} ground motions, got "
             f"{len(scaling.motions)}; add records"
         )
-    # Factors that scale to a value of an intensity measure may be larger.
+    # Factors that scale to a value of an intensity measure may be larger than factors that scale to
+    # a target spectrum.
     bounds, reason = POSSIBLE, "which often indicates incorrect units"
     if scaling.target is not None:
         bounds, reason = BOUNDS, "the range of common practice"

@@ -170,7 +170,7 @@ def _one_at_a_time(request: Request) -> None:
         Table.of_results(PARAMETER_EFFECTS, effects),
         lambda: figures.runs.sensitivity_picture(effects, outputs.shown_units),
     )
-    # The effects on the peak drift ratio are first, and the largest of them is the first.
+    # The table starts with the effects on the peak drift ratio, in descending order.
     largest = effects[0]
     say(
         f"{pluralize(advance.done, 'run')}. {largest.parameter} has the largest effect on the peak "

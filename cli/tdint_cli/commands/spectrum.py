@@ -162,7 +162,7 @@ def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
     table : Path or None
         File of the table; None without -o.
     """
-    # In a directory, a figure is next to the table of its record: without a table it has no name.
+    # With -o DIR, each record has a figure next to its table, so that a table is required.
     picture = picture_file(request.plot, table) if table or not request.is_folder else None
     if picture:
         check_picture(picture)

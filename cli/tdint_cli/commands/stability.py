@@ -61,6 +61,7 @@ def command(request: Request) -> None:
     integrators = options.analysis.integrators((*request.methods, *scan_methods))
     steps = np.unique(np.concatenate([steps.values() for steps in request.dt_over_t]))
     if request.beta_scan:
+        # dt / T is omega dt / (2 pi).
         steps = np.union1d(steps, np.linspace(*_BAND) / (2.0 * np.pi))
     curves = [
         stability(integrator, steps, ratio)
@@ -75,6 +76,7 @@ def command(request: Request) -> None:
     # Report the maximum stable time steps. The limit without damping is computed also, because
     # methods declare their limit for zero damping: a warning reports a wrong declaration.
     rows = [("method", "damping", "critical omega dt")]
+    # Shorten an exponent such as e+03 to e3.
     no_limit = f"none up to omega dt {LARGEST:.0e}".replace("e+0", "e")
     for integrator in integrators:
         limits = {

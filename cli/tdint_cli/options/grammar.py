@@ -140,6 +140,11 @@ class ListOf(ValueType):
             Option; not used.
         tuples : tuple of tuple
             Values of the option, one tuple for each use of the option.
+
+        Returns
+        -------
+        tuple or None
+            All values, without duplicates if the type requests this; None for no value.
         """
         values = list(chain.from_iterable(tuples))
         return tuple(dict.fromkeys(values) if self.once else values) or None
@@ -548,6 +553,10 @@ class HeadedOption(click.Option):
         recorded: bool = True,
         **settings: Any,
     ) -> None:
+        """Create an option with the attributes of the class; `rare` is the opposite of `common`.
+
+        The remaining arguments are arguments of `click.Option`.
+        """
         super().__init__(*arguments, **settings)
         self.heading = heading
         self.needs = needs
@@ -739,10 +748,11 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
 def with_named_files(
     arguments: Sequence[str], options: Collection[str] = tuple(_NAMED_FILES)
 ) -> list[str]:
-    """Return a command line in which --plot and --history have a value.
+    """Return a command line in which --plot and --history always have a value.
 
-    The value is the next word if it is empty or a file name with a suffix that fits the option;
-    otherwise it is `BESIDE`. Click has no options with an optional value that is a separate word.
+    Users may omit the value of these two options, which click does not support: `--plot` becomes
+    `--plot=VALUE`. The value is the next word if it is empty or a file name with a suffix that fits
+    the option. Otherwise it is the constant `BESIDE`, which requests the default file name.
 
     Parameters
     ----------
@@ -929,7 +939,7 @@ class Command(HelpAsData):
             )
 
     def _short_option_help(self, ctx: click.Context) -> list[tuple[str, str]]:
-        """Return the names of each common option and its help, shortened to the first clauses."""
+        """Return the names of each option that --help shows, and the first clauses of its help."""
         common = [option for option in self.params if getattr(option, "common", False)]
         common.sort(key=lambda option: ORDER.index(getattr(option, "heading", GENERAL)))
         lines: list[tuple[str, str]] = []
@@ -1112,7 +1122,7 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
             name = parameter.opts[-1]
         else:
             name = _argument_name(parameter)
-        # A flag such as --cache/--no-cache that is False was specified by its second name.
+        # If a flag with two names, such as --cache/--no-cache, is False, its second name was typed.
         if parameter.secondary_opts and not context.params[parameter.name]:
             name = parameter.secondary_opts[-1]
         advice = mode.advice.get(parameter.name, f"omit {name}")
