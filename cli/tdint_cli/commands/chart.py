@@ -490,12 +490,19 @@ def _chart(
     own_progress = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def recommended(points: Sequence[Point]) -> list[tuple[str, float]]:
-        """Return the cheapest methods and time steps, by which `measure` ends its repetitions.
+        """Return the recommended runs: the method and time step with the lowest cost for each limit.
+
+        `measure` repeats the timing until this result no longer changes.
 
         Parameters
         ----------
         points : sequence of Point
             Measured times and errors of the methods and time steps.
+
+        Returns
+        -------
+        list of (str, float)
+            Label of the method and time step, s, for each error limit that a method meets.
         """
         cheapest_points = [cheapest(points, request.target_error, limit) for limit in LIMITS]
         return [(point.line, point.dt) for point in cheapest_points if point]
