@@ -490,7 +490,7 @@ def _chart(
     own_progress = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def recommended(points: Sequence[Point]) -> list[tuple[str, float]]:
-        """Return the recommended runs: the method and time step with the lowest cost for each limit.
+        """Return the recommended runs: the cheapest method and time step for each error limit.
 
         `measure` repeats the timing until this result no longer changes.
 

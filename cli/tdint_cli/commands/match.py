@@ -178,7 +178,7 @@ def command(request: MatchRequest) -> None:
         raise Failures(suite.failures)
     if request.require and above_max_misfit:
         raise AnalysisError(
-            f"the misfit exceeds {100.0 * request.max_misfit:g} %: "
+            f"the misfit after matching exceeds {100.0 * request.max_misfit:g} % (--max-misfit): "
             f"{', '.join(above_max_misfit)}; use another record, or a narrower --range"
         )
 

@@ -134,8 +134,8 @@ def command(request: Request) -> None:
         if not is_file(outputs.summary):
             if not exit_code:
                 raise UsageError(
-                    f"{recorded.file}: the command writes no file with this name; restore the "
-                    "original file name"
+                    f"{recorded.file}: the repeated command writes no JSON file with this name; "
+                    "rename the file to its original name"
                 )
             raise _report_failure(recorded, exit_code)
         repeated = _RecordedCommand.read(str(outputs.summary))

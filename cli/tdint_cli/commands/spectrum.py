@@ -392,7 +392,8 @@ def _write_target(request: SpectrumRequest) -> None:
     target = request.target_spectrum
     if target is None:
         raise UsageError(
-            "Missing argument 'RECORD...'. Add record files, or --target to write its table."
+            "Missing argument 'RECORD...'. Add record files, or --target SPECTRUM to write the "
+            "table of a target spectrum."
         )
     refuse_idle(kinds.TARGET, MODES)
     if request.is_folder:

@@ -143,9 +143,11 @@ def _ec8(parameters: Texts) -> DesignSpectrum:
     """
     soils = _EC8_PARAMETERS.get(parameters["type"])
     if soils is None:
-        raise UsageError(f"type must be 1 or 2, got {parameters['type']!r}")
+        raise UsageError(f"the spectrum type must be 1 or 2, got {parameters['type']!r}")
     if parameters["soil"].upper() not in soils:
-        raise UsageError(f"soil must be one of {', '.join(soils)}, got {parameters['soil']!r}")
+        raise UsageError(
+            f"the ground type (soil) must be one of {', '.join(soils)}, got {parameters['soil']!r}"
+        )
     recommended = dict(zip(("s", "tb", "tc", "td"), soils[parameters["soil"].upper()], strict=True))
     s, tb, tc, td = (
         parse_positive(key, parameters[key]) if key in parameters else value

@@ -99,7 +99,7 @@ class Loaded:
         self._engine.finalize_object()
         self.address = self._engine.get_function_address(symbol)
         if not self.address:
-            raise ValueError(f"no {symbol} in the object")
+            raise ValueError(f"the object file contains no function {symbol}")
         result_type: Any = _NUMBERS[signature.returns.name][0]
         types, self._converters = _converters(signature.arguments)
         self._result_type = result_type
