@@ -153,7 +153,8 @@ def look_at_gse(data: bytes) -> list[int]:
     for section in re.split(rb"^(?=WID[12])", data, flags=re.MULTILINE):
         if section[:3] != b"WID":
             continue
-        # An optional line with the station follows the header line.
+        # The header has two lines in version 1. In version 2, the second line, which states the
+        # station, is optional.
         lines, version = section.split(b"\n"), section[3:4].decode()
         heading = 2 if version == "1" or any(line.startswith(b"STA2") for line in lines[1:2]) else 1
         npts, datatype, compressed = _FIELDS[version]

@@ -330,7 +330,7 @@ def _tridiagonal(springs: Array, link: Array) -> Array:
 
 
 def assemble(model: Model) -> Building:
-    """Assemble the arrays of the building of a model.
+    """Assemble the arrays of the building of a model, including its damping.
 
     Raises
     ------

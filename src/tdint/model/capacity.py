@@ -98,7 +98,12 @@ class CapacityCurve:
 
     @classmethod
     def of(cls, points: Sequence[tuple[float, float]]) -> CapacityCurve:
-        """Create the curve through points (Sd in m, Sa in g), without the point at the origin.
+        """Create the curve through points; a point at the origin is omitted.
+
+        Parameters
+        ----------
+        points : sequence of (float, float)
+            Spectral displacement (m) and spectral acceleration (g) of each point.
 
         Raises
         ------
@@ -329,6 +334,11 @@ class CapacityClass:
 
 def read_curve(source: str) -> CapacityCurve:
     """Read the capacity curve from a CSV file with the columns sd_m and sa_g.
+
+    Parameters
+    ----------
+    source : str
+        Path of the file.
 
     Raises
     ------

@@ -276,6 +276,7 @@ class _Assets:
         field_columns : mapping of str to int or None
             Index of the column of each field of `_FIELDS`; None without a column.
         """
+        # The first five fields are required in any case, cost and area only for some cost types.
         missing = [name for name in _FIELDS[:5] if field_columns[name] is None]
         cost_type, cost_column = self._model.cost_type, field_columns[_STRUCTURAL]
         if cost_type:

@@ -889,14 +889,19 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
 def _multilinear_text(story: Story, degradation: bool) -> str:
     """Return the hysteretic law `multilinear-pinching` of a story as text of a model file.
 
-    `CapacityBuilding.stories` makes the laws symmetric. The parameters are, in order: the backbone
-    of each direction (8 values: drift and force of four points), the pinching of each direction (3
-    values), the ultimate drift, the degradation of stiffness, drift and strength (5 values each),
-    and the energy capacity. The values of the positive direction also define the negative
-    direction in the file.
+    The parameters of the law are: 0 to 15, the backbone of each direction (drift and force of four
+    points); 16 to 21, the pinching of each direction (3 values); 22, the ultimate drift; 23 to 37,
+    the degradation of stiffness, drift and strength (5 values each); 38, the energy capacity. Only
+    the first direction is written, because `CapacityBuilding.stories` makes the laws symmetric.
+
+    Parameters
+    ----------
+    story : Story
+        Story of a building with a capacity curve.
+    degradation : bool
+        Write the degradation.
     """
     parameters = story.law.parameters
-    # Of the two backbones (parameters 0 to 15) and pinchings (16 to 21), the first is written.
     points = ", ".join(
         f"[{point_drift!r}, {point_force!r}]"
         for point_drift, point_force in zip(parameters[0:8:2], parameters[1:8:2], strict=True)

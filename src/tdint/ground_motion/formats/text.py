@@ -468,8 +468,8 @@ def _matches(lines: list[str]) -> bool:
     if any(map(_OTHER_FORMAT.match, lines[:first_row])):
         return False
     deviating_rows = sum(len(row) != width for row in rows)
-    # A table with column names is recognized even if some cells are empty. The error message of the
-    # reader then names the line.
+    # A table with column names is recognized even if cells are empty in up to a quarter of its
+    # rows. The error message of the reader then names the line.
     if (
         None in declared
         or len(rows) < 2
@@ -477,6 +477,7 @@ def _matches(lines: list[str]) -> bool:
         or deviating_rows > (len(rows) // 4 if name_count else 0)
     ):
         return False
+    # Without column names, several columns are recognized only if the first increases like times.
     return (
         lacks_name
         or bool(name_count)

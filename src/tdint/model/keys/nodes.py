@@ -150,7 +150,13 @@ def _scalar(value: object, faults: Faults) -> ScalarNode:
         Number, text, path, boolean or None.
     faults : Faults
         Collection to which errors are added.
+
+    Raises
+    ------
+    ModelError
+        The value has another type.
     """
+    # The texts of None and of booleans are those of YAML.
     if value is None or isinstance(value, bool):
         return ScalarNode(0, 0, "null" if value is None else str(value).lower(), plain=True)
     if isinstance(value, int | float):
