@@ -140,11 +140,11 @@ def test_the_log_of_the_library_is_notes(capsys):
 
     def command():
         logger.debug("unheard")
-        logger.info("compiling %s", "it")
+        logger.info("reading %s", "it")
         logger.warning("mind")
 
     assert exit_code_of(command, Settings()) == 0
-    assert capsys.readouterr().err == "note: compiling it\nWarning: mind\n"
+    assert capsys.readouterr().err == "note: reading it\nWarning: mind\n"
     assert (logger.level, logger.propagate, list(logger.handlers)) == before
 
 
