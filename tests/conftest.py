@@ -3,6 +3,7 @@
 import gc
 import logging
 import os
+import shutil
 import signal
 import sys
 import time
@@ -61,8 +62,23 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     """
     if "TDINT_KERNELS" not in os.environ:
         os.environ["TDINT_KERNELS"] = _kernels_of(config)
+    if _has_space(_MEMORY_FILES):
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(_MEMORY_FILES))
     if config.getoption("numprocesses", None) and config.getoption("dist", "") == "no":
         config.option.dist = "worksteal"
+
+
+_MEMORY_FILES = Path("/dev/shm")
+"""File system in memory of Linux. Stores of runs wait for the disk after each transaction, and half
+of the tests create a directory."""
+_REQUIRED_SPACE = 2e9
+"""Free space (bytes) for the files of the tests; pytest keeps those of the last three calls, which
+need 0.2e9 bytes. Containers may have 64e6 bytes of memory files."""
+
+
+def _has_space(directory: Path) -> bool:
+    """Return True if a directory exists, can be written, and has the space for all tests."""
+    return os.access(directory, os.W_OK) and shutil.disk_usage(directory).free > _REQUIRED_SPACE
 
 
 @pytest.fixture
