@@ -181,7 +181,7 @@ def test_runs_under_one_motion_are_clustered():
 def test_too_few_runs_and_constant_measure_are_refused():
     with pytest.raises(AnalysisError, match="at least 3 completed runs, got 2"):
         line(np.zeros(2), np.zeros(2), {})
-    with pytest.raises(AnalysisError, match="equal in all runs"):
+    with pytest.raises(AnalysisError, match="the same value in all runs"):
         line(np.zeros(3), np.arange(3.0), {})
 
 

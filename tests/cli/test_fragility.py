@@ -150,7 +150,7 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
             "capacity,im,edp\n1,1,1\n2,2,2\n",
             (),
             2,
-            "t.csv:1: ... capacity and im,edp; specify --fit",
+            "t.csv:1: ... capacity and im,edp ... --fit ida or --fit cloud",
         ),
         (
             "capacity\n1\n2\n3\n",

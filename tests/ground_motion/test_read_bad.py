@@ -188,7 +188,7 @@ class TestFilesCrashingReaders:
         data = write(tmp_path / "a", trace(counts()), format="GSE2").read_bytes()
         refused(
             data.replace(b"    1000 ", b"90001000 "),
-            "states 90001000 samples, the section has 1000",
+            "states 90001000 samples, but the section has 1000",
         )
 
     def test_nothing_reaches_standard_error(self, tmp_path, capfd):

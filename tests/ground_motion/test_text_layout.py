@@ -136,7 +136,7 @@ class TestColumn:
             ("6", None, "column 6 .*columns 1 to 5"),
             ("0", None, "column 0 not found"),
             ("9" * 400, None, "column 9{40} .*columns 1 to 5"),
-            ("1", None, r"column 1 is the time \(Time \(s\)\)"),
+            ("1", None, r"column 1 contains the time \(Time \(s\)\)"),
             ("sensor", None, "column 'sensor' not found; .* Time"),
             ("5", None, "unit of acceleration, .*'c'"),
             ("3", "gal", r"units \(g\), .*gal"),
