@@ -26,7 +26,13 @@ from typing import Any
 
 
 def main() -> None:
-    """Compile the requested kernels."""
+    """Compile the kernels that the standard input requests, and write them to the standard output.
+
+    The docstring of this module describes the requests and the output. The environment variable
+    TDINT_KERNELS_VARIANT is the variant, and TDINT_KERNELS_TARGETS the list of targets. The
+    function does not return: the process ends when its standard input is closed, or with the
+    traceback of an error.
+    """
     # numba imports SciPy's linear algebra, which kernels do not use.
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
     variant = os.environ["TDINT_KERNELS_VARIANT"]
@@ -82,10 +88,10 @@ def _take_shortcuts() -> None:
     def resolve_once(
         self: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]
     ) -> Any:
-        """Return the type of a call from the cache, or compute and store it.
+        """Return the numba signature of a call from the cache, or determine and store it.
 
-        Only calls with positional arguments that are numbers are stored; other calls are resolved
-        by numba.
+        The method replaces `BaseFunction.get_call_type`. Only calls with positional arguments that
+        are numbers are stored; other calls are resolved by numba.
         """
         if named or not all(
             isinstance(argument, types.Number | types.Boolean) for argument in arguments
@@ -159,8 +165,10 @@ def _take_shortcuts() -> None:
 
 
 def _module(name: str, file: str) -> Any:
-    """Load the module in a file under the name that it has in the process that requested the
-    kernel."""
+    """Return the module in a file, loaded under the name that it has in the requesting process.
+
+    A module that is already loaded is returned unchanged.
+    """
     if name not in sys.modules:
         specification = importlib.util.spec_from_file_location(name, file)
         assert specification is not None and specification.loader is not None
@@ -194,9 +202,12 @@ def _add_laws(variant: str) -> None:
 
 
 def _listen(requests: SimpleQueue[bytes]) -> None:
-    """Put the lines of the standard input into a queue, and end the process when the standard input
-    is closed."""
-    incomplete_line = b""
+    """Put the lines of the standard input into a queue, until the standard input is closed.
+
+    The process then ends immediately, also if it is compiling, with exit code 0. The function is
+    executed by a separate thread.
+    """
+    incomplete_line = b""  # end of the received data, without a line break so far
     # sys.stdin is not used, because a thread must not hold its lock when Python ends.
     while received := os.read(0, 4096):
         *lines, incomplete_line = (incomplete_line + received).split(b"\n")

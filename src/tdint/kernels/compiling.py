@@ -178,9 +178,10 @@ else:
         return lambda kernel, *arguments: kernel(*arguments)
 
     def local(size: int) -> Any:
-        """Return an uninitialized array of `size` numbers for use in one call.
+        """Return an uninitialized array of `size` numbers for use during one call of a function.
 
-        The array is on the stack. It must not be created in a loop.
+        In compiled kernels, the array is on the stack of the function. It must not be created in a
+        loop, because the memory is released only when the function returns.
 
         Parameters
         ----------
@@ -190,8 +191,10 @@ else:
         return np.empty(size)
 
     def local_table(rows: int, columns: int) -> Any:
-        """Return an uninitialized two-dimensional array as `local` does, with `rows` rows and
-        `columns` columns.
+        """Return an uninitialized array with `rows` rows and `columns` columns, for use during one
+        call of a function.
+
+        In compiled kernels, the array is on the stack, as that of `local`.
 
         Parameters
         ----------

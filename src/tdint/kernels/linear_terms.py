@@ -74,7 +74,7 @@ def force_impulse(forces, j, t, h):
         Time step, s.
     """
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
-    # sin(x) / x; for small x, where the quotient can be 0 / 0, by its Taylor series
+    # `sinc` is sin(x) / x. For small x, where the quotient can be 0 / 0, its Taylor series is used.
     sinc = (
         math.sin(half_angle) / half_angle
         if half_angle > 1e-4
@@ -105,7 +105,8 @@ def force_moment(forces, j, t, h):
         Time step, s.
     """
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
-    # (sin x - x cos x) / x^3, by its Taylor series if x is small, because of cancellation
+    # `integral` is (sin x - x cos x) / x^3. For small x, where the difference would cancel, its
+    # Taylor series is used.
     if abs(half_angle) > 0.1:
         integral = (math.sin(half_angle) - half_angle * math.cos(half_angle)) / (
             half_angle * half_angle * half_angle
@@ -396,7 +397,7 @@ def _power_damper(linear_terms, i, rate):
         if linear_terms[rows.POWER, i] == 0.0:
             return 0.0, linear_terms[rows.POWER_DAMPER, i]
         return 0.0, 0.0
-    # Force divided by the rate, N s/m
+    # The secant is the force divided by the rate, N s/m.
     secant = linear_terms[rows.POWER_DAMPER, i] * squared_rate ** linear_terms[rows.POWER, i]
     return secant * rate, secant * (
         1.0 + 2.0 * linear_terms[rows.POWER, i] * rate * rate / squared_rate

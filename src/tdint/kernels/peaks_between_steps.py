@@ -177,7 +177,7 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     """
     v_max = max(abs(floor.v0), abs(floor.v1))
     a_max = max(abs(floor.a0), abs(floor.a1))
-    # Bounds of the Bezier points of the displacement and of the velocity
+    # Compare bounds of the Bezier points of the displacement and of the velocity with the peaks.
     max_displacement = max(abs(floor.u0), abs(floor.u1)) + h * (0.5 * v_max + 0.05 * h * a_max)
     exceeds = max_displacement > peaks[rows.PEAK_DISPLACEMENT, i]
     middle_velocity = abs(_middle_velocity_bezier_point(h, by_h, floor))
@@ -422,8 +422,8 @@ def find_interstep_peaks(
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     reversal_count = 0
     n = linear_terms.shape[1] - 1
-    # Sums over the floors from the roof down to floor i: mass times motion, mass, and forces on
-    # floors
+    # `inertia`, `mass_sum` and `floor_forces` are sums over the floors from the roof down to floor
+    # i: mass times motion, mass, and forces on floors.
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
     floor = _floor_ends(span.fast, passage, n - 1)
@@ -433,7 +433,7 @@ def find_interstep_peaks(
         story = _story_ends(
             floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i]
         )
-        # Drift: extremum inside the step
+        # Search the drift for an extremum inside the step.
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
             stiffness = scene.law_parameters[rows.STIFFNESS, i]
@@ -451,7 +451,8 @@ def find_interstep_peaks(
                 if reversal != story.u1:
                     reversals[reversal_row, i] = reversal
                     reversal_count += 1
-        # Displacement of the floor, velocity of the floor, drift rate of a story with a dashpot
+        # Search the displacement and the velocity of the floor, and the drift rate of a story with
+        # a dashpot.
         margin = peaks[first_peak + rows.PEAK_DISPLACEMENT, i] - abs(floor.u1)
         if _has_extremum(span, floor) and _displacement_excursion(span, floor) > margin:
             row = first_peak + rows.PEAK_DISPLACEMENT
@@ -470,7 +471,7 @@ def find_interstep_peaks(
             and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
         ):
             _raise_velocity_peak(span, story, peaks, first_peak + rows.PEAK_DRIFT_RATE, i)
-        # Absolute acceleration of the floor, and total shear of the story
+        # Search the absolute acceleration of the floor and the total shear of the story.
         if not span.cornered:
             row = first_peak + rows.PEAK_ACCELERATION
             _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
@@ -637,7 +638,8 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         velocity_mismatch <= _MAX_VELOCITY_MISMATCH * (abs(v0) + abs(v1))
     )
     if span.on_path and not is_resolved:
-        # Parabola u0 + rise s + curvature (s^2 - s) / 2, extremum at s = 1/2 - rise / curvature
+        # The parabola u0 + rise s + curvature (s^2 - s) / 2 has its extremum at
+        # s = 1/2 - rise / curvature.
         rise = u1 - u0
         curvature = h * (v1 - v0)
         if 2.0 * abs(rise) >= abs(curvature):
@@ -659,13 +661,13 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     if max(start_offset + excess_0, excess_1) <= margin:
         return u1
     if not is_resolved:
-        # Cubic u0 + h v0 s + c2 s^2 + c3 s^3 with u1 and v1 at s = 1
+        # The cubic u0 + h v0 s + c2 s^2 + c3 s^3 has the values u1 and v1 at s = 1.
         rise = u1 - u0
         c2 = 3.0 * rise - h * (2.0 * v0 + v1)
         extremum = _cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
         raise_peak(peaks, row + rows.PEAK_ROWS, i, extremum)
         return u1
-    # Quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5
+    # Compute the quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5.
     c3, c4, c5 = _quintic_coefficients(h, ends)
     # The zero of the velocity on the straight line between v0 and v1 is the first estimate.
     extremum = _quintic_extremum(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
@@ -800,7 +802,7 @@ def _add_floor_forces(span, forces, link, i, sums_above):
         if forces[j, rows.FLOOR] == i:
             force_0 = force_value(forces, j, t - h)
             force_1 = force_value(forces, j, t)
-            # Deviations at s = 1/4 and s = 3/4
+            # `early` and `late` are the deviations at s = 1/4 and s = 3/4, N.
             early = force_value(forces, j, t - 0.75 * h) - 0.75 * force_0 - 0.25 * force_1
             late = force_value(forces, j, t - 0.25 * h) - 0.25 * force_0 - 0.75 * force_1
             sum_0 += force_0
@@ -902,7 +904,7 @@ def _quintic_coefficients(h, ends):
     contains u0, v0, a0, u1, v1 and a1; its last two fields are not used.
     """
     u0, v0, a0, u1, v1, a1, _, _ = ends
-    # Value, slope and half of the curvature at s = 1, each without the terms up to s^2
+    # The terms from s^3 on must have this value, slope and half of the curvature at s = 1, m.
     value = u1 - u0 - h * (v0 + 0.5 * h * a0)
     slope = h * (v1 - v0 - h * a0)
     half_curvature = 0.5 * h * h * (a1 - a0)

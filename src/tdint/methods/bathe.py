@@ -133,7 +133,8 @@ def step(
         if code < 0:
             return code
         iterations += code
-    # Response at the end of the step, and laws at the end of both parts of the path
+    # Store the response at the end of the step, and commit the laws with the energy dissipated on
+    # both parts of the path.
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
         state[rows.VELOCITY, i] = scratch[ROW.V, i]

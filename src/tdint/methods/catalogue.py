@@ -79,6 +79,7 @@ def _built_in(name: str) -> Method | None:
     The file with the same name as the method is searched first. A run with the default method
     therefore imports only one family, which saves start time.
     """
+    # False sorts before True: the family with this name is first, the order of the others remains.
     likely_family = name.replace("-", "_")
     for family in sorted(FAMILIES, key=lambda family: family != likely_family):
         for method in _methods_of(family):
@@ -91,7 +92,8 @@ def _built_in(name: str) -> Method | None:
 def catalogue() -> dict[str, Method]:
     """Return all methods by name: the built-in methods, then those of plug-ins.
 
-    Plug-ins include installed packages (entry points `tdint.methods`).
+    At the first call, the methods of installed packages (entry points `tdint.methods`) are
+    registered. The result is cached, and methods that are registered later are added to it.
     """
 
     def register_methods(module: Any, origin: Origin) -> None:
@@ -152,6 +154,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
             "signature tdint.plugin.STEP"
         )
     # Evaluate the declared properties with default parameters; a method that fails is removed.
+    # An integer is also accepted for a property of type float.
     property_types = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     _known()[method.name] = method
     try:
@@ -213,7 +216,8 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
                 if MEASURES.get(measure.name) is not measure:
                     check_name(measure.name, {*MEASURES, "sa", "sa-avg", "sdi"}, "measure", file)
                     MEASURES[measure.name] = measure
-    # Laws and methods of a file that was loaded before are not registered again.
+    # Laws and methods of a file that was loaded before are not registered again: the registered
+    # objects are then identical.
     for law in laws:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
             register_law(law, Origin(file, module.__name__))
@@ -238,8 +242,12 @@ def parse(text: str) -> Integrator:
     Raises
     ------
     UsageError
-        Unknown method or parameter, or a value that is not a number or is out of range. The method
-        is never replaced by another one.
+        Unknown method or parameter, or a value that is not a number or is out of range.
+
+    Returns
+    -------
+    Integrator
+        Method with the values of all its parameters.
     """
     if not isinstance(text, str):
         raise UsageError(f"a method must be a text such as 'impulse4', got {text!r}")
@@ -251,6 +259,7 @@ def parse(text: str) -> Integrator:
     # Read the parameters of the specification: numbers, or fractions such as 1/144.
     allowed = {parameter.name: parameter for parameter in method.parameters}
     specified: dict[str, float] = {}
+    # A colon without a parameter (`newmark:`) gives an empty item, which is reported as an error.
     items = parameter_text.replace(",", ":").split(":") if parameter_text or ":" in text else []
     for item in items:
         key, equals, number = (part.strip() for part in item.partition("="))
@@ -287,6 +296,7 @@ def parse(text: str) -> Integrator:
                 f"method {text!r}: {parameter.name} must be in {parameter.range}, got {value!r}"
             )
         values.append(value)
+    # Text of the specification with colons and without white space
     typed = ":".join([name, *("".join(item.split()) for item in items)])
     if "," in parameter_text:
         _deprecate(text, typed)
@@ -294,7 +304,11 @@ def parse(text: str) -> Integrator:
 
 
 def resolved(specification: str) -> dict[str, float]:
-    """Return the value of each parameter of a method, specified or default."""
+    """Return the values of all parameters of a method specification by name, including defaults.
+
+    For example, `newmark:beta=0.25` gives the values of `beta` and `gamma`. UsageError is raised
+    for an invalid specification (`parse`).
+    """
     return parse(specification).resolved
 
 
@@ -380,7 +394,11 @@ copyreg.pickle(Integrator, _reduce)
 def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
     """Return the methods of one or several specifications without duplicates.
 
-    Without specifications, all methods of the catalogue are returned with default parameters.
+    Parameters
+    ----------
+    specifications : str, iterable of str or None
+        Names with parameters, such as `hht:alpha=-0.1`. None: all methods of the catalogue with
+        default parameters.
 
     Raises
     ------

@@ -164,16 +164,17 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
         a11 = 1.0 - w * w * i1
         result[use_series] = _assemble_step(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
     if use_closed_form.any():
-        # Underdamped oscillators
+        # Underdamped oscillators have a closed form.
         w, xi = omega_h[use_closed_form], damping[use_closed_form]
         damped, decay = w * np.sqrt((1.0 - xi) * (1.0 + xi)), np.exp(-xi * w)
-        # c: decaying cosine; g: impulse response; i1, i2: its first and second integral
+        # c is the decaying cosine, g the impulse response; i1 and i2 are its first and second
+        # integral.
         c, g = decay * np.cos(damped), decay * np.sin(damped) / damped
         a11 = c + xi * w * g
         i1 = (1.0 - a11) / w**2
         i2 = (1.0 - g - 2.0 * xi * w * i1) / w**2
         result[use_closed_form] = _assemble_step(w, g, i1, i2, a11, c - xi * w * g)
-    # Overdamped oscillators with a large omega h
+    # Overdamped oscillators with a large omega h are rare and computed one by one.
     for index in np.argwhere(~use_series & ~use_closed_form):
         w, xi = omega_h[tuple(index)], damping[tuple(index)]
         result[tuple(index)] = _van_loan(np.array([[w * w]]), np.array([[2.0 * xi * w]]), np.eye(1))
@@ -198,6 +199,11 @@ def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Ar
     a11, a22 : ndarray, shape (k,)
         Displacement at the end after a unit initial displacement, and velocity at the end after a
         unit initial velocity.
+
+    Returns
+    -------
+    ndarray, shape (k, 2, 4)
+        One matrix for each oscillator.
     """
     coefficient_rows = np.array([[a11, g, i1 - i2, i2], [-w * w * g, a22, g - i1, i1]])
     return np.moveaxis(coefficient_rows, (0, 1), (-2, -1))

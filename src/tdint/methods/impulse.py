@@ -168,10 +168,10 @@ def step(
     iterations = 0
     is_last = False  # True if the last correction has been applied
     while True:
-        # Story forces and their impulses, eqs. 14 and 46
+        # Compute the story forces and their impulses, eqs. 14 and 46.
         is_stale = _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory)
-        # Residuals of eqs. 11 and 12 (kinematics) and 13 (momentum); acceleration from equilibrium
-        # at the end
+        # Compute the residuals of eqs. 11 and 12 (kinematics) and 13 (momentum), and the
+        # acceleration at the end from equilibrium.
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
         is_balanced = has_converged(
             iterations == MAX_ITERATIONS,
@@ -356,16 +356,17 @@ def _factor(coefficients, linear_terms, modal, h, factors):
         scratch[_ROW.FACTORED, i] = scratch[_ROW.TANGENT, i]
         tangent = scratch[_ROW.TANGENT, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
-        # Contribution of the story to the derivatives of the kinematic equation (eqs. 11, 12) with
-        # respect to u1 and v1: h^2/12 M a1 with a1 from equilibrium
+        # The story contributes to the derivatives of the kinematic equation (eqs. 11, 12) with
+        # respect to u1 and v1 by the term h^2/12 M a1, with a1 from equilibrium.
         scratch[_ROW.COUPLING, i] = -by_a * tangent
         scratch[_ROW.COUPLING + 1, i] = -by_a * damper
-        # Contribution to the derivatives of the momentum equation (eq. 13) with respect to u1 and
-        # v1: C, and k_T times the derivatives of q (eq. 14)
+        # It contributes to the derivatives of the momentum equation (eq. 13) with respect to u1 and
+        # v1 by C and by k_T times the derivatives of q (eq. 14).
         scratch[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         scratch[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)
-    # Modal damping C: -h^2/12 C in the kinematic equation for v1, C in the momentum equation for u1
+    # Modal damping C contributes -h^2/12 C to the derivative of the kinematic equation with respect
+    # to v1, and C to the derivative of the momentum equation with respect to u1.
     factor_blocks(factors, ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
 
 

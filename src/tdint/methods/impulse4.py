@@ -134,7 +134,7 @@ def step(
         code = _take_substeps(coefficients, scene, h, load, memory)
         if code != rows.NOT_CONVERGED:
             return code
-    # Complete step by Newton's method, without branches
+    # Solve the complete step by Newton's method, without following branches.
     step_status[rows.STEP_PEAKS] = 0.0
     store_load(
         linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch
@@ -210,7 +210,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
         # Complete time steps and substeps have separate factorizations, so that the factorization
         # of complete steps can be reused in the next step.
         factors = FACTORS if substep == h else FACTORS + factor_rows(modal.shape[0])
-        # Load of the substep, and solution on the current branches
+        # Compute the load of the substep, and solve its equations on the current branches.
         ground = load[rows.GROUND_0] + ground_rate * elapsed
         store_load(
             linear_terms,
@@ -407,7 +407,7 @@ def _shorten_increments(fraction, h, state, scratch, n):
         Number of floors.
     """
     remaining = 1.0 - fraction
-    # Cubic Hermite polynomial at `fraction`, and its derivative with respect to time
+    # Evaluate the cubic Hermite polynomial at `fraction`, and its derivative with respect to time.
     for i in range(n):
         du = scratch[momentum.DU, i]
         v0 = state[rows.VELOCITY, i]
@@ -497,6 +497,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         otherwise _BEFORE_EVENT if `story` has not reached the limit of its branch; otherwise 0.
     """
     outcome = 0.0
+    # The variables `..._below` contain the values of the floor below the story.
     u1_below = 0.0
     v0_below = 0.0
     v1_below = 0.0
@@ -589,8 +590,9 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
         elif HAS_CURVED_LAW and keep_branches and scratch[ROW.KINK, i] != 0.0:
-            # The story has a reversal within the substep. Accumulate the dissipated energy over the
-            # inner point and the reversal in the order in which they occur.
+            # The story has a reversal within the substep (THIRD_TRIAL). Accumulate the dissipated
+            # energy over the inner point (FIRST_TRIAL) and the reversal in the order in which they
+            # occur; PREVIOUS_BLOCK is the later one.
             second_block = int(scratch[ROW.PREVIOUS_BLOCK, i])
             first_block = rows.THIRD_TRIAL if second_block == rows.FIRST_TRIAL else rows.FIRST_TRIAL
             accumulate_dissipation(law_parameters, law_state, i, 0, first_block)

@@ -80,7 +80,8 @@ class Family:
     state_rows : int
         Rows of the state.
     derivatives : tuple of int
-        Order of the displacement derivative that has the same unit as each row of the state.
+        For each row of the state, the order of the displacement derivative with the same unit: 0
+        for m, 1 for m/s, 2 for m/s^2.
     halvable : bool
         True if a step that does not converge may be divided into shorter steps, because the
         coefficients are valid for any h.
@@ -191,8 +192,8 @@ class Integrator:
     @property
     def resolved(self) -> dict[str, float]:
         """Value of each parameter, specified or default."""
-        # There are no values if the plug-in of the method could not be loaded. Its attributes must
-        # not be accessed in this case.
+        # If the plug-in of the method could not be loaded, `values` is empty, and access to
+        # `method.parameters` would raise the error of the plug-in.
         names = (parameter.name for parameter in self.method.parameters) if self.values else ()
         return dict(zip(names, self.values, strict=True))
 
@@ -213,12 +214,19 @@ class Integrator:
 
     @property
     def stability_limit(self) -> float:
-        """Largest stable omega dt without damping, inf if there is none."""
+        """Largest stable omega dt without damping; inf if the method is stable for any omega dt.
+
+        omega is the circular frequency of a mode, rad/s, and dt the time step, s.
+        """
         return self.method.stability_limit(*self.values)
 
     @property
     def rho_inf(self) -> float:
-        """Spectral radius for omega dt to infinity, nan where the method is not stable there."""
+        """Spectral radius of the amplification matrix as omega dt tends to infinity.
+
+        omega is the circular frequency of a mode, rad/s, and dt the time step, s. nan if the method
+        is not stable in this limit.
+        """
         return self.method.rho_inf(*self.values)
 
     def coefficients(
@@ -226,7 +234,8 @@ class Integrator:
     ) -> NDArray[np.float64]:
         """Return the coefficients of the compiled step for one building and the time step h.
 
-        They depend on building, forces and h only if the family has the function `prepare`.
+        They depend on building, forces and h only if the family has the function `prepare`. Their
+        meaning and order are defined by the step of the family.
 
         Parameters
         ----------

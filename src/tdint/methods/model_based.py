@@ -350,7 +350,7 @@ def chang_step(
     acceleration_factors = Factors(
         scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1
     )
-    # Factorizations of D and of M + h/2 C; both remain valid for the same h.
+    # Factorize D and M + h/2 C. Both factorizations remain valid as long as h is the same.
     if step_status[rows.FACTORED_STEP] != h:
         factorizations = displacement_factors, acceleration_factors
         _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n)

@@ -126,15 +126,15 @@ def step(
         Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
         then unchanged. NOT_FINITE if the new state is not finite.
     """
-    # Both integrals of the load: its mean int p dt and its first moment 12 int s p dt
+    # Compute both integrals of the load: its mean int p dt and its first moment 12 int s p dt.
     mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
-    # D0 and D1; a negative code means that Newton's method does not converge.
+    # Solve for D0 and D1; a negative code means that Newton's method does not converge.
     code = solve_step(coefficients, scene, h, memory)
     if code < 0:
         return code
-    # Peaks at branch changes and reversals, then the state at the end of the step
+    # Update the peaks at branch changes and reversals, then the state to the end of the step.
     if HAS_NONLINEAR_FORCE:
         update_peaks_at_corners(scene, h, load, memory)
     update_state(coefficients, scene, h, memory)

@@ -121,7 +121,8 @@ def step(
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
     weights = coefficients
-    # First guess. by_w, by_v, by_a: change of mean velocity, velocity, acceleration per unit of x
+    # Store the first guess. by_w, by_v and by_a are the changes of mean velocity, velocity and
+    # acceleration per unit of the unknown x.
     if step_status[rows.STEPS_DONE] < START:
         by_w = 0.25 * h  # u1 changes by h^2 x / 4
         by_v = 0.5 * h
@@ -237,11 +238,11 @@ def _guess_multi_step(coefficients, h, state, scratch, n):
 
 
 def _family(*memory: int) -> Family:
-    """Return the family of the multi-step methods with `memory` as the independent rows of the
-    state.
+    """Return the family of the multi-step methods, with the independent rows of the state.
 
-    `shifts` are the changes of the state for a unit jump of the accelerations between two steps.
-    The motion before the jump is then replaced by t^2 / 2, with t = 0 at the jump. Its mean
+    `memory` contains the numbers of the independent rows, in which Houbolt's and Park's method
+    differ. `shifts` are the changes of the state for a unit jump of the accelerations between two
+    steps. The motion before the jump is then replaced by t^2 / 2, with t = 0 at the jump. Its mean
     velocities are -h/2 and -3 h/2 over the last two steps, and its mean accelerations are 1.
     """
     return Family(

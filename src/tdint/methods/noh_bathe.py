@@ -121,7 +121,7 @@ def step(
         1, or NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
-    # First substep: displacement and predicted velocity from the state alone
+    # The first substep computes displacement and predicted velocity from the state alone.
     elapsed = coefficients[_P] * h
     u_below = 0.0
     for i in range(n):
@@ -135,7 +135,8 @@ def step(
     ground = load[rows.GROUND_0] + coefficients[_P] * (load[rows.GROUND_1] - load[rows.GROUND_0])
     floor_load(linear_terms, forces, load[rows.TIME] + elapsed, ground, scratch, _ROW.LOAD)
     _accelerate(linear_terms, modal, law_state, rows.FIRST_TRIAL, scratch)
-    # Displacement and predicted velocity at the end from the accelerations a0 and ac
+    # The second substep computes displacement and predicted velocity at the end of the step from
+    # the accelerations a0 and ac.
     u_by_a0 = coefficients[_U1] * h * h
     u_by_ac = coefficients[_U1 + 1] * h * h
     w_by_a0 = coefficients[_W1] * h
@@ -144,7 +145,7 @@ def step(
     for i in range(n):
         v0 = state[rows.VELOCITY, i]
         a0 = state[rows.ACCELERATION, i]
-        ac = scratch[_ROW.INNER_FORCE, i]
+        ac = scratch[_ROW.INNER_FORCE, i]  # `_accelerate` has stored it in this row
         scratch[_ROW.AC, i] = ac
         u = state[rows.DISPLACEMENT, i] + h * v0 + u_by_a0 * a0 + u_by_ac * ac
         scratch[_ROW.V, i] = v0 + w_by_a0 * a0 + w_by_ac * ac
@@ -154,7 +155,8 @@ def step(
         u_below = u
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     _accelerate(linear_terms, modal, law_state, rows.SECOND_TRIAL, scratch)
-    # Velocity and acceleration at the end; dissipated energy of both parts of the path
+    # Store velocity and acceleration at the end, and commit the laws with the energy dissipated on
+    # both parts of the path.
     v_by_a0 = coefficients[_V1] * h
     v_by_ac = coefficients[_V1 + 1] * h
     v_by_a1 = coefficients[_V1 + 2] * h
@@ -251,7 +253,8 @@ def stability_limit(p: float) -> float:
 
     _, u_by_a0, u_by_ac, _, _, v_by_a0, v_by_ac, v_by_a1 = coefficients_of(p)
     y = Polynomial([0.0, 1.0])
-    # Accelerations are -y times displacements, in units of h^2. Factors of u0, then of h v0:
+    # h^2 times an acceleration is -y times the displacement. uc, u1 and v1 contain the factors of
+    # u0 and of h v0 in uc, u1 and h v1.
     uc = (1.0 - 0.5 * p * p * y, Polynomial([p]))
     u1 = (1.0 - y * (u_by_a0 + u_by_ac * uc[0]), 1.0 - y * u_by_ac * uc[1])
     v1 = (

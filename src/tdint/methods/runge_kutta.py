@@ -146,7 +146,7 @@ def explicit_step(
         finite. Steps with an iteration return the number of iterations.
     """
     n = linear_terms.shape[1] - 1
-    # First stage: start of the step
+    # The first stage is the start of the step.
     for i in range(n):
         scratch[_EXPLICIT.V, i] = state[rows.VELOCITY, i]
         scratch[_EXPLICIT.A, i] = state[rows.ACCELERATION, i]
@@ -162,13 +162,14 @@ def explicit_step(
             for i in range(n):
                 scratch[_EXPLICIT.U, i] += weight * scratch[_EXPLICIT.V + previous_stage, i]
                 scratch[_EXPLICIT.V + stage, i] += weight * scratch[_EXPLICIT.A + previous_stage, i]
-        # Restoring forces of the stories at the drifts of the stage, from the start of the step
+        # Compute the restoring forces at the drifts of the stage, on the path from the start of the
+        # step.
         u_below = 0.0
         for i in range(n):
             drift = scratch[_EXPLICIT.U, i] - linear_terms[rows.LINK, i] * u_below
             restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
             u_below = scratch[_EXPLICIT.U, i]
-        # Acceleration of the stage from equilibrium
+        # Compute the acceleration of the stage from equilibrium.
         c = coefficients[node_index]
         ground = load[rows.GROUND_0] + c * (load[rows.GROUND_1] - load[rows.GROUND_0])
         floor_load(linear_terms, forces, load[rows.TIME] + c * h, ground, scratch, _EXPLICIT.LOAD)
@@ -764,7 +765,8 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
     """
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # Extrapolation from the second stage to the end, relative to the distance of the stages
+    # The end of the step is at this distance from the second stage, divided by the distance of both
+    # stages.
     extrapolation = (1.0 - coefficients[_C + 1]) / (coefficients[_C + 1] - coefficients[_C])
     u_below = 0.0
     for i in range(n):
@@ -776,7 +778,7 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
         state[rows.DISPLACEMENT, i] = u1
         state[rows.VELOCITY, i] = v0 + h * (coefficients[_B] * a1 + coefficients[_B + 1] * a2)
         state[rows.ACCELERATION, i] = a2 + extrapolation * (a2 - a1)
-        # Dissipated energy of each part of the path
+        # Accumulate the energy dissipated on each part of the path; `commit` adds the last part.
         accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
         accumulate_dissipation(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         drift = u1 - linear_terms[rows.LINK, i] * u_below

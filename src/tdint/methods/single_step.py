@@ -115,7 +115,8 @@ def step(
         invalidate(scratch, _FACTORS, n)
         step_status[rows.FACTORED_STEP] = h
     _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, scratch)
-    # Increments of displacement, velocity and acceleration at the weighted point per unit of da
+    # Displacement, velocity and acceleration at the weighted point change by these amounts per unit
+    # of da.
     effective = EffectiveCoefficients(
         coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1]
     )
@@ -123,7 +124,8 @@ def step(
     code = solve_equilibrium(effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
-    # Response at the end of the step, and laws at its drifts
+    # Store the response at the end of the step, and commit the laws at its drifts. The laws follow
+    # the path again, because they were evaluated at the weighted point.
     u_below = 0.0
     for i in range(n):
         da = scratch[ROW.X, i]
@@ -259,7 +261,7 @@ def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
     r1, r2, r3 : float
         Absolute values of the three eigenvalues of the amplification matrix at infinite frequency.
     """
-    # The published coefficients, with abbreviations for their common parts
+    # d, e, n and q are common parts of the published coefficients.
     d = (1.0 + r1) * (1.0 + r2)
     e = d * (1.0 + r3)
     n = 3.0 + r1 + r2 - r1 * r2
@@ -292,7 +294,8 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
     """
     # Row vector; its product with (u0, h v0, h^2 a0) is h^2 da.
     da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
-    # Response at the end of the step for da = 0, then the effect of da
+    # `free` gives the response at the end of the step for da = 0. The outer product adds the effect
+    # of da.
     free = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     return np.asarray(free + np.outer([row[L3], row[L5], 1.0], da))
 
@@ -360,6 +363,7 @@ def _collocation_limit(beta: float, theta: float) -> float:
     """
     low = (2.0 * theta**2 - 1.0) / (4.0 * (2.0 * theta**3 - 1.0))
     high = theta / (2.0 * (theta + 1.0))
+    # The factor 1 + 1e-14 accepts parameters at a limit despite rounding errors.
     return math.inf if low <= beta * (1.0 + 1e-14) and beta <= high * (1.0 + 1e-14) else math.nan
 
 
@@ -370,14 +374,14 @@ def _family_member(
     *parameters: Parameter,
     **declared: Any,
 ) -> Method:
-    """Return a method of the family.
+    """Return the entry of the catalogue for one generalized single-step method.
 
     Parameters
     ----------
     name : str
         Name of the method.
     row : callable
-        Parameter values -> coefficients of the method.
+        Parameter values -> coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the method.
     source : str
         Publication.
     *parameters : Parameter
@@ -385,11 +389,19 @@ def _family_member(
     **declared
         Further fields of `Method`. By default, the spectral radius at infinite frequency is
         computed from the coefficients, and the method is implicit unless L3W3 is 0.
+
+    Returns
+    -------
+    Method
+        Method with the compiled step of this family.
     """
 
     def rho_inf(*values: float) -> float:
-        """Return the spectral radius at infinite frequency; nan if the method is not stable
-        there."""
+        """Return the spectral radius at infinite frequency for the parameters `values`.
+
+        nan if the method is not unconditionally stable. `method` is the method of the enclosing
+        function, which is defined when this function is called.
+        """
         if method.stability_limit(*values) != math.inf:
             return math.nan
         return _rho_inf(row(*values))
@@ -406,7 +418,17 @@ def _family_member(
 
 
 def _newmark(name: str, beta: float, source: str) -> Method:
-    """Return Newmark's method with a fixed beta and gamma = 1/2."""
+    """Return the entry of the catalogue for Newmark's method with a fixed beta and gamma = 1/2.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    beta : float
+        Parameter beta of Newmark's formula for the displacement.
+    source : str
+        Publication.
+    """
     return _family_member(
         name, lambda: newmark(beta, 0.5), source, stability_limit=lambda: _newmark_limit(beta, 0.5)
     )

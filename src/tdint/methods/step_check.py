@@ -31,14 +31,15 @@ from tdint.model.definition import Law, simple_model, simple_story
 
 
 def faults_of_step(integrator: Integrator) -> list[str]:
-    """Return the faults of the step function of a method, executed in plain Python.
+    """Return messages about the faults of the step function of a method; an empty list if correct.
 
-    The faults are access to undeclared rows and wrong results for yielding stories. Only one
-    hysteresis model is tested because the user waits for the result (3 s). The list is empty for a
-    correct step.
+    The step is executed in plain Python. The faults are access to undeclared rows and wrong results
+    for yielding stories. Only one hysteresis model (bilinear) is tested because the user waits for
+    the result (3 s). A method for linear buildings is tested with linear stories only.
     """
     try:
-        integrate_in_python("linear", integrator, 1)  # one time step in `_H`
+        # Linear stories, with the time step `_H` (1 step in `_H`), reveal wrong indices.
+        integrate_in_python("linear", integrator, 1)
         if integrator.family.linear_only:
             return []
         return list(faults_with_yielding(integrator, ["bilinear"]).values())
@@ -174,6 +175,7 @@ def integrate_in_python(
             return rows.NOT_CONVERGED
         return int(integrator.family.step.function(*arguments))
 
+    # First and last step of each call of the time loop; the arrays are cleared between two calls.
     step_ranges = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
     for first_step, last_step in step_ranges:
         if first_step:
@@ -358,7 +360,8 @@ def _order_fault(
     }
     # The law tanh has no kinks; the reference has order 4.
     expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
-    # Order from the errors of the time steps _H and _H / 4, and of _H / 2 and _H / 4
+    # Observe the order from the errors with the time steps _H and _H / 4, and _H / 2 and _H / 4. If
+    # the error is zero with _H / 4, the order is infinite.
     observed_orders = [math.inf]
     if errors[4]:
         observed_orders = [
@@ -466,8 +469,9 @@ def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
 def _imbalance(totals: Array) -> float:
     """Return the imbalance of the energies at the end, divided by the maximum input energy.
 
-    It is the initial energy plus the work of the load minus all other energies (kinetic, viscous,
-    dashpots, strain, hysteretic). It is positive if energy is missing at the end.
+    The imbalance is the initial energy plus the work of the load minus all other energies (kinetic,
+    viscous, dashpots, strain, hysteretic). It is positive if energy is missing at the end. `totals`
+    are the values of the complete run with the rows of `tdint.kernels.layout`.
     """
     spent = float(np.sum(totals[rows.ENERGY_INPUT + 1 : rows.ENERGY_TERMS]))
     received = float(totals[rows.ENERGY_INITIAL] + totals[rows.ENERGY_INPUT])
@@ -475,11 +479,11 @@ def _imbalance(totals: Array) -> float:
 
 
 def _displacements(arrays: Workspace, parts: int) -> Array:
-    """Return the displacements of all floors at the times of the largest step `_H`, m: one row per
-    time.
+    """Return the displacements of all floors at multiples of the time step `_H`, m.
 
-    `parts` is the number of time steps of the history in `_H`. Column 0 of the history is the
-    ground acceleration, and the displacements follow.
+    `parts` is the number of time steps of the integration in `_H`. The result has one row per time
+    and one column per floor. Column 0 of the history is the ground acceleration, and the
+    displacements follow.
     """
     floors = arrays.state.shape[1] - 1
     return np.asarray(arrays.history[::parts, 1 : 1 + floors])

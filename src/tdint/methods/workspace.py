@@ -89,11 +89,11 @@ class Workspace:
 def workspace(
     building: Building, integrator: Integrator, row_count: int = 0, collapse_drift: float = math.inf
 ) -> Workspace:
-    """Return new arrays for one run.
+    """Return new arrays for one run: zeros, except for flags, collapse limits and law addresses.
 
     The number of their columns is the number of stories plus a column of zeros. State and scratch
     rows depend on the method, and the rows of the law states on the hysteretic laws of the
-    building.
+    building. Laws that are compiled separately are compiled here if necessary.
 
     Parameters
     ----------
@@ -102,14 +102,14 @@ def workspace(
     integrator : Integrator
         Method.
     row_count : int, default 0
-        Number of rows of the history.
+        Number of rows of the history; 0 to store no history.
     collapse_drift : float, default infinity
         Drift ratio above which a story has collapsed.
 
     Raises
     ------
     AnalysisError
-        The free memory is too small.
+        The free memory is too small for the history.
     """
     n = building.stories
     modes = building.modal.shape[0]
@@ -172,9 +172,21 @@ def history_width(building: Building) -> int:
 def state_jumps(integrator: Integrator, h: float) -> Array:
     """Return the change of each row of the state for a unit jump of the floor accelerations.
 
-    Such jumps occur between two time steps of length h (s) if a time step is longer than the
-    sampling interval of the ground motion. A row with the unit of the derivative of order k of the
-    displacement changes by its factor `Family.shifts` times h^(2 - k).
+    Such jumps occur between two time steps if a time step is longer than the sampling interval of
+    the ground motion. A row with the unit of the derivative of order k of the displacement changes
+    by its factor `Family.shifts` times h^(2 - k).
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Method.
+    h : float
+        Time step, s.
+
+    Returns
+    -------
+    ndarray, shape (rows of the state,)
+        Change divided by the jump, s^(2 - k) for a row with the derivative of order k.
     """
     family = integrator.family
     return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))

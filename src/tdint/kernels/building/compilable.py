@@ -208,7 +208,8 @@ class Compilable:
         return required
 
     def loaded(self, variant: Variant) -> bool:
-        """Return True if this process has loaded the kernel for a variant."""
+        """Return True if this process has loaded or installed the kernel for a variant."""
+        # Most calls request the variant of the last call; this test avoids the hash of a variant.
         last_variant, function = self._last
         if function is not None and variant is last_variant:
             return True

@@ -225,7 +225,11 @@ def indirect_caller(signature: Signature) -> Any:
 
 @intrinsic
 def local(typing_context, size):
-    """Return the code for an uninitialized array of `size` numbers on the stack of a function."""
+    """Return the code for an uninitialized array of `size` numbers on the stack of a function.
+
+    The results are the signature for numba and the function that generates the code. In a kernel,
+    `local(size)` is an array that exists until the calling function returns.
+    """
     return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
     )
@@ -233,14 +237,17 @@ def local(typing_context, size):
 
 @intrinsic
 def local_table(typing_context, rows, columns):
-    """Return the code for an uninitialized table of `rows` times `columns` numbers on the stack."""
+    """Return the code for an uninitialized table of `rows` times `columns` numbers on the stack.
+
+    The results are the signature for numba and the function that generates the code, as in `local`.
+    """
     return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
     )
 
 
 def _on_stack(dimensions: int) -> Any:
-    """Return the numba type of an array of floating-point numbers in C order."""
+    """Return the numba type of an array of float64 in C order with a number of dimensions."""
     return types.Array(types.float64, dimensions, "C")
 
 
@@ -308,9 +315,11 @@ def objects_of(
         )
     compiled = specialized(function)
     compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
+    # The function has been compiled for exactly one tuple of argument types.
     (arguments,) = compiled.overloads
     text = compiled.inspect_llvm(arguments)
-    # Functions that the kernel declares and uses, except those of LLVM and of the C library.
+    # Find the functions that the kernel calls and that are neither part of LLVM nor of the C
+    # library. Such a call could not be resolved when the object file is loaded.
     declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
     foreign = (
         name for name in declared if not name.strip('"').startswith("llvm.") and name not in _MATH
@@ -332,7 +341,8 @@ def objects_of(
     }
 
     def renamed(use: re.Match[str]) -> str:
-        """Return a use of a symbol with its new name; other symbols are not changed."""
+        """Return the replacement of a match of `_SYMBOL`: the same prefix (@ or $) with the new
+        name in quotation marks, or the unchanged text if the module does not define the symbol."""
         return f'{use[1]}"{names[use[2]]}"' if use[2] in names else use[0]
 
     text = _SYMBOL.sub(renamed, text)
@@ -348,6 +358,7 @@ def _emitted(text: str, target: Target) -> bytes:
     through a kernel, and on Windows the tables would have to be near the code, which is not the
     case.
     """
+    # `_tm` is the LLVM target machine with which numba compiles for this machine.
     if target == native():
         codegen = numba.core.registry.cpu_target.target_context.codegen()
         return bytes(codegen._tm.emit_object(llvm.parse_assembly(text)))

@@ -38,7 +38,8 @@ _SECONDS = {1: 5.0, 2: 9.0, 3: 15.0}
 _ONE_AT_A_TIME = threading.Lock()
 """Lock for the loading of objects by LLVM, which must not be used by two threads at the same
 time."""
-# A forked process would wait for a thread that does not exist in it.
+# A process that is forked while a thread holds the lock inherits the locked lock, but not the
+# thread that would release it. The lock is therefore reset in the forked process.
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
 
@@ -84,9 +85,24 @@ def _load_missing(
 ) -> None:
     """Load the kernels that are not loaded, and compile kernels without an object file.
 
-    The arguments are described in `load_or_compile`. The caller holds the lock `_ONE_AT_A_TIME`,
-    because LLVM must not be used by two threads at the same time. With TDINT_KERNELS=python, the
-    kernels are installed as Python functions instead.
+    The caller holds the lock `_ONE_AT_A_TIME`, because LLVM must not be used by two threads at the
+    same time. With TDINT_KERNELS=python, the kernels are installed as Python functions instead.
+
+    Parameters
+    ----------
+    pairs : sequence of (Compilable, Variant)
+        Kernels, each with the features that it must support.
+    progress : callable
+        Is called with the completed fraction, from 0 to 1.
+    own_loops : bool
+        True to use only kernels that are compiled for exactly the required features.
+
+    Raises
+    ------
+    AnalysisError
+        A kernel cannot be compiled.
+    UsageError
+        The value of TDINT_KERNELS is invalid.
     """
     requested = [
         (kernel, kernel.required_variant(variant))
@@ -109,7 +125,9 @@ def _load_missing(
     if not (missing := _load_existing(dict.fromkeys(requested), own_loops)):
         return
     folder = store.writable()
-    # Processes that need the same kernels wait for each other; other processes usually do not.
+    # Processes that need the same kernels wait for each other. The lock file is one of 16, selected
+    # by a checksum of the missing kernels, so that processes that need other kernels usually do not
+    # wait. Without a writable directory, `file` is None and nothing is locked.
     kernel_list = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
     file = folder and folder / f".lock-{crc32(kernel_list.encode()) % 16}"
     with locked(
@@ -150,7 +168,8 @@ def _load_existing(
         # Use the first object file that exists and can be loaded.
         for usable in (variant,) if own_loops else _usable_variants(variant):
             stored = store.find_object(kernel.name, usable.text, runnable())
-            # `stored` is the file, the object and its symbol.
+            # `stored` contains the path of the file, which is not needed here, the code of the
+            # object and the name of its function; it is None without an object file.
             if stored and _load(kernel, variant, *stored[1:]):
                 break
         else:
@@ -173,7 +192,15 @@ def _compile(
     progress : callable
         Is called with the completed fraction.
     folder : Path or None
-        Directory of the object files; None if no directory is writable.
+        Directory of the object files; None if no directory is writable. The kernels are then used
+        in this process only.
+
+    Raises
+    ------
+    AnalysisError
+        A kernel cannot be compiled, or TDINT_COMPILE=never forbids it.
+    RuntimeError
+        A compiled kernel cannot be loaded.
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.loading import unpack
@@ -198,6 +225,7 @@ def _compile(
         names,
         destination,
     )
+    # Each compilation is for this machine only, and therefore has a single object file, `data`.
     running = run_all(compilations((*pair, NATIVE) for pair in missing))
     for completed, (compilation, (data,)) in enumerate(running):
         progress(completed / count)
@@ -216,8 +244,10 @@ def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
     """Return the approximate compile time of kernels, s, measured on processors of 2024.
 
     The kernels are compiled in parallel by all processors. A kernel that does not depend on the
-    laws is compiled as fast as a kernel with a single law.
+    laws is compiled as fast as a kernel with a single law. `pairs` contains each kernel with its
+    variant.
     """
+    # A variant without names of laws contains all laws.
     durations = [
         _SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1]
         for kernel, variant in pairs
@@ -256,9 +286,10 @@ def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> boo
 
 
 def _python_function(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a kernel as a Python function that treats divisions by zero like compiled code.
+    """Return a Python function of a kernel that treats divisions by zero as compiled code does.
 
-    The result is then infinite or nan, without a warning or an exception.
+    The result of such a division is infinite or nan, without a warning or an exception. `function`
+    is the undecorated function of the kernel.
     """
 
     def call(*arguments: Any) -> Any:
@@ -272,7 +303,8 @@ def _python_function(function: Callable[..., Any]) -> Callable[..., Any]:
 # ---- First run without compilation
 
 _JOBS = ("CI", "SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID")
-"""Environment variables of continuous integration and of the schedulers of clusters."""
+"""Environment variables that are set in continuous integration and by the schedulers of clusters.
+In such jobs the kernels are always compiled first."""
 
 _BACKGROUND_LOCK = ".lock-beside"
 _BACKGROUND_PROGRAM = (
@@ -325,6 +357,8 @@ def interpret_while_compiling(
     # Without numba the compilation fails, and the caller reports the error.
     if importlib.util.find_spec("numba") is None:
         return False
+    # The kernels of the time loop are either all compiled or all Python functions. `others` are
+    # interpreted only if they have no object file.
     with _ONE_AT_A_TIME:
         in_loop = [(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]
         if not _load_existing(in_loop, False):
@@ -408,11 +442,16 @@ def compile_in_background() -> None:
 
 
 def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a kernel as a Python function that operates on memory views, which take two thirds of
-    the time.
+    """Return a Python function of a kernel that accesses its arrays through memory views.
 
-    Elements of memory views are Python numbers. An operation that arrays allow and Python numbers
-    do not, such as a division by zero, is repeated with the arrays in their previous state.
+    A call takes two thirds of the time of a call with NumPy arrays, because the elements of memory
+    views are Python numbers. If an operation fails that arrays allow and Python numbers do not,
+    such as a division by zero, the arrays are restored and the call is repeated with arrays.
+
+    Parameters
+    ----------
+    function : callable
+        Undecorated function of the kernel. Its arguments are numbers, arrays and other kernels.
     """
     python_function = _python_function(function)
 
@@ -421,6 +460,7 @@ def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
         arrays = [argument for argument in arguments if isinstance(argument, np.ndarray)]
         if not arrays:  # called by a kernel that already uses memory views
             return function(*arguments)
+        # The kernel changes its arrays. The copies restore them if the call fails half-way.
         saved = [array.copy() for array in arrays]
         try:
             views = [
@@ -455,7 +495,8 @@ def compile_ahead(
     targets : iterable of str
         Names of the processors, see `tdint.kernels.building.target.named`.
     folder : Path or None
-        Directory that TDINT_KERNELS_DIR will name; None for the cache.
+        Directory for the object files, to be used later as TDINT_KERNELS_DIR; it is created if
+        necessary. None for the cache of the user.
     progress : callable
         Is called with the completed fraction, from 0 to 1.
 
@@ -498,9 +539,10 @@ def compile_ahead(
 def _objects(
     requested: Iterable[tuple[Compilable, Variant, str]],
 ) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
-    """Yield the object files of kernels for other processors and systems (targets).
+    """Yield the object files of kernels for any processors and systems (targets).
 
-    An existing object file is read. The other kernels are compiled.
+    Existing object files are read and yielded first. The other kernels are compiled and yielded in
+    the order of their completion.
 
     Parameters
     ----------
@@ -529,9 +571,19 @@ def _objects(
 
 
 def list_objects(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str, str]]:
-    """Return for each kernel its name, variant, file and the origin of the file.
+    """Return a table of kernels and their object files, one row per kernel without duplicates.
 
-    File and origin are empty for kernels without object file.
+    Parameters
+    ----------
+    pairs : iterable of (Compilable, Variant)
+        Kernels with their variants.
+
+    Returns
+    -------
+    list of tuple of str
+        Name of the kernel, features of the variant separated by spaces, path of the object file,
+        and its origin: `wheel`, `TDINT_KERNELS_DIR` or `cache`. Path and origin are empty for a
+        kernel without object file.
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable

@@ -24,13 +24,24 @@ _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
 
 
 def pack(code: bytes, description: dict[str, Any]) -> bytes:
-    """Return the file contents of an object and its description, with a common hash."""
+    """Return the contents of an object file: one line of JSON with the description, then the code.
+
+    Parameters
+    ----------
+    code : bytes
+        Compiled object.
+    description : dict
+        Properties of the object, including `symbol`, the name of its function. The format and the
+        SHA-256 of description and code are added.
+    """
     description = {"form": _FORMAT, **description}
     return json.dumps({**description, "sha256": _hash(description, code)}).encode() + b"\n" + code
 
 
 def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
-    """Return the object and its description from the contents of a file written by `pack`.
+    """Return the code and its description from the contents of a file written by `pack`.
+
+    The description contains the properties passed to `pack` and the format, without the hash.
 
     Raises
     ------
@@ -56,7 +67,7 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
 
 
 def _hash(description: dict[str, Any], code: bytes) -> str:
-    """Return the SHA-256 of the description and the object."""
+    """Return the SHA-256 of the description (as sorted JSON) and the code, in hexadecimal form."""
     return hashlib.sha256(
         json.dumps(description, sort_keys=True).encode() + b"\n" + code
     ).hexdigest()
@@ -109,7 +120,11 @@ class Loaded:
         self._function = prototype(self.address)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the kernel and return its result."""
+        """Call the kernel and return its result, a float or an int.
+
+        Raises TypeError if an array does not match the signature, and RuntimeError if the compiled
+        function returns an error code.
+        """
         flat: list[Any] = []  # arguments of the C function
         for convert, argument in zip(self._converters, arguments, strict=True):
             convert(argument, flat)
@@ -145,7 +160,8 @@ def _converters(
     for argument in arguments:
         match argument:
             case ArrayOf(dimensions):
-                # meminfo, parent, number of items, bytes per item, data, shape, strides
+                # numba passes an array as meminfo, parent, number of items, bytes per item, address
+                # of the data, and one number per dimension for the shape and for the strides.
                 types += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
                 types += [ctypes.c_int64] * (2 * dimensions)
                 converters.append(_table(dimensions))

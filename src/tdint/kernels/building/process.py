@@ -28,11 +28,22 @@ _POSITION = re.compile(r'(?:File "| at )(?:[^"]*[/\\])?([^"/\\]+\.py)(?:", line 
 """Position in a source file, as in the messages of Python and numba."""
 
 _MISSING = re.compile(r"name '(\w+)'")
+"""Undefined name in a message of Python or numba, as in "name 'x' is not defined"."""
 
 
 @dataclass(frozen=True)
 class Compilation:
-    """Compilation of one kernel in one variant, for targets with equal optimization by numba."""
+    """Compilation of one kernel in one variant, for targets with equal optimization by numba.
+
+    Attributes
+    ----------
+    kernel : Compilable
+        Kernel to compile.
+    variant : Variant
+        Features that the compiled code must support.
+    targets : mapping of str to Target
+        Processors and systems by name, one object file for each.
+    """
 
     kernel: Compilable
     variant: Variant
@@ -88,7 +99,7 @@ class Compilation:
         )
 
     def reason(self, text: list[str]) -> str:
-        """Return the reason of a failure with file and line.
+        """Return the reason why this compilation failed, from the error output of the process.
 
         The reason is the message of numba after its last "Failed in nopython", or otherwise the
         last line of the output. The position is the first one in the output that is in a file from
@@ -98,6 +109,12 @@ class Compilation:
         ----------
         text : list of str
             Lines of the standard error output of the process.
+
+        Returns
+        -------
+        str
+            `FILE:LINE: message`, `FILE: message` if the line is unknown, or only the message.
+            Empty if the output contains no message.
         """
         failures = [i for i, line in enumerate(text) if "Failed in nopython" in line]
         lines_after = text[-1:]
@@ -157,7 +174,12 @@ class _Process:
     is compiled once."""
 
     def __init__(self, settings: Mapping[str, str]) -> None:
-        """Start the process.
+        """Start the process, and a thread that reads its error output.
+
+        Parameters
+        ----------
+        settings : mapping of str to str
+            Environment variables of the process (`Compilation.settings`).
 
         Raises
         ------
@@ -175,10 +197,11 @@ class _Process:
             env={
                 **{**os.environ, **settings, "PYTHONPATH": path, "TDINT_KERNELS": "compile"},
                 "OPENBLAS_NUM_THREADS": "1",
-                "PYTHONHASHSEED": "0",  # numba iterates over sets of names
+                "PYTHONHASHSEED": "0",  # equal object code: numba iterates over sets of names
             },
         )
-        # A thread reads the error output. A temporary file would need a writable directory.
+        # A thread reads the error output, so that the process never waits for a full pipe. A
+        # temporary file would need a writable directory.
         self._reader = ThreadPoolExecutor(1)
         try:
             self._error_output = self._reader.submit(self._pipe(self._process.stderr).read)
@@ -187,7 +210,9 @@ class _Process:
             raise
 
     def compile(self, compilation: Compilation) -> list[bytes]:
-        """Return the contents of the object file for each target.
+        """Compile a kernel in the process; return the contents of the object file for each target.
+
+        The object files are in the order of `compilation.targets`.
 
         Raises
         ------
@@ -215,11 +240,11 @@ class _Process:
         raise AnalysisError(f"{compilation.kernel.name} cannot be compiled: {message}") from output
 
     def end(self) -> None:
-        """Kill the process."""
+        """Kill the process, and close its pipes and the thread that reads its error output."""
         self._process.kill()
         self._reader.shutdown()
-        # Leaving the context closes the pipes. OSError: a request that is still in the buffer
-        # cannot be delivered to a process that has ended.
+        # Leaving the context of the process closes the pipes. An OSError is ignored: it reports
+        # that a request in the buffer cannot be delivered to a process that has ended.
         with suppress(OSError), self._process:
             pass
 
@@ -299,7 +324,10 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
 
 
 def _nothing_started(compilation: Compilation, error: Exception) -> AnalysisError:
-    """Return the error for a kernel if no process or no thread can be started."""
+    """Return the exception for a kernel if no process or no thread can be started.
+
+    `compilation` is the compilation that requested the process, and `error` the reason.
+    """
     return AnalysisError(
         f"{compilation.kernel.name} cannot be compiled: no process or thread can be started "
         f"({error}); raise the limit on processes (ulimit -u, pids of a container), or set "
@@ -395,7 +423,10 @@ class _ProcessPool:
             return next_compilation
 
     def _start(self, compilation: Compilation) -> _Process:
-        """Start a process for a compilation."""
+        """Start a process with the settings of a compilation and register it for `stop`.
+
+        Raises AnalysisError if no process or thread can be started.
+        """
         with self._lock:
             try:
                 process = _Process(compilation.settings)
@@ -405,7 +436,7 @@ class _ProcessPool:
             return process
 
     def _end(self, process: _Process | None) -> None:
-        """End a process if it is running."""
+        """End a process; do nothing for None and for a process that another thread has ended."""
         with self._lock:
             running = process in self._processes
             self._processes.discard(process)

@@ -93,9 +93,15 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     Parameters
     ----------
     module : str
-        Module of the kernel.
+        Name of the module of the kernel.
     laws : tuple of str
-        As for `digest`.
+        Names of the drift laws for which the kernel is compiled; the modules of other laws are
+        omitted. Empty for all laws.
+
+    Returns
+    -------
+    dict of str to Path
+        Source file of each module.
     """
     law_modules = {"law", *(name.replace("-", "_") for name in laws)}
     files: dict[str, Path] = {}
@@ -118,12 +124,19 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
 def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
     """Return the SHA-256 of the files of external modules and of their imports, by file name.
 
+    External modules are those of plug-ins; modules of tdint and modules without a file are omitted.
+
     Parameters
     ----------
     modules : iterable of str
-        Names of the modules.
+        Names of imported modules.
     package : str
-        Prefix of the file names.
+        Prefix of the file names in the result.
+
+    Returns
+    -------
+    dict of str to str
+        Hexadecimal SHA-256 of each file, sorted by file name.
     """
     digests: dict[str, str] = {}
     seen, queue = set[str](), list(modules)
@@ -155,8 +168,11 @@ def code_of(named: Iterable[str]) -> dict[str, str]:
 
 @cache
 def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
-    """Return the hash of a file and the names of the modules of kernels and methods that it may
-    import."""
+    """Return the SHA-256 of a source file, and the modules of kernels and methods that it imports.
+
+    The hash is binary. A name in the result can also be a function or constant of a module, because
+    the text of an import does not distinguish them; `_own_file` returns None for such a name.
+    """
     text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout on Windows can contain CR LF
     names: list[str] = []
     for package, imported_names in _IMPORT.findall(text):
@@ -184,6 +200,8 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
+            # A relative import with one dot is relative to the package of the module; each further
+            # dot removes one level.
             parent = package.rsplit(".", node.level - 1)[0] if node.level else ""
             base = ".".join(filter(None, (parent, node.module)))
             if base != _PUBLIC:

@@ -123,8 +123,25 @@ def has(name: str, variant: str, target: Target, directory: Path | None = None) 
 
 
 def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
-    """Yield the directories that are searched for object files, with True if files of other users
-    are ignored in the directory.
+    """Yield the directories that are searched for object files, in order.
+
+    These are the shared directory (TDINT_KERNELS_DIR), the cache of the user and the directory of
+    the package.
+
+    Parameters
+    ----------
+    platform : str
+        Platform of the object files, a value of `sys.platform`.
+
+    Yields
+    ------
+    Path, bool
+        Directory, and True if files of other users are ignored in it (the cache).
+
+    Raises
+    ------
+    UsageError
+        The shared directory does not exist.
     """
     if shared := os.environ.get("TDINT_KERNELS_DIR"):
         if not Path(shared).is_dir():
@@ -211,8 +228,8 @@ def save(
     if cached := cache_subfolder(folder_name(target.platform)):
         with suppress(OSError):
             path = _write(data, cached / file_name(name, variant, target))
-            # Unused kernels of these versions of compiler and Python, then unused directories of
-            # other versions
+            # Remove unused kernels of the current versions of compiler and Python, then unused
+            # directories of other versions.
             remove_unused("*.object", _DAYS_KEPT, keep=path)
             remove_unused("kernels-*", _DAYS_KEPT, keep=path.parent)
             return path
@@ -295,7 +312,12 @@ def _write(data: bytes, path: Path) -> Path:
 
 @cache
 def folder_name(platform: str = sys.platform) -> str:
-    """Return the name of the directory for the versions of compiler and Python and a platform."""
+    """Return the name of the directory of object files: `kernels-` and a hash.
+
+    The hash depends on the versions of Python and of the compiler (numba, llvmlite), on the calling
+    convention and on the platform, a value of `sys.platform`. Object files of other versions are in
+    other directories and thus never used.
+    """
     versions = hashlib.sha256(repr((sys.version_info[:2], platform, _CONVENTION)).encode())
     for package in ("numba", "llvmlite"):
         # The packages are not imported, because this would take longer than all other operations.

@@ -41,8 +41,17 @@ _TRIPLES = {
 
 @dataclass(frozen=True)
 class Target:
-    """Processor (LLVM name, one of LEVELS, or AARCH64) with its features, and the value of
-    `sys.platform`."""
+    """Processor and operating system for which an object file is compiled.
+
+    Attributes
+    ----------
+    cpu : str
+        LLVM name of the processor, one of LEVELS, or AARCH64.
+    features : str
+        Features of the processor in the form of LLVM; empty for LEVELS and AARCH64.
+    platform : str
+        Operating system as in `sys.platform`. Default: this system.
+    """
 
     cpu: str
     features: str
@@ -86,7 +95,7 @@ class Target:
             cpu = self.cpu
         else:
             cpu = "apple-m1" if self.platform == "darwin" else "generic"
-        reloc = "static" if self.cpu in LEVELS else "default"  # the setting of numba
+        reloc = "static" if self.cpu in LEVELS else "default"  # as numba does for each family
         return llvm.Target.from_triple(triple).create_target_machine(
             cpu=cpu, features=self.features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True
         )
@@ -150,7 +159,8 @@ def named(name: str) -> Target:
 def runnable() -> tuple[Target, ...]:
     """Return the targets with object files that this machine can execute, the most specific first.
 
-    For other families of processors the only target is the native one.
+    The first target is this machine. On x86-64, the levels with features that the processor has
+    follow, on 64-bit ARM the common target. Other families of processors have no further target.
     """
     if _family() == AARCH64:
         return native(), Target(AARCH64, "")

@@ -546,7 +546,7 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
     max_force = abs(law_state[rows.FORCE, i]) + abs(law_state[rows.SLOPE, i]) * drift_change
     peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
     may_exceed = (2.0 * abs(rise) < abs(bend)) & (max_force > peak)
-    # Force at both limits of the branch that are within reach
+    # Estimate the force at each limit of the branch that the drift can reach within the step.
     for row in (rows.UPPER, rows.LOWER):
         distance = law_state[row, i] - law_state[rows.DRIFT, i]
         may_exceed |= (abs(distance) <= drift_change) & (
@@ -587,7 +587,7 @@ def _may_exceed_peaks(scene, h, load, memory):
     # From the roof downwards; shear_0 and shear_1 are sums of mass times absolute acceleration at
     # the start and at the end of the step.
     for i in range(n - 1, -1, -1):
-        # Deviation of the story force from a straight line due to corners, N
+        # `deviation` is the bound of the deviation of the story force from a straight line, N.
         deviation = 0.0
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
             any_leaves = True
@@ -597,7 +597,8 @@ def _may_exceed_peaks(scene, h, load, memory):
             deviation = (
                 _FORCE_DEVIATION * law_parameters[rows.STIFFNESS, i] * (abs(rise) + 0.5 * abs(bend))
             )
-        # Absolute accelerations of the floor at the start and at the end of the step, m/s^2
+        # a_0 and a_1 are the absolute accelerations of the floor at both endpoints, m/s^2. They are
+        # the mean acceleration minus and plus half of its change, plus the ground acceleration.
         half_change = 0.5 * inverse_h_squared * scratch[ROW.A1, i]
         a_0 = inverse_h_squared * scratch[ROW.A0, i] - half_change + load[rows.GROUND_0]
         a_1 = inverse_h_squared * scratch[ROW.A0, i] + half_change + load[rows.GROUND_1]
@@ -669,7 +670,7 @@ def _update_peaks_at_corners(scene, h, load, memory):
     scratch[ROW.CORNERS, 0] = 0.0
     for i in range(n):
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
-            # Corners of the story, and peaks of its force
+            # Store the corners of the story, and raise the peak of its force.
             complete = _story_path(scene.linear_terms, law_state, scratch, i)
             no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
             _find_corners(

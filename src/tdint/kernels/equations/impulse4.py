@@ -251,7 +251,7 @@ def solve_linear(coefficients, scene, h, memory, factors):
         factors + _BLOCK.MULTIPLIER,
         factors + _STORE + 6 * modal.shape[0] + 1,
     )
-    # Modal part of l C: the product of l and a pair (real part, imaginary part)
+    # The modal part of l C multiplies a pair (real part, imaginary part) by the complex number l.
     damping = ModalBlocks(modal, root_re, -root_im, root_im, root_re)
     # `_right_side` also compares the factorization with the stiffnesses of the branches and with h,
     # because its loop over the stories reads the stiffnesses. If they differ, factorize again.
@@ -336,7 +336,7 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
             - linear_terms[rows.FLOOR_DAMPER, i] * v
             - (force - force_above)
         )
-        # r2, then r1 + l r2
+        # Compute r2, then real and imaginary part of r1 + l r2.
         momentum_residual = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
         scratch[ROW.COMPLEX, i] = (
             mass * (h * v + by_a0 * state[rows.ACCELERATION, i])
@@ -396,7 +396,7 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         scratch[momentum.U1, i] = state[rows.DISPLACEMENT, i] + du
         scratch[momentum.V1, i] = v
         geometric = linear_terms[rows.GEOMETRIC, i]
-        # Force of story `i` at the end of the step: law, P-delta and story damper
+        # Sum up the force of story `i` at the end of the step: law, P-delta and story damper.
         force = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
         force += (law_state[rows.SLOPE, i] + geometric) * (du - link * du_below)
         force += linear_terms[rows.STORY_DAMPER, i] * (
@@ -586,7 +586,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         du = scratch[momentum.DU, i]
         u = state[rows.DISPLACEMENT, i] + du
         v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
-        # Displacement at the inner point: uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
+        # The displacement at the inner point is uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1).
         uc = (
             state[rows.DISPLACEMENT, i]
             + coefficients[BY_INCREMENT] * du
@@ -598,7 +598,8 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         )
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
-        # Drifts of story `i` at the inner point and at the end, change of drift, and drift rate
+        # Compute the drifts of story `i` at the inner point and at the end of the step, the change
+        # of drift in the step, and the drift rate at the end.
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         drift_c = uc - link * uc_below
         drift = u - link * u_below
@@ -621,7 +622,8 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
         scratch[ROW.TANGENT_C, i] = tangent_c
         scratch[ROW.TANGENT_1, i] = tangent
-        # Force and impulse of the story
+        # Compute the force at the end and the impulse of the story. `mean` is the mean of restoring
+        # force and P-delta over the step, N.
         geometric = linear_terms[rows.GEOMETRIC, i]
         mean = (
             coefficients[WEIGHT_0]
@@ -776,8 +778,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         1.0,
     )
     r = 1.0 - s
-    # Changes of the drift from the start to the reversal (Hermite cubic at s), and from the
-    # reversal to the end in the opposite direction, m
+    # The drift changes by `loading_change` from the start to the reversal (Hermite cubic at s), and
+    # by `unloading_change` from the reversal to the end in the opposite direction, m.
     loading_change = s * s * (3.0 - 2.0 * s) * change + s * r * (
         r * scaled_rate_0 - s * scaled_rate_1
     )
@@ -811,7 +813,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.PREVIOUS_BLOCK, i] = rows.THIRD_TRIAL
-    # Estimated effect of the kink
+    # Estimate the effect of the kink on the force, N. A power-law dashpot adds to it.
     kink = abs(tangent - loading_tangent) * min(loading_change, unloading_change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         force_0, _ = power_damper(linear_terms, i, scaled_rate_0 / h)
@@ -857,12 +859,13 @@ def keep_negligible_kinks(scene, h, memory):
     linear_terms = scene.linear_terms
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # Q and A of the step
+    # `mismatch` is Q and `acceleration_norm` is A of this step.
     mismatch = acceleration_norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
-        # Average of the endpoint values minus mean over the step, for the dashpot forces on floor
-        # `i`, then for its acceleration without these forces
+        # `difference` is the average of the endpoint accelerations of floor `i` minus the mean
+        # acceleration in the step. `dashpot_force` is the same difference of the dashpot forces on
+        # the floor; its contribution to the acceleration is removed.
         dashpot_force = (
             scratch[ROW.DASHPOT_MISMATCH, i]
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.DASHPOT_MISMATCH, i + 1]
@@ -876,6 +879,8 @@ def keep_negligible_kinks(scene, h, memory):
         acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
     update_run_maxima(scratch, ROW.RUN_MAXIMA, mismatch, acceleration_norm)
     mismatch = scratch[ROW.RUN_MAXIMA, 0]
+    # THIRD_TRIAL is the law state at the reversal. A reversal in a story with a dashpot must be
+    # located if it is near the peak drift.
     for i in range(n):
         is_near_peak = (
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])

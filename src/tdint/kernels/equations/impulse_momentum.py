@@ -104,10 +104,11 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
         story. Rows R1 (kg m), R2 (N s) and A1 (m/s^2) are set.
     """
     n = linear_terms.shape[1] - 1
-    # M a1 and R2 without modal damping
+    # Compute M a1 (row A1) and R2 without modal damping.
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
-        # Net force and net impulse on the floor: difference between the stories below and above
+        # The net force and the net impulse on the floor are the differences between the stories
+        # below and above.
         force = scratch[FORCE_1, i] - link * scratch[FORCE_1, i + 1]
         scratch[A1, i] = (
             scratch[LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * scratch[V1, i] - force
@@ -119,12 +120,12 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
             - linear_terms[rows.FLOOR_DAMPER, i] * scratch[DU, i]
             - impulse
         )
-    # Modal damping; then a1 and R1
+    # Add modal damping to M a1 and R2. Then compute a1 and R1.
     add_modal_force(modal, scratch, V1, -1.0, scratch, A1, n)
     add_modal_force(modal, scratch, DU, -1.0, scratch, R2, n)
     for i in range(n):
         scratch[A1, i] *= linear_terms[rows.INVERSE_MASS, i]
-        # Terms of the kinematic equation that contain velocities and accelerations, m
+        # Compute the terms of the kinematic equation with velocities and accelerations, m.
         velocity_terms = h * ((1.0 - theta) * state[rows.VELOCITY, i] + theta * scratch[V1, i])
         acceleration_terms = h * h * (alpha * state[rows.ACCELERATION, i] - beta * scratch[A1, i])
         scratch[R1, i] = linear_terms[rows.MASS, i] * (
@@ -178,10 +179,10 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
-        # Rounding errors of the two stories that act on the floor, as a force, N
+        # `rounding` is the rounding error of the stories below and above the floor, as a force, N.
         rounding = scratch[SIZE, i] + link * scratch[SIZE, i + 1]
-        # Sum of the absolute values of the terms: kinematics (m, without the factor mass), then
-        # momentum (N s)
+        # `scale` is the sum of the absolute values of the terms: first of the kinematic equation
+        # (m, without the factor mass), then of the momentum equation (N s).
         scale = abs(scratch[DU, i]) + h * (abs(state[rows.VELOCITY, i]) + abs(scratch[V1, i]))
         scale += h * h * abs(state[rows.ACCELERATION, i]) + by_a * abs(scratch[A1, i])
         is_small &= is_balanced(
@@ -210,7 +211,7 @@ def correct(beta, modal, h, factors, n):
     h : float
         Length of the step, s.
     factors : Factors
-        Factorization in the scratch array.
+        Scratch array and the rows of the factorization of the matrix (`factor_blocks`).
     n : int
         Number of floors.
 

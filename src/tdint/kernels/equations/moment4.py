@@ -360,7 +360,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below = scratch[ROW.RISE, i]
         bend_below = scratch[ROW.BEND, i]
-        # Integrals of the restoring force and of the force of a power-law dashpot
+        # Compute the integrals of the restoring force, and add those of a power-law dashpot.
         _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding)
         if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
@@ -502,7 +502,8 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
         )
     )
     direction, reversal_time, _, _, _ = locate_reversals(rise, first_rate, last_rate, initial_slope)
-    # No reversal, and the initial movement is in the direction of the change of drift
+    # The story has no reversal if the cubic has none in the step, and if the story initially moves
+    # in the direction of the change of drift.
     return reversal_time == 1.0 and rise * direction > 0.0
 
 
@@ -518,7 +519,8 @@ def _acceleration(scene, memory, i):
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # Load at the start of the step: for a linear load, mean minus half of the first moment
+    # The load at the start of the step is the mean minus half of the first moment, if the load is
+    # linear in the step.
     force = scratch[ROW.LOAD, i] - 0.5 * scratch[ROW.LOAD + 1, i]
     force -= linear_terms[rows.FLOOR_DAMPER, i] * state[rows.VELOCITY, i]
     for j in range(modal.shape[0] if MODAL else 0):
@@ -526,7 +528,8 @@ def _acceleration(scene, memory, i):
         for k in range(n):
             amplitude += modal[j, k] * state[rows.VELOCITY, k]
         force -= amplitude * modal[j, i]
-    # Story `i` below the floor (above = 0) and story `i + 1` above the floor (above = 1)
+    # Subtract the force of story `i` below the floor (above = 0), and add the force of story
+    # `i + 1` above the floor (above = 1), which is 0 if this story is on the ground.
     for above in range(2):
         j = i + above
         if j < n:
@@ -586,7 +589,7 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     for i in range(n):
         scratch[ROW.X, i] = 0.0
         scratch[ROW.X + 1, i] = 0.0
-    # Modal damping
+    # Store the negative modal damping terms, -h C D0 and -h C D1.
     add_modal_force(modal, scratch, ROW.RISE, -h, scratch, ROW.X, n)
     add_modal_force(modal, scratch, ROW.BEND, -h, scratch, ROW.X + 1, n)
     norm = 0.0
@@ -599,7 +602,7 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
         scratch[ROW.A0, i] = a0
         scratch[ROW.A1, i] = a1
         floor_damping = h * linear_terms[rows.FLOOR_DAMPER, i]
-        # F0 - P0 and F1 - P1 of the floor: story below minus story above minus load
+        # F0 - P0 and F1 - P1 of the floor are story below minus story above minus load, N.
         mean = (
             scratch[ROW.PATH + path.MEAN, i]
             - link * scratch[ROW.PATH + path.MEAN, i + 1]
@@ -648,7 +651,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Rows X contain the residuals (kg m).
+        Rows X contain the residuals (kg m). Rows RISE, BEND and A1 (m), LOAD, PATH and
+        ROUNDING_FORCE (N) determine the sums.
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
@@ -666,7 +670,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             + link * abs(scratch[ROW.PATH + path.MEAN, i + 1])
             + abs(scratch[ROW.LOAD, i])
         )
-        # Impulse: a0 = D1 - r a1
+        # Test the impulse, with the terms of a0 = D1 - r a1.
         inertia_scale = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
         is_small &= is_balanced(
             is_last,
@@ -676,7 +680,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             scratch[ROW.X, i],
             mass * inertia_scale + h * h * (force_scale + rounding),
         )
-        # First moment: a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r)
+        # Test the first moment, with the terms of a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r).
         force_scale = (
             abs(scratch[ROW.PATH + path.MOMENT, i])
             + link * abs(scratch[ROW.PATH + path.MOMENT, i + 1])
@@ -777,7 +781,8 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         numerical = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
         for row in range(4):
             scratch[ROW.FACTORED + row, i] = scratch[ROW.PATH + path.MEAN_BY_RISE + row, i]
-        # Derivatives of the story: h^2 F0 with respect to rise and bend, then h^2 F1
+        # Compute the derivatives of h^2 F0 of the story with respect to rise and bend, then those
+        # of h^2 F1.
         scratch[ROW.COUPLING, i] = (
             h_squared * (scratch[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
         )
@@ -790,7 +795,8 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         scratch[ROW.COUPLING + 3, i] = (
             h_squared * (scratch[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
         )
-        # Diagonal block: derivatives of M a0 and M a1, floor damping, and the story below
+        # The diagonal block contains the derivatives of M a0 and M a1, the floor damping, and the
+        # story below. `link_blocks` adds the story above.
         by_rise = mass * coefficients[BY_RISE]
         scratch[ROW.BLOCKS, i] = (
             coefficients[R] * by_rise + floor_damping + scratch[ROW.COUPLING, i]
@@ -869,7 +875,8 @@ def update_state(coefficients, scene, h, memory):
     for i in range(n):
         rise = scratch[ROW.RISE, i]
         bend = scratch[ROW.BEND, i]
-        # Floor: accelerations, work of the load and of the floor damper, and state at the end
+        # Compute the accelerations of the floor, the work of the load and of the floor damper, and
+        # the state at the end. `rise` and `bend` describe the displacement of the floor.
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
         work_of_mean += rise * scratch[ROW.LOAD, i]

@@ -134,6 +134,9 @@ def invert(scratch, first, size):
     size : int
         Order of the matrix.
     """
+    # For each pivot, the row of the pivot is divided by it, and the column of the pivot is
+    # eliminated from all other rows. The column that becomes a unit vector is not stored; its place
+    # receives the column of the inverse.
     for pivot in range(size):
         inverse = 1.0 / scratch[first + pivot, pivot]
         scratch[first + pivot, pivot] = 1.0
@@ -202,6 +205,7 @@ def _store_woodbury(factors, modal, scale, n):
         for i in range(n):
             scratch[store + j, i] = modal[j, i]
         solve(factors, store + j, n)
+    # Compute I + s W T^-1 W^T, invert it in place, and multiply the inverse by s.
     for j in range(modes):
         for k in range(modes):
             product = 0.0
@@ -260,6 +264,7 @@ def _apply_woodbury(scratch, modal, store, x, n):
     modes = modal.shape[0]
     inverse_row = store + modes
     temporary = inverse_row + modes
+    # Row `temporary` receives W x; `amplitude` is an element of [s (I + s W T^-1 W^T)^-1] W x.
     for j in range(modes):
         product = 0.0
         for i in range(n):
@@ -300,7 +305,7 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
     by_m, by_c, by_k = combination
     scratch, diagonal, coupling, _ = factors
     for i in range(n):
-        # Contribution of story `i` to the floors above and below it
+        # `story` is the contribution of story `i` to the floors above and below it.
         story = (
             by_k * (law_state[row, i] + linear_terms[rows.GEOMETRIC, i])
             + by_c * linear_terms[rows.STORY_DAMPER, i]
@@ -529,6 +534,8 @@ def _factor_full(factors, damping, n):
     scratch, blocks, coupling, xx = factors
     modal = damping.modal
     xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
+    # Assemble the matrix: modal damping W^T W in the rows xx, times the four coefficients, plus the
+    # diagonal blocks and, with a minus sign, the blocks that couple adjacent floors.
     for i in range(n):
         for j in range(n):
             scratch[xx + i, j] = 0.0
@@ -549,6 +556,8 @@ def _factor_full(factors, damping, n):
                 scratch[row, i - 1] -= scratch[coupling + entry, i]
             if i + 1 < n:
                 scratch[row, i + 1] -= scratch[coupling + entry, i + 1]
+    # Eliminate the blocks below the diagonal, column by column. The pivot is ((p, q), (r, s)), and
+    # its inverse ((i0, i1), (i2, i3)).
     for k in range(n):
         p, q = scratch[xx + k, k], scratch[xy + k, k]
         r, s = scratch[yx + k, k], scratch[yy + k, k]
@@ -561,7 +570,7 @@ def _factor_full(factors, damping, n):
         for i in range(k + 1, n):
             b0, b1 = scratch[xx + i, k], scratch[xy + i, k]
             b2, b3 = scratch[yx + i, k], scratch[yy + i, k]
-            # Block of L: the block below the pivot times the inverse pivot
+            # The block of L is the block below the pivot times the inverse pivot.
             m0 = b0 * i0 + b1 * i2
             m1 = b0 * i1 + b1 * i3
             m2 = b2 * i0 + b3 * i2
@@ -581,20 +590,22 @@ def _factor_full(factors, damping, n):
 
 @outlined
 def _solve_full(scratch, xx, x, y, n):
-    """Solve a linear system with the factorization of `_factor_full`.
+    """Solve a linear system for two unknowns (x, y) per floor with the factors of `_factor_full`.
 
     Parameters
     ----------
     scratch : ndarray
         Scratch array.
     xx : int
-        First row of the factorization.
+        First of the 4 n rows of the block L U factorization: n rows with the entries xx of the
+        2 x 2 blocks, then the entries xy, yx and yy. The diagonal contains inverse pivots.
     x, y : int
         Rows of the right side; they receive the solution.
     n : int
         Number of floors.
     """
     xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
+    # Forward substitution with L, which has a unit diagonal
     for i in range(1, n):
         x_i, y_i = scratch[x, i], scratch[y, i]
         for j in range(i):
@@ -602,6 +613,7 @@ def _solve_full(scratch, xx, x, y, n):
             y_i -= scratch[yx + i, j] * scratch[x, j] + scratch[yy + i, j] * scratch[y, j]
         scratch[x, i] = x_i
         scratch[y, i] = y_i
+    # Backward substitution with U; the diagonal blocks are inverse pivots.
     for i in range(n - 1, -1, -1):
         x_i, y_i = scratch[x, i], scratch[y, i]
         for j in range(i + 1, n):
@@ -697,7 +709,8 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     """
     re, im = root
     scratch, pivot, coupling, _ = factors
-    # Real and imaginary part of l^2, then of the contribution l C + l^2 K of the first story
+    # Compute the real and imaginary part of l^2, then of the contribution l C + l^2 K of the first
+    # story.
     square_re = re * re - im * im
     square_im = 2.0 * re * im
     spring = law_state[rows.SLOPE, 0] + linear_terms[rows.GEOMETRIC, 0]
@@ -712,7 +725,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         # which is coupled by -b on both sides of the diagonal.
         b_re = link * story_re
         b_im = link * story_im
-        # Multiplier of the elimination: b divided by the pivot below
+        # The multiplier of the elimination is b divided by the pivot of the floor below.
         by_re = b_re * inverse_re - b_im * inverse_im
         by_im = b_re * inverse_im + b_im * inverse_re
         p = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i] + story_re
@@ -721,7 +734,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         q -= by_re * b_im + by_im * b_re
         scratch[coupling, i] = -by_re
         scratch[coupling + 1, i] = -by_im
-        # Contribution of the story above
+        # Add the contribution of the story above to the pivot.
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         spring = law_state[rows.SLOPE, i + 1] + linear_terms[rows.GEOMETRIC, i + 1]
         damper = linear_terms[rows.STORY_DAMPER, i + 1]
@@ -759,8 +772,8 @@ def solve_pairs(factors, x, y, n):
         Number of floors.
     """
     scratch, pivot, coupling, _ = factors
-    # Forward substitution: (x0, y0) is the complex value of the floor below, (by_re, by_im) the
-    # multiplier.
+    # Forward substitution: (x0, y0) is the complex value of the floor below, (by_re, by_im) is the
+    # complex multiplier with which it is subtracted.
     x0 = scratch[x, 0]
     y0 = scratch[y, 0]
     for i in range(1, n):
@@ -798,7 +811,8 @@ def _woodbury_storing_function(solve_undamped):
     Parameters
     ----------
     solve_undamped : function
-        `solve_blocks` or `solve_pairs`.
+        (factors, x, y, n). Solves the system without modal damping, with the right side in the rows
+        x and y: `solve_blocks` or `solve_pairs`.
 
     Returns
     -------
@@ -828,12 +842,15 @@ def _woodbury_storing_function(solve_undamped):
         modal, xx, xy, yx, yy = damping
         modes = modal.shape[0]
         inverse_row = store + 4 * modes
+        # Right side j is mode j in x for j < modes, otherwise mode j - modes in y.
         for j in range(2 * modes):
             x = store + 2 * j
             for i in range(n):
                 scratch[x, i] = modal[j, i] if j < modes else 0.0
                 scratch[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
             solve_undamped(factors, x, x + 1, n)
+        # Small matrix: row j is the equation of mode j in x, row modes + j that of mode j in y.
+        # `product_x` and `product_y` are mode j times the two parts of solution k.
         for j in range(modes):
             for k in range(2 * modes):
                 product_x = 0.0
@@ -882,6 +899,7 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
     modes = modal.shape[0]
     inverse_row = store + 4 * modes
     temporary = inverse_row + 2 * modes
+    # Row `temporary` receives D U z: the modes in x, then the modes in y.
     for j in range(modes):
         product_x = 0.0
         product_y = 0.0
@@ -890,6 +908,7 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
             product_y += modal[j, i] * scratch[y, i]
         scratch[temporary, j] = xx * product_x + xy * product_y
         scratch[temporary, modes + j] = yx * product_x + yy * product_y
+    # Subtract the columns of T^-1 U^T, each with its amplitude.
     for j in range(2 * modes):
         amplitude = 0.0
         for k in range(2 * modes):

@@ -63,7 +63,7 @@ class Laws(MutableSequence["DriftLaw"]):
     """
 
     def __init__(self, names: Iterable[str]) -> None:
-        """Store the names of the laws, whose modules are named accordingly."""
+        """Store the names of the laws; the module of a law has its name, with "_" for "-"."""
         self._items: list[DriftLaw | str] = list(names)
 
     def names(self) -> Iterator[str]:

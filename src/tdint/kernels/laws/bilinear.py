@@ -54,7 +54,7 @@ def _functions() -> LawFunctions:
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
-        # Elastic prediction of the force of the plastic spring, then its limit
+        # Predict the force of the plastic spring elastically, then limit it to the strength.
         z = law_state[previous + rows.INTERNAL, i] + (1.0 - hardening) * k * (
             drift - law_state[previous + rows.DRIFT, i]
         )
@@ -111,7 +111,7 @@ def _functions() -> LawFunctions:
         # it.
         if abs(z) == plastic_share * law_parameters[_YIELD_FORCE, i]:
             drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
-            # Plastic part of the change of drift: the change minus its elastic part
+            # The plastic part of the change of drift is the change minus its elastic part.
             plastic_change = drift_change - (z - law_state[previous + rows.INTERNAL, i]) / (
                 plastic_share * law_parameters[rows.STIFFNESS, i]
             )

@@ -62,6 +62,7 @@ def _functions() -> LawFunctions:
 
     from tdint.kernels.compiling import inline, outlined
 
+    # The Gauss points and weights on [0, 1] follow from the positive half of the points on [-1, 1].
     nodes = 0.5 + 0.5 * np.array([*(-node for node in reversed(_NODES)), *_NODES])
     weights = 0.5 * np.array([*reversed(_WEIGHTS), *_WEIGHTS])
 
@@ -228,9 +229,9 @@ def _functions() -> LawFunctions:
         remaining = abs(drift_change) * k / strength
         substep = _SUBSTEP / n
         dissipation = 0.0  # in (1 - a) Fy^2 / k
-        # |w| below which the power series is used; never for a smooth force
+        # Below this |w| the power series is used. For a smooth force it is not necessary.
         series_limit = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
-        # 1. Unloading to w = 0
+        # Part 1: the story unloads until w = 0 or until the end of the path.
         while w < 0.0 and remaining > 0.0:
             r = min(substep, remaining)
             u = -w
@@ -244,14 +245,17 @@ def _functions() -> LawFunctions:
                 remaining -= min(path, remaining)
                 break
             if u <= 2.0 * r:
-                # Path to w = 0 by Simpson's rule for dx/du = 1 / (1 + q u^n).
-                # If w = 0 is reached within this substep, the unloading is complete.
+                # Compute the drift change until w = 0 by Simpson's rule, as the integral of
+                # dx = du / (1 + q u^n) from 0 to u. If it fits into this substep, unloading is
+                # complete.
                 path = (
                     u
                     / 6.0
                     * (1.0 + 4.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n)))
                 )
                 if path <= r:
+                    # The dissipation is the integral of q u^(n + 1) dx = u du - u du / (1 + q u^n),
+                    # the second term by Simpson's rule.
                     dissipation += 0.5 * u * u - u * u / 6.0 * (
                         2.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n))
                     )
@@ -262,7 +266,7 @@ def _functions() -> LawFunctions:
             w = -u
             dissipation += path_dissipation
             remaining -= r
-        # 2. Loading near w = 0 by the power series, up to the limit of the series
+        # Part 2: near w = 0, loading follows from the power series, up to the limit of the series.
         if 0.0 <= w < series_limit and remaining > 0.0:
             path, path_dissipation = series(w, n, 1.0)
             path_to_limit, dissipation_to_limit = series(series_limit, n, 1.0)
@@ -274,7 +278,8 @@ def _functions() -> LawFunctions:
                 w = series_limit
                 dissipation += dissipation_to_limit - path_dissipation
                 remaining -= path_to_limit - path
-        # 3. Loading by Runge-Kutta steps
+        # Part 3: loading is integrated by Runge-Kutta steps. A saturated w remains 1; its
+        # dissipation is then the drift change.
         while w >= 0.0 and remaining > 0.0:
             if 1.0 - w <= _SATURATED:
                 w = 1.0

@@ -82,7 +82,8 @@ def extra_rows(law_state, block):
         First row of the block of `law_state` that contains the state: 0 for the
         committed state, otherwise the first row of a trial state.
     """
-    # Index of the block times the number of extra rows per block
+    # block // LAW_STATE_ROWS is the index of the state (0 for the committed state). The remaining
+    # rows of the table are divided equally among all states.
     return rows.EXTRA_ROWS + block // rows.LAW_STATE_ROWS * (
         (law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
     )
@@ -228,6 +229,7 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         If the path remains on its linear branch, force and work follow from the stiffness of the
         branch. This is the case if `drift` is within the limits of the branch and the direction of
         the path is that of RATE_SIGN. Otherwise the original force function of the law is called.
+        The result is written to block `trial`.
 
         Parameters
         ----------
@@ -395,9 +397,10 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         for row in range(rows.LAW_STATE_ROWS):
             law_state[trial + row, i] = law_state[previous + row, i]
         copy_extra_rows(law_state, i, previous, trial)
-        # The path starts against the direction of the branch.
+        # A path against the direction of the branch starts with a reversal.
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
+        # Advance to each limit that the path exceeds, and change the branch there.
         for _ in range(_MAX_BRANCHES):
             if drift > law_state[trial + rows.UPPER, i]:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.UPPER, i])
@@ -430,6 +433,12 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
         (law_parameters, law_state, i) -> energy stored in the committed state, J.
     enter : function
         (law_parameters, law_state, i). Sets the first branch of the committed state.
+
+    Returns
+    -------
+    LawFunctions
+        The functions `force` (from `branch_follower`), `hysteretic_energy` and `keep`, which are
+        built here, and the three arguments.
     """
 
     @inline

@@ -287,8 +287,9 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
 def _kernel(code: int) -> Kernel:
     """Return the kernel with all functions of the law with number `code`.
 
-    It is a copy of `_all_hooks`. The copy has a namespace in which `force`, `strain_energy` and the
-    other placeholders are the functions of the law.
+    It is a copy of `_all_hooks` with the name of the law. The copy has a namespace in which
+    `force`, `strain_energy` and the other placeholders are the functions of the law. The result is
+    cached: each law has one kernel per process.
     """
     functions = LAWS[code].functions()
     namespace = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}
@@ -299,9 +300,11 @@ def _kernel(code: int) -> Kernel:
 
 
 def __getattr__(name: str) -> Kernel:
-    """Return the kernel of the law with this name, for the process that compiles it.
+    """Return the kernel of the separately compiled law with this name.
 
-    Python calls this function for a name that is not defined in this module.
+    Python calls this function for a name that is not defined in this module. The process that
+    compiles kernels thus finds the kernel of a law as an attribute of the module. AttributeError is
+    raised if no separately compiled law has the name.
     """
     for code, law_name in enumerate(LAWS.names()):
         if law_name == name and LAWS[code].compiled_separately:
@@ -315,7 +318,8 @@ def separate_kernels(law_parameters: NDArray[np.float64] | None = None) -> list[
     Parameters
     ----------
     law_parameters : ndarray, optional
-        Only the laws in this table are considered. Default: all laws.
+        Parameters of the laws of a building, with the numbers of the laws in row CODE. Only these
+        laws are considered. Default: all laws.
     """
     codes = (
         range(len(LAWS))
@@ -328,7 +332,10 @@ def separate_kernels(law_parameters: NDArray[np.float64] | None = None) -> list[
 
 @cache
 def _address(code: int) -> float:
-    """Return the address of the compiled law as a float; 0 if it is not compiled."""
+    """Return the address of the compiled code of the law with number `code`, as a float.
+
+    The law is compiled if necessary. The result is 0 if kernels run in plain Python.
+    """
     return float(getattr(_kernel(code).compiled, "address", 0))
 
 

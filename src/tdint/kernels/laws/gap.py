@@ -114,7 +114,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows: contact on the side of the event, or the gap after contact.
+        """Set the branch that follows the current branch at the drift of a stop.
+
+        From the gap, it is the contact with the stop on the side of the event; from a contact, it
+        is the gap.
 
         Parameters
         ----------
@@ -130,8 +133,9 @@ def _functions() -> LawFunctions:
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
-        # Only the limits of the branch within the gap are finite and symmetric. The events ABOVE
-        # and BELOW are 1 and -1, the sides of the stops.
+        # The limits of the branch within the gap are -gap and gap, with the sum 0; a branch in
+        # contact has an infinite limit. The events ABOVE and BELOW are 1 and -1, the sides of the
+        # stops.
         is_within_gap = law_state[block + rows.UPPER, i] + law_state[block + rows.LOWER, i] == 0.0
         set_contact(law_parameters, law_state, i, block, event if is_within_gap else 0.0)
 

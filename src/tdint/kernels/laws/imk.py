@@ -78,10 +78,12 @@ _SAME_REVERSAL_TOLERANCE = 1e-6
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law.
+    """Return the compiled functions of the law imk (Ibarra, Medina and Krawinkler 2005).
 
-    Drifts and forces with a `side` (1 or -1) are positive in the direction of that side. numba is
-    imported by this function only.
+    The functions of the result are `switch` (next branch), `strain_energy` and `enter` (first
+    branch), and those that `follow_branches` builds from them. The other functions defined here are
+    their parts. Drifts and forces with a `side` (1 or -1) are positive in the direction of that
+    side. The decorators are imported here, because they import numba in a process that compiles.
     """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
@@ -219,9 +221,10 @@ def _functions() -> LawFunctions:
     def deterioration(law_parameters, i, capacity, work, total_work):
         """Return beta, the fraction of a quantity that is lost at a zero crossing or reversal.
 
-        beta = (work / (Lambda Fy - total work))^exponent, with the capacity Lambda (m), the yield
-        force Fy of the positive side, and the work done on the story (J). The result is between 0
-        and 1, or 2 if beta exceeds 1: the story then fails.
+        The quantity is the strength, the force of the capping line, the unloading stiffness, or the
+        maximum drift, which increases. beta = (work / (Lambda Fy - total work))^exponent, with the
+        capacity Lambda (m), the yield force Fy of the positive side, and the work done on the story
+        (J). The result is between 0 and 1, or 2 if beta is at least 1: the story then fails.
 
         Parameters
         ----------
@@ -237,7 +240,8 @@ def _functions() -> LawFunctions:
             Total work until now, J.
         """
         remaining = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - total_work
-        # beta is 0 without work, and above 1 if the work reaches the remaining capacity.
+        # beta is 0 without work. If the work reaches the remaining capacity (J), the story fails; 2
+        # is an arbitrary value above 1.
         if work <= 0.0 and remaining > 0.0:
             return 0.0
         if remaining <= 0.0 or work >= remaining:
@@ -278,9 +282,11 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
-        """Set a loading branch that ends at the drift `end` or at the ultimate drift.
+        """Set a loading branch of one side that ends at the drift `end` or at the ultimate drift.
 
-        If the story has already reached the ultimate drift, it fails.
+        The branch consists of the rows INTERNAL, SLOPE, RATE_SIGN, UPPER and LOWER of the law
+        state; it also ends at a reversal of the drift. If the story has already reached the
+        ultimate drift, it fails instead.
 
         Parameters
         ----------
@@ -343,7 +349,7 @@ def _functions() -> LawFunctions:
         residual_force = residual(law_parameters, i, side)
         capping_drift = (capping_force - hardening_force) / (hardening_slope - capping_slope)
         tolerance = _REACHED_TOLERANCE * drift
-        # Hardening line
+        # The story is on the hardening line up to the capping drift.
         if (
             drift < capping_drift - tolerance
             and hardening_force + hardening_slope * drift >= residual_force
@@ -352,7 +358,7 @@ def _functions() -> LawFunctions:
             set_loading_branch(
                 law_parameters, law_state, i, block, side, _PLASTIC, hardening_slope, capping_drift
             )
-        # Capping line
+        # The story is on the capping line until this line falls to the residual force.
         elif (
             drift >= capping_drift - tolerance
             and drift < (residual_force - capping_force) / capping_slope - tolerance
@@ -368,10 +374,11 @@ def _functions() -> LawFunctions:
                 capping_slope,
                 (residual_force - capping_force) / capping_slope,
             )
-        # Residual force
+        # The force is the residual force.
         else:
             law_state[block + rows.FORCE, i] = side * residual_force
-            # A strength below the residual force can exceed it again before the capping point.
+            # Deterioration can reduce the hardening line below the residual force. It then exceeds
+            # the residual force again at `recovery_drift`, if this is before the capping drift.
             recovery_drift = math.inf
             if hardening_slope > 0.0:
                 recovery_drift = (residual_force - hardening_force) / hardening_slope
@@ -403,7 +410,7 @@ def _functions() -> LawFunctions:
         drift = side * law_state[block + rows.DRIFT, i]
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         if drift < max_drift * (1.0 - _REACHED_TOLERANCE):
-            # Change of the force up to the point of maximum drift
+            # The force must change by `rise` (N) up to the point of maximum drift.
             rise = (
                 law_state[block + side_row(side, rows.HIGH_FORCE), i]
                 - side * law_state[block + rows.FORCE, i]
@@ -590,7 +597,9 @@ def _functions() -> LawFunctions:
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         if max_drift <= zero_drift * (1.0 + _REACHED_TOLERANCE) and zero_drift > 0.0:
             # Unloading from the other side was so flexible that it passed the point of maximum
-            # drift of this side. The point is moved ahead.
+            # drift of this side. The point is moved ahead of the zero crossing, so that the story
+            # reloads approximately with the unloading stiffness. The lower bound of the force
+            # avoids a reloading line of zero length.
             max_drift = (
                 zero_drift
                 + max(
@@ -602,7 +611,8 @@ def _functions() -> LawFunctions:
             law_state[block + side_row(side, rows.HIGH_DRIFT), i] = max_drift
         max_force = backbone(law_parameters, law_state, i, block, side, max_drift)
         law_state[block + side_row(side, rows.HIGH_FORCE), i] = max_force
-        # With both pinching parameters equal to 1, reloading is peak-oriented.
+        # With both pinching parameters equal to 1, reloading has no pinched part: it leads directly
+        # towards the last peak or the point of maximum drift.
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
             pinched_drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (
                 max_drift - max_force / stiffness
@@ -631,10 +641,12 @@ def _functions() -> LawFunctions:
 
     @outlined
     def resume_loading(law_parameters, law_state, i, block, side):
-        """Set the reloading branch if the story, while unloading, is loaded again to the last peak.
+        """Set the branch after an interrupted unloading that returned to the last reversal.
 
-        Reloading continues on the pinched line if this line was not completed and is less steep;
-        otherwise towards the point of maximum drift.
+        The story has been loaded again along the unloading line and has reached the last reversal.
+        Loading continues towards the pinched point if this point has not been reached and the line
+        to it is less steep than the line to the point of maximum drift; otherwise towards the point
+        of maximum drift.
 
         Parameters
         ----------
@@ -701,6 +713,7 @@ def _functions() -> LawFunctions:
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
         branch_type = abs(law_state[block + rows.INTERNAL, i])
+        # ABOVE is 1 and BELOW is -1: the event is also the side of the story that is loaded.
         if event == rows.REVERSED:
             side = law_state[block + rows.RATE_SIGN, i]
             if side * law_state[block + rows.FORCE, i] > 0.0:
@@ -708,6 +721,8 @@ def _functions() -> LawFunctions:
             else:
                 cross_zero_force(law_parameters, law_state, i, block, -side)
         elif branch_type == _UNLOADING:
+            # INTERNAL has the sign of the side that was unloaded. A movement to the other side ends
+            # at zero force, a movement back at the reversal.
             if event * law_state[block + rows.INTERNAL, i] < 0.0:
                 cross_zero_force(law_parameters, law_state, i, block, event)
             else:
@@ -776,7 +791,7 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
         Parameters in SI units.
     """
     for side_values, group in ((values[:_SIDE], ""), (values[_SIDE : 2 * _SIDE], "negative.")):
-        # Without plastic and post-capping drift, and without the rate of deterioration
+        # The check does not need the plastic and post-capping drifts and the deterioration rate.
         strength, _, _, capping_ratio, residual_ratio, ultimate_drift, _ = side_values
         if ultimate_drift <= strength / stiffness:
             return (

@@ -77,10 +77,12 @@ _MIN_SLOPE = 1e-8  # relative to the stiffness; minimum slope of a path
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law.
+    """Return the compiled functions of the multilinear law with pinched reloading (Pinching4).
 
-    Drifts and forces with a `side` (1 or -1) are positive in the direction of that side. numba is
-    imported by this function only.
+    The functions of the result are `switch` (next branch), `strain_energy` and `enter` (first
+    branch), and those that `follow_branches` builds from them. The other functions defined here are
+    their parts. Drifts and forces with a `side` (1 or -1) are positive in the direction of that
+    side. The decorators are imported here, because they import numba in a process that compiles.
     """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
@@ -192,6 +194,7 @@ def _functions() -> LawFunctions:
         drift : float
             Drift, m, positive on this side.
         """
+        # Find the line that contains the drift; `start` and `end` are the drifts of its ends.
         start, start_force = 0.0, 0.0
         for point in range(1, 5):
             end = point_drift(law_parameters, i, side, point)
@@ -362,8 +365,8 @@ def _functions() -> LawFunctions:
                 law_state[first + _LAST_LOSSES + 1, i],
                 law_state[first + _LAST_LOSSES + 2, i],
             )
-        # Dissipated work: work minus the elastic energy F^2 / (2 k), which unloading with the
-        # current degraded stiffness k would release
+        # The dissipated work is the work minus the elastic energy F^2 / (2 k), which unloading with
+        # the current degraded stiffness k would release.
         force, work = law_state[block + rows.FORCE, i], law_state[block + rows.WORK, i]
         capacity = law_parameters[_CAPACITY, i] * max(
             area(law_parameters, i, 1.0), area(law_parameters, i, -1.0)
@@ -420,6 +423,12 @@ def _functions() -> LawFunctions:
         min_slope, max_slope : float
             Limits of the slope of the direct line between which the two lines through the origin
             are used, N/m.
+
+        Returns
+        -------
+        tuple of float
+            Drift (m) and force (N) of the three points, in the order of `points`. Replaced points
+            coincide: the first two with the origin, or with the last point for the direct line.
         """
         unloading_drift, unloading_force, pinched_drift, pinched_force, end_drift, end_force = (
             points
@@ -482,6 +491,7 @@ def _functions() -> LawFunctions:
                 third_force * unloading_fraction,
                 strength_factor * point_force(law_parameters, i, side, 4),
             ) * (1.0 + 1e-6)
+        # The last part of the path has at most the loading stiffness k, and is not vertical.
         if force - pinched_force > k * (max_drift - pinched_drift) or pinched_drift == max_drift:
             pinched_drift = max_drift - (force - pinched_force) / k
         return pinched_drift, pinched_force
@@ -532,15 +542,15 @@ def _functions() -> LawFunctions:
         tuple of float
             Drift (m) and force (N) of point 1, of point 2 and of point 3, positive on this side.
         """
-        # `losses` are the fractions of stiffness, maximum drift and strength, in this order.
-        # Point 3, and the direct line to this point if the story does not cross zero drift
+        # Compute point 3 from the losses of stiffness (losses[0]), maximum drift (losses[1]) and
+        # strength (losses[2]). If the story does not cross zero drift, the path is the direct line.
         strength_factor = 1.0 - losses[2]
         k = stiffness(law_parameters, i, side) * (1.0 - losses[0])
         end_drift = previous_max_drift * (1.0 + losses[1])
         end_force = strength_factor * backbone(law_parameters, i, side, end_drift)
         if start_drift * end_drift >= 0.0 or start_drift >= end_drift:
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
-        # Point 2
+        # Compute point 2, the end of the pinched part. The story unloads on the opposite side.
         unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses[0])
         # Secant stiffness of that end of the path (reversal or point 3) that is on the negative
         # side of the story. `validated_path` uses it as the upper limit of the slope of the direct
@@ -552,7 +562,7 @@ def _functions() -> LawFunctions:
         )
         if pinched_drift < start_drift:  # point 2 is behind the reversal: direct line
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
-        # Point 1, and corrections of points 1 and 2
+        # Compute point 1, the end of unloading, and correct points 1 and 2 if necessary.
         unloading_force = (
             pinching(law_parameters, i, side, 2)
             * strength_factor
@@ -568,7 +578,8 @@ def _functions() -> LawFunctions:
             and (pinched_force - unloading_force) / (pinched_drift - unloading_drift)
             > max(k, unloading_stiffness)
         ) or (pinched_drift == unloading_drift and pinched_force > unloading_force):
-            # The pinched part would be steeper than loading and unloading, or vertical: direct line
+            # The pinched part would be steeper than loading and unloading, or vertical. The path is
+            # therefore the direct line.
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         elif pinched_drift < unloading_drift or pinched_force < unloading_force:
             # The pinched part would lead backwards or fall.
@@ -596,10 +607,12 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
-        """Set a loading branch that ends at the drift `end`.
+        """Set a loading branch of one side that ends at the drift `end` or earlier.
 
         The branch ends earlier at the ultimate drift, where the story fails, and at the last drift
-        of the backbone curve, because the degradation is constant above it.
+        of the backbone curve, because the degradation is constant above it. The branch consists of
+        the rows INTERNAL, SLOPE, RATE_SIGN, UPPER and LOWER of the law state; it also ends at a
+        reversal of the drift.
 
         Parameters
         ----------
@@ -619,7 +632,7 @@ def _functions() -> LawFunctions:
         slope : float
             Stiffness of the branch, N/m.
         end : float
-            Drift at the end of the branch, m.
+            Drift at the end of the branch, m, positive on this side; infinite for no end.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         end = min(end, law_parameters[_ULTIMATE, i])
@@ -660,6 +673,7 @@ def _functions() -> LawFunctions:
         law_state[block + rows.FORCE, i] = (
             side * strength_factor * backbone(law_parameters, i, side, drift)
         )
+        # The branch is the first line with an end beyond the current drift.
         start_drift, start_force = 0.0, 0.0
         for point in range(1, 5):
             end = point_drift(law_parameters, i, side, point)
@@ -711,6 +725,8 @@ def _functions() -> LawFunctions:
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
         force = side * law_state[block + rows.FORCE, i]
+        # The rows from _PATH_POINTS on contain drift and force of point 1, of point 2 and of point
+        # 3, whose drift is the maximum drift. The branch leads to the first point not yet reached.
         max_drift = law_state[first + _PATH_POINTS + 4, i]
         for knot in range(_PATH_POINTS, _PATH_POINTS + 6, 2):
             end = law_state[first + knot, i]
@@ -722,10 +738,11 @@ def _functions() -> LawFunctions:
 
     @outlined
     def start_path(law_parameters, law_state, i, block, side):
-        """Start a path towards one side of the story at a reversal.
+        """Start the reloading path towards `side` at a reversal, with new degradation.
 
-        The degradation is applied, the three points of the path are computed and stored in the law
-        state, and the first part of the path is set as branch.
+        The losses of stiffness and strength replace those of the last reversal. The three points of
+        the path (end of unloading, end of the pinched part, point of maximum drift) are computed
+        and stored in the law state, and the first part of the path is set as branch.
 
         Parameters
         ----------
@@ -791,6 +808,7 @@ def _functions() -> LawFunctions:
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
         branch_type = abs(law_state[block + rows.INTERNAL, i])
+        # ABOVE is 1 and BELOW is -1: the event is also the side of the story that is loaded.
         reached_drift = event * law_state[block + rows.DRIFT, i]
         if event == rows.REVERSED:
             start_path(law_parameters, law_state, i, block, -law_state[block + rows.RATE_SIGN, i])
@@ -824,8 +842,10 @@ def _functions() -> LawFunctions:
         start_drift, start_force : float
             Drift (m) and negative force (N) at the start.
         points : tuple of float
-            Drift and force of the three points of the path.
+            Drift (m) and force (N) of point 1, of point 2 and of point 3 of the path.
         """
+        # Sum up the areas of the linear parts: trapezoids as long as the force is negative, then
+        # the triangle up to zero force. Points behind the start have already been passed.
         energy = 0.0
         for row in range(0, 6, 2):
             end, force = points[row], points[row + 1]
@@ -845,7 +865,8 @@ def _functions() -> LawFunctions:
 
         It is the area between the path and the drift axis. During unloading, the current path is
         used, otherwise the path that would follow a reversal at the current state. Before the first
-        branch change the energy is F^2 / (2 k) with the force F and the initial stiffness k.
+        branch change the energy is F^2 / (2 k) with the force F and the initial stiffness k. The
+        law state is not changed.
         """
         drift, force = law_state[rows.DRIFT, i], law_state[rows.FORCE, i]
         if force == 0.0:
@@ -853,6 +874,7 @@ def _functions() -> LawFunctions:
         if law_state[rows.INTERNAL, i] == 0.0:
             return 0.5 * force * force / law_parameters[rows.STIFFNESS, i]
         first = extra_rows(law_state, 0)
+        # `side` is the side towards which the path leads; the force on this side is negative.
         side = law_state[rows.RATE_SIGN, i]
         if side * force < 0.0:
             row = first + _PATH_POINTS
@@ -897,26 +919,28 @@ def _functions() -> LawFunctions:
                the end of the pinched part. Otherwise the pinched part would lead backwards, and
                `path` would correct it
         """
-        # Condition 1
+        # Condition 1: the stiffnesses of the first lines of both sides are equal.
         if (
             abs(stiffness(law_parameters, i, -1.0) / stiffness(law_parameters, i, 1.0) - 1.0)
             > _EQUAL
         ):
             return False
         for side in (1.0, -1.0):
-            # End of the pinched part: fractions of the maximum drift and of its force. End of
-            # unloading: fraction of the force at the third point
+            # The pinched part ends at fractions of the maximum drift and of its force. Unloading
+            # ends at a fraction of the force of point 3.
             drift_fraction = pinching(law_parameters, i, side, 0)
             force_fraction = pinching(law_parameters, i, side, 1)
             unloading_fraction = pinching(law_parameters, i, side, 2)
-            # Conditions 2 and 3
+            # Conditions 2 and 3: the reloading is pinched, and the force fraction of the end of the
+            # pinched part is at most its drift fraction.
             if not (
                 unloading_fraction < force_fraction - _NO_PINCHING
                 and force_fraction <= drift_fraction
             ):
                 return False
-            # Condition 4: the force at the end of unloading is a fraction of the force of point 3,
-            # that at the end of the pinched part a fraction of the force of point 1.
+            # Condition 4: unloading ends below the end of the pinched part. The force at the end of
+            # unloading is a fraction of the force of point 3, the force at the end of the pinched
+            # part a fraction of the force of point 1.
             if unloading_fraction * point_force(
                 law_parameters, i, side, 3
             ) >= force_fraction * point_force(law_parameters, i, side, 1):
@@ -958,7 +982,12 @@ def _slopes(side: Sequence[float]) -> list[float]:
 
 def _stiffens(values: Sequence[float]) -> bool:
     """Return True if a line of the backbone curve is stiffer than the first line of the positive
-    side."""
+    side.
+
+    `values` are the parameters in the order of `LAW.parameters`: drift (m) and force (N) of the
+    four points of the positive side, those of the negative side, and then parameters that are not
+    used here.
+    """
     first_slope = values[1] / values[0]  # force and drift of the first point
     return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first_slope * (
         1.0 + _EQUAL
@@ -966,7 +995,17 @@ def _stiffens(values: Sequence[float]) -> bool:
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
-    """Return an error message if the drifts of a backbone curve do not increase, otherwise None."""
+    """Return an error message if the drifts of a backbone curve do not increase, otherwise None.
+
+    Parameters
+    ----------
+    stiffness : float
+        Initial stiffness, N/m; not used. All laws have the same arguments for this check.
+    values : sequence of float
+        Parameters in SI units, in the order of `LAW.parameters`: drift and force of the four points
+        of the positive side, then of the negative side, then other parameters.
+    """
+    # Every second value of a side is a drift.
     for drifts, name in (
         (values[0:_SIDE:2], "backbone"),
         (values[_SIDE : 2 * _SIDE : 2], "negative.backbone"),
@@ -987,10 +1026,11 @@ _PINCHING_PARAMETERS = (
 
 
 def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
-    """Return the parameters of one type of degradation: `stiffness`, `drift` or `strength`.
+    """Return the declarations of the five parameters of one type of degradation.
 
-    They are `peak`, `work`, `peak_exponent`, `work_exponent` and `limit`. The stiffness and the
-    strength decrease, and the maximum drift increases, by the fraction
+    `name` is the type: `stiffness`, `drift` or `strength`. The parameters are `peak`, `work`,
+    `peak_exponent`, `work_exponent` and `limit`. The stiffness and the strength decrease, and the
+    maximum drift increases, by the fraction
 
         peak (maximum drift / drift of the last backbone point)^peak_exponent
             + work (used part of the energy capacity)^work_exponent

@@ -87,8 +87,8 @@ def _functions() -> LawFunctions:
             if side > 0.0
             else -min(law_state[block + rows.LOW_DRIFT, i], drift)
         )
-        # dy / dmax, and F / (k dmax), because the bilinear backbone curve has the force
-        # F = hardening k dmax + (1 - hardening) k dy
+        # `drift_ratio` is dy / dmax, and `to_origin` is F / (k dmax), because the bilinear backbone
+        # curve has the force F = hardening k dmax + (1 - hardening) k dy.
         drift_ratio = strength / (k * max_drift)
         to_origin = hardening + (1.0 - hardening) * drift_ratio
         return k * max(
@@ -122,7 +122,7 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at a reversal or at its limit.
 
-        After a reversal, the story unloads to zero force with the stiffness ku. At zero force, it
+        After a reversal, the story unloads to zero force with the unloading stiffness. At zero
         reloads towards the point of maximum drift on the other side, (dmax, Fmax). From this point
         on, it yields along the backbone curve with the slope hardening times initial stiffness. The
         type of the branch in row INTERNAL is positive on the positive side.
@@ -175,7 +175,8 @@ def _functions() -> LawFunctions:
             else law_state[block + rows.LOW_FORCE, i]
         )
         law_state[block + rows.RATE_SIGN, i] = event
-        # Reload towards the point of maximum drift, or yield if this point is reached.
+        # Reload towards the point of maximum drift, or yield if this point is reached; 1e-12 covers
+        # rounding errors.
         if event * (target - drift) > 1e-12 * abs(target):
             law_state[block + rows.INTERNAL, i] = event * _RELOADING
             law_state[block + rows.SLOPE, i] = (target_force - force) / (target - drift)

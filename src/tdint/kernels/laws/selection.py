@@ -43,10 +43,15 @@ class _Codes:
 
 
 def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
-    """Return a container of the numbers of all laws for which `has_property` is True.
+    """Return a container of the numbers of all laws with a property.
 
     Kernels test with `in` whether the law of a story has the property. Compiled kernels need a
     tuple of constants.
+
+    Parameters
+    ----------
+    has_property : callable
+        Law -> True if it has the property.
     """
     if not COMPILES:
         return _Codes(has_property)
@@ -134,7 +139,8 @@ def select_function(
 
         return call
     order = _selection_order()
-    # Pairs of the number of a law and its function. _SEPARATE is also below _FREQUENT.
+    # Collect pairs of the number of a law and its function. The condition `code < _FREQUENT`
+    # includes the separately compiled laws, because _SEPARATE is -1.
     implementations = []
     for code in order:
         functions = SEPARATE_LAW_FUNCTIONS if code == _SEPARATE else _functions(LAWS[code])
@@ -156,10 +162,10 @@ def select_function(
 
 
 def _selection_order() -> list[int]:
-    """Return the numbers of the compiled laws in the order of their tests.
+    """Return the numbers of the laws of the variant in the order in which kernels test for them.
 
-    Frequent laws are first. The number `_SEPARATE`, which represents all separately compiled laws,
-    follows. The remaining laws are last.
+    Frequent laws (linear and bilinear) are first. The number `_SEPARATE`, which represents all
+    separately compiled laws, follows if the variant has such a law. The remaining laws are last.
     """
     separate = [_SEPARATE] if HAS_SEPARATE_LAW else []
     remaining = [code for code in COMPILED if not LAWS[code].compiled_separately]

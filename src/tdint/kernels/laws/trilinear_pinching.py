@@ -41,10 +41,12 @@ _REACHED_TOLERANCE = 1e-12
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law.
+    """Return the compiled functions of the trilinear law with pinched reloading.
 
-    Drifts and forces with a `side` (1 or -1) are positive in the direction of that side. numba is
-    imported by this function only.
+    The functions of the result are `switch` (next branch), `strain_energy` and `enter` (first
+    branch), and those that `follow_branches` builds from them. The other functions defined here are
+    their parts. Drifts and forces with a `side` (1 or -1) are positive in the direction of that
+    side. The decorators are imported here, because they import numba in a process that compiles.
     """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import follow_branches
@@ -255,7 +257,7 @@ def _functions() -> LawFunctions:
         drift = side * law_state[block + rows.DRIFT, i]
         current_force = side * law_state[block + rows.FORCE, i]
         target = max_drift(law_state, i, block, side)
-        # Reloading: first (pinched) or second part
+        # Below the maximum drift the story reloads, on the first (pinched) or on the second part.
         if drift < target * (1.0 - _REACHED_TOLERANCE):
             target_force = backbone(law_parameters, i, target)
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
@@ -280,7 +282,7 @@ def _functions() -> LawFunctions:
                     target,
                     side,
                 )
-        # Backbone curve
+        # From the maximum drift on, the story is on the backbone curve.
         else:
             law_state[block + rows.FORCE, i] = side * backbone(law_parameters, i, drift)
             ultimate = law_parameters[_ULTIMATE_DRIFT, i]
@@ -296,7 +298,7 @@ def _functions() -> LawFunctions:
                     side,
                 )
             else:
-                # Constant part of the backbone curve: zero slope, no end
+                # The constant part of the backbone curve has zero slope and no end.
                 set_loading_branch(law_state, i, block, side, _YIELDING, 0.0, math.inf, side)
 
     @outlined
@@ -342,15 +344,15 @@ def _functions() -> LawFunctions:
         # The story is loaded with the unloading stiffness up to the intersection with the second
         # part of the reloading, or otherwise with the backbone curve.
         end_drift = math.inf
-        # Intersection of the unloading line with the line of the second part
+        # Compute the drift where the unloading line meets the line of the second part.
         if target > pinching_end:
             second_slope = (target_force - pinched_force) / (target - pinching_end)
             if slope > second_slope:
                 end_drift = (pinched_force - second_slope * pinching_end + slope * zero_drift) / (
                     slope - second_slope
                 )
-        # If this intersection is not on the second part: intersection with the hardening line of
-        # the backbone curve, or beyond the ultimate drift with its constant part
+        # If this point is not on the second part, the unloading line ends at the backbone curve: at
+        # its hardening line, or beyond the ultimate drift at its constant part.
         if end_drift > target or end_drift < max(pinching_end, zero_drift):
             hardening_slope = hardening(law_parameters, i)
             end_drift = zero_drift + law_parameters[_ULTIMATE_FORCE, i] / slope
@@ -370,7 +372,8 @@ def _functions() -> LawFunctions:
         """Set the branch that follows the current branch at its end.
 
         A reversal is followed by unloading, and unloading by a zero crossing of the force or by
-        further loading.
+        further loading. The end of another branch is followed by the next part of reloading or of
+        the backbone curve. A reversal also stores the maximum drift of its side.
 
         Parameters
         ----------
@@ -406,6 +409,8 @@ def _functions() -> LawFunctions:
                 slope,
                 side * law_state[block + rows.DRIFT, i],
             )
+        # The event is the side towards which the drift moves (ABOVE is 1, BELOW is -1). The
+        # unloading line of the other side ends at zero force.
         elif abs(branch_type) == _UNLOADING_LINE and event * branch_type < 0.0:
             cross_zero_force(law_parameters, law_state, i, block, event)
         else:

@@ -163,13 +163,15 @@ def largest_between(q, rates, d1, vibration, n, series):
             )
             * _INVERSE[k]
         )
-    # Integrals of the series: h q', then q
+    # Integrate the series of h^2 q'' to h q', and this series to q.
     rate_series[0], q_series[0] = d * h, q
     for k in range(1, n - 1):
         rate_series[k] = curvature_series[k - 1] * _INVERSE[k]
     for k in range(1, n):
         q_series[k] = rate_series[k - 1] * _INVERSE[k]
-    if d == 0.0:  # the zero at the start is not within the step: divide by x
+    # If q' is zero at the start, this zero is not within the step. It is removed by a division of
+    # the series by x, which does not change the value at x = 1.
+    if d == 0.0:
         for k in range(n - 2):
             rate_series[k] = rate_series[k + 1]
         return abs(

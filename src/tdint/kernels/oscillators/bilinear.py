@@ -202,6 +202,7 @@ def _root(series, terms, order, level, left, right):
     at_right = _derivative(series, terms, order, right) - level
     if at_left == 0.0 or (at_left > 0.0) == (at_right > 0.0):
         return left
+    # Narrow the bracket until its width or the last movement is of the order of rounding errors.
     side = 0
     for i in range(100):
         t = (left * at_right - right * at_left) / (at_right - at_left)
@@ -349,6 +350,7 @@ def _start_yielding(state, strength):
     strength : float
         Strength of the plastic part over mass, m/s^2.
     """
+    # The limit that was reached is the nearer one. Rounding must not reverse the velocity.
     side = 1.0 if 2.0 * state[U] > state[UPPER] + state[LOWER] else -1.0
     state[SIDE] = side
     state[U] = state[UPPER] if side > 0.0 else state[LOWER]
@@ -494,9 +496,10 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
         Number of changes of branch, or TOO_MANY_EVENTS (-1).
     """
     k, c, hardening, _ = oscillator
-    # e: elastic branch, y: yielding branch; first digit: 0 for the displacement and 1 for the
-    # velocity at the end of the step; second digit: factor of displacement, velocity, and minus the
-    # load at the start and at the end
+    # The letter of these coefficients is the branch: e for elastic, y for yielding. The first digit
+    # is the result at the end of the step: 0 for the displacement, 1 for the velocity. The second
+    # digit is the factor: 0 displacement, 1 velocity, 2 and 3 minus the load at the start and at
+    # the end.
     e00, e01, e02, e03 = steps[0], steps[1], steps[2], steps[3]
     e10, e11, e12, e13 = steps[4], steps[5], steps[6], steps[7]
     y00, y01, y02, y03 = steps[8], steps[9], steps[10], steps[11]
@@ -563,6 +566,7 @@ def _residual_displacement(state, series, oscillator):
     elastic branch. The result is the center of this vibration, -OFFSET / k, also for an undamped
     oscillator. It is NaN if a step has too many changes of branch.
     """
+    # The length of a step is one radian of the elastic vibration.
     k = oscillator.k
     h = 1.0 / math.sqrt(k)
     for _ in range(_FREE_VIBRATION):
@@ -611,6 +615,7 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     """
     steps, series, state = local(16), local(_MAX_TERMS), local(STATE_ROWS)
     state[:] = 0.0
+    # Divide sampling intervals so that omega h <= 1, as the Taylor series require.
     parts = max(1, math.ceil(omega * dt))
     h = dt / parts
     k, c = omega * omega, 2.0 * xi * omega

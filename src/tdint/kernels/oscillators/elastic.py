@@ -74,16 +74,27 @@ _BLOCK = 4
 
 
 def scratch(samples: int, parts: int, lanes: int) -> tuple[NDArray[np.float64], ...]:
-    """Return the scratch arrays of `peaks`.
+    """Return the scratch arrays of `peaks`, uninitialized, in the order of its arguments.
 
     Parameters
     ----------
     samples : int
-        Number of samples.
+        Number of samples of the ground motion.
     parts : int
         Steps per sampling interval.
     lanes : int
         Number of oscillators that are integrated together.
+
+    Returns
+    -------
+    ground : ndarray, shape (steps + 1,)
+        Ground acceleration at the steps, m/s^2.
+    starts : ndarray, shape (lanes, intervals + 1, 2)
+        Displacement (m) and velocity (m/s) of each oscillator at the start of each interval.
+    maxima : ndarray, shape (lanes, intervals, PEAKS)
+        Maxima of each oscillator at the steps of each interval.
+    ground_maxima : ndarray, shape (intervals, 2)
+        Maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in each interval.
     """
     steps = (samples - 1) * parts
     intervals = steps // INTERVAL_STEPS
@@ -156,18 +167,18 @@ def peaks(
     interpolate_samples(samples, parts, ground)
     steps = ground.size - 1
     intervals = steps // INTERVAL_STEPS
-    # Separate arrays, so that the compiler detects that they do not overlap.
+    # Each coefficient has a separate array, so that the compiler detects that they do not overlap.
     a11, a12, b10, b11 = local(lanes), local(lanes), local(lanes), local(lanes)
     a21, a22, b20, b21 = local(lanes), local(lanes), local(lanes), local(lanes)
     by_u, by_v = local(lanes), local(lanes)
     us, vs = local(lanes), local(lanes)
     max_u, max_v, max_a = local(lanes), local(lanes), local(lanes)
-    # scratch array for the series of q, q' and q''
+    # `series` is the scratch array for the Taylor series of a quantity q, of q' and of q''.
     best, series = local(PEAKS), local_table(3, TERMS)
     for c in range(intervals):
         _measure_ground(ground, h, c, ground_maxima)
     for group in range(0, oscillators.shape[1], lanes):
-        # Coefficients of the group, and rest
+        # Copy the coefficients of the group, and set the state of rest.
         for i in range(lanes):
             a11[i], a12[i] = oscillators[A11, group + i], oscillators[A12, group + i]
             b10[i], b11[i] = oscillators[B10, group + i], oscillators[B11, group + i]
@@ -310,7 +321,8 @@ def _search(oscillator, maxima, ground_maxima):
     ground_maxima : ndarray
         Maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in each interval.
     """
-    # Interval with the maximum of each quantity; `intervals` if there is no complete interval
+    # Find the interval with the maximum of each quantity; the index is `intervals` if there is no
+    # complete interval.
     best = oscillator.best
     intervals = maxima.shape[0]
     interval_u = interval_v = interval_a = intervals
@@ -339,7 +351,7 @@ def _search(oscillator, maxima, ground_maxima):
     for c in range(intervals):
         if c in (interval_u, interval_v, interval_a):
             continue
-        # Bounds of the second derivatives of displacement, velocity and acceleration at the steps
+        # Compute bounds of the second derivatives of displacement, velocity and acceleration.
         bound_u = maxima[c, 2] + ground_maxima[c, 0]
         bound_v = by_v * bound_u + by_u * maxima[c, 1] + ground_maxima[c, 1]
         bound_a = by_v * bound_v + by_u * bound_u
@@ -386,9 +398,9 @@ def _integrate_interval(oscillator, interval):
         best[1] = max(best[1], abs(v1))
         best[2] = max(best[2], abs(p1))
         if between_steps == 1:
-            # At both endpoints: relative jerk j, and the first to third derivatives of p (dp, ddp,
-            # dddp). As p = -u'' - ag and ag is linear, the fourth
-            # derivative of u is -ddp.
+            # Compute the relative jerk j and the derivatives dp, ddp, dddp of p at both endpoints
+            # (suffix 1 at the end). As p = -u'' - ag and ag is linear, the fourth derivative of u
+            # is -ddp.
             slope = (g1 - g0) / h
             dp, dp1 = by_u * v + by_v * a, by_u * v1 + by_v * a1
             j, j1 = -dp - slope, -dp1 - slope

@@ -65,7 +65,8 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
         threshold = 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.size - 1):
-            # Ground acceleration at the start of a step, and its change in a step
+            # g0 is the ground acceleration at the start of a step, `increment` its change in a
+            # step.
             g0, increment = samples[sample], (samples[sample + 1] - samples[sample]) / steps
             for step in range(steps):
                 g1 = g0 + increment
@@ -159,8 +160,8 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
         a21, a22 = oscillators[A21, i], oscillators[A22, i]
         b10, b11 = oscillators[B10, i], oscillators[B11, i]
         b20, b21 = oscillators[B20, i], oscillators[B21, i]
-        # Displacement and velocity along the first component (u, v) and along the second component
-        # (p, q); f and g are the ground accelerations
+        # Displacement and velocity are u, v along the first component and p, q along the second; f
+        # and g are the ground accelerations.
         u, v, p, q = 0.0, 0.0, 0.0, 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.shape[1] - 1):
@@ -172,12 +173,13 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
                 v1 = (a21 * u + a22 * v) - (b20 * f0 + b21 * f1)
                 p1 = (a11 * p + a12 * q) - (b10 * g0 + b11 * g1)
                 q1 = (a21 * p + a22 * q) - (b20 * g0 + b21 * g1)
-                # Half the rate of the squared distance at both endpoints of the step
+                # Compute half the rate of the squared distance at both endpoints of the step. The
+                # distance has a maximum where it changes from positive to negative.
                 outward, outward1 = u * v + p * q, u1 * v1 + p1 * q1
                 if outward > 0.0 and outward1 <= 0.0:
-                    # Zero of this rate by linear interpolation, as a fraction of the step. The
-                    # displacements there are cubics with the weights c0, c1 of the displacements
-                    # and r0, r1 of the velocities at both endpoints.
+                    # x is the zero of this rate by linear interpolation, as a fraction of the step.
+                    # The displacements there are cubics with the weights c0, c1 of the
+                    # displacements and r0, r1 of the velocities at both endpoints.
                     x = outward / (outward - outward1)
                     remainder = 1.0 - x
                     c0 = remainder * remainder * (1.0 + 2.0 * x)

@@ -125,7 +125,7 @@ def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
     """
     count = modes.shape[1]
     for row in range(rows):
-        # Linear interpolation between samples `i` and `i + 1`
+        # Interpolate the ground acceleration linearly between samples `i` and `i + 1`.
         i, part = divmod(first + row, parts)
         motion[row] = (
             ground[i] if part == 0 else ground[i] + (ground[i + 1] - ground[i]) * (part / parts)
@@ -150,22 +150,23 @@ def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
 
 @outlined
 def _superpose(q, shapes, static, motion, drift):
-    """Compute rows of drift ratios from rows of modal coordinates.
+    """Compute the drift ratios of all stories and of the roof at successive steps from the modes.
 
     drift[row, c] = sum over the modes j of q[row, j] shapes[j, c], minus static[c] motion[row].
     Four rows (d0 to d3) and four modes (w0 to w3) are processed at a time, which is faster.
 
     Parameters
     ----------
-    q : ndarray
-        Modal coordinates.
-    shapes : ndarray
+    q : ndarray, shape (rows, modes)
+        Modal coordinates, one row per step. Both dimensions are multiples of 4.
+    shapes : ndarray, shape (modes, stories + 1)
         Drift ratio per modal coordinate of each story and of the roof.
-    static : ndarray
-        Static correction.
-    motion : ndarray
+    static : ndarray, shape (stories + 1,)
+        Static correction: drift ratio per ground acceleration of the modes that are not included,
+        s^2/m.
+    motion : ndarray, shape (rows,)
         Ground acceleration at the steps, m/s^2.
-    drift : ndarray
+    drift : ndarray, shape (rows, stories + 1)
         Receives the drift ratios.
     """
     columns = shapes.shape[1]
@@ -176,6 +177,7 @@ def _superpose(q, shapes, static, motion, drift):
             d1[c] = -static[c] * motion[row + 1]
             d2[c] = -static[c] * motion[row + 2]
             d3[c] = -static[c] * motion[row + 3]
+        # qab is the coordinate of mode j + b at step row + a.
         for j in range(0, shapes.shape[0], 4):
             w0, w1, w2, w3 = shapes[j], shapes[j + 1], shapes[j + 2], shapes[j + 3]
             q00, q01, q02, q03 = q[row, j], q[row, j + 1], q[row, j + 2], q[row, j + 3]
@@ -289,7 +291,12 @@ def _column_at(sums, steps, row, slope, t, c):
     t : float
         Time after the step, s.
     c : int
-        Column.
+        Column: index of the story; the last column is the roof.
+
+    Returns
+    -------
+    float, float
+        Drift ratio, and its rate, 1/s.
     """
     modes, shapes, static, _ = sums
     q, rate, motion, _, _ = steps
@@ -307,7 +314,7 @@ def _column_at(sums, steps, row, slope, t, c):
             y_rate = rate[row, j] - particular_rate
             by_sine = (y_rate + xi * omega * y) / damped
             decay = math.exp(-xi * omega * t)
-            # Decaying cosine and sine
+            # c_t and s_t are the decaying cosine and sine of the free vibration.
             c_t, s_t = decay * math.cos(damped * t), decay * math.sin(damped * t)
             value += weight * (particular + particular_rate * t + y * c_t + by_sine * s_t)
             speed += weight * (
@@ -381,6 +388,11 @@ def _refine(sums, steps, first, last, threshold, best):
         Steps with a smaller absolute value are not near a maximum and are skipped.
     best : tuple of float
         Maximum until now and its column, returned if no larger value is found.
+
+    Returns
+    -------
+    float, float
+        Maximum absolute drift ratio and its column.
     """
     value, column = best
     _, _, _, drift, rows = steps
@@ -496,7 +508,7 @@ def largest_drifts(
     chunks = (steps + _CHUNK_STEPS - 1) // _CHUNK_STEPS
     bends = local(2)  # maximum second differences of the stories and of the roof
     bends[:] = 0.0
-    # First pass: maxima at the steps of each chunk
+    # The first pass computes the maxima at the steps of each chunk.
     story_maximum = roof_maximum = 0.0
     for chunk in range(chunks):
         rows = min(_CHUNK_STEPS, steps - chunk * _CHUNK_STEPS) + 1
@@ -506,7 +518,7 @@ def largest_drifts(
         _superpose(q, shapes, static, motion, drift)
         _update_maxima(drift, rows, column_maxima, column_bends)
         for c in range(columns):
-            # Group 0: stories; group 1: roof, the last column
+            # Group 0 contains the stories, group 1 the roof, which is the last column.
             group = 1 if c == columns - 1 else 0
             chunk_maxima[chunk, group] = max(chunk_maxima[chunk, group], column_maxima[c])
             bends[group] = max(bends[group], column_bends[c])
@@ -515,8 +527,8 @@ def largest_drifts(
         # The last row of a chunk is the first row of the next chunk.
         for j in range(count):
             q[0, j], rate[0, j] = q[rows - 1, j], rate[rows - 1, j]
-    # Second pass: the chunks that can contain the maximum between the steps. `story` and `roof` are
-    # the maximum and its column.
+    # The second pass processes the chunks that can contain the maximum between the steps. `story`
+    # and `roof` contain the maximum and its column.
     story_tolerance, roof_tolerance = _TOLERANCE * bends[0], _TOLERANCE * bends[1]
     story, roof = (-1.0, 0.0), (-1.0, 0.0)
     for chunk in range(chunks):

@@ -102,14 +102,25 @@ _ROWS = _MAXIMA + AXES + 1
 
 
 def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
-    """Return the scratch arrays of `rotated_peaks`.
+    """Return the scratch arrays of `rotated_peaks`, uninitialized, in the order of its arguments.
 
     Parameters
     ----------
     samples : int
-        Number of samples.
+        Number of samples of each ground motion.
     parts : int
         Steps per sampling interval.
+
+    Returns
+    -------
+    ground : ndarray, shape (2, steps + 1)
+        Ground accelerations of both components at the steps, m/s^2.
+    starts : ndarray, shape (LANES, intervals + 1, 4)
+        Displacement (m) and velocity (m/s) of each oscillator at the start of each interval, along
+        the first and then along the second axis.
+    maxima : ndarray, shape (LANES, intervals, AXES + 1)
+        Maximum displacements along the axes in each interval (m), then the maximum relative
+        acceleration (m/s^2).
     """
     steps = (samples - 1) * parts
     intervals = steps // INTERVAL_STEPS
@@ -174,7 +185,7 @@ def rotated_peaks(
         scratch[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
     series = local_table(3, TERMS)
     for group in range(0, oscillators.shape[1], LANES):
-        # Coefficients of the oscillators of the group, and rest
+        # Copy the coefficients of the oscillators of the group, and set the state of rest.
         for k in range(COEFFICIENTS):
             for i in range(LANES):
                 lane[k * LANES + i] = oscillators[k, group + i]
@@ -243,20 +254,20 @@ def _advance(ground, s, lane):
         a21, a22 = lane[A21 * LANES + i], lane[A22 * LANES + i]
         b20, b21 = lane[B20 * LANES + i], lane[B21 * LANES + i]
         by_u, by_v = lane[BY_DISPLACEMENT * LANES + i], lane[BY_VELOCITY * LANES + i]
-        # Displacement and velocity along the first axis (x, v) and along the second axis (y, w)
+        # Displacement and velocity are x, v along the first axis and y, w along the second axis.
         x, v = lane[_X * LANES + i], lane[_V * LANES + i]
         y, w = lane[_Y * LANES + i], lane[_W * LANES + i]
-        # Maximum displacements along the axes at 0, 30, ..., 150 degrees
+        # t0 to t5 are the maximum displacements along the axes at 0, 30, ..., 150 degrees.
         t0, t1 = lane[_MAXIMA * LANES + i], lane[(_MAXIMA + 1) * LANES + i]
         t2, t3 = lane[(_MAXIMA + 2) * LANES + i], lane[(_MAXIMA + 3) * LANES + i]
         t4, t5 = lane[(_MAXIMA + 4) * LANES + i], lane[(_MAXIMA + 5) * LANES + i]
-        # Square of the maximum relative acceleration
+        # The maximum of the squared resultant of the relative accelerations needs no square root.
         max_acceleration_squared = lane[(_MAXIMA + _ACCELERATION) * LANES + i]
         # The maxima include both endpoints of the block. The last pass has no step.
         for j in range(_BLOCK + 1):
-            # Ground accelerations at the start of the step along the first (f) and second axis (g)
+            # f and g are the ground accelerations along the first and along the second axis.
             f0, g0 = ground[0, s + j], ground[1, s + j]
-            # Displacements along the six axes: x cos(theta) + y sin(theta)
+            # The displacement along the axis at the angle theta is x cos(theta) + y sin(theta).
             cx, sx, cy, sy = _C * x, _S * x, _C * y, _S * y
             t0 = abs(x) if abs(x) > t0 else t0
             t1 = abs(cx + sy) if abs(cx + sy) > t1 else t1
@@ -264,7 +275,8 @@ def _advance(ground, s, lane):
             t3 = abs(y) if abs(y) > t3 else t3
             t4 = abs(cy - sx) if abs(cy - sx) > t4 else t4
             t5 = abs(sy - cx) if abs(sy - cx) > t5 else t5
-            # Relative accelerations with the opposite sign, which has no effect on the squares
+            # a and b are the relative accelerations with the opposite sign, which has no effect on
+            # the squares.
             a, b = by_u * x + by_v * v + f0, by_u * y + by_v * w + g0
             acceleration_squared = a * a + b * b
             max_acceleration_squared = (
@@ -350,7 +362,8 @@ def _search(oscillator, maxima, margin):
     scratch, best = oscillator.scratch, oscillator.best
     intervals = maxima.shape[0]
     lowest = scratch[_LOWEST]
-    # The remaining steps after the last interval, then the interval with the maximum of each axis
+    # Integrate the remaining steps after the last interval, then the interval with the maximum of
+    # each axis. Both use only the values at the steps (argument True).
     _integrate_interval(oscillator, intervals, margin, True)
     last_interval = intervals
     for k in range(AXES):
@@ -361,7 +374,8 @@ def _search(oscillator, maxima, margin):
         if intervals > 0 and interval != last_interval:
             _integrate_interval(oscillator, interval, margin, True)
             last_interval = interval
-    # Then the intervals in which a bound exceeds a maximum, with the maxima between the steps
+    # Then integrate the intervals in which a bound exceeds a maximum, with the maxima between the
+    # steps (argument False).
     for k in range(_SECTORS):
         lowest[k] = _lowest(best, k)
     _integrate_interval(oscillator, intervals, margin, False)
@@ -459,10 +473,11 @@ def _integrate_interval(oscillator, interval, margin, coarse):
                 size = abs(directions[0, k] * x1 + directions[1, k] * y1)
                 best[k] = size if size > best[k] else best[k]
         else:
-            # Displacements along the edges of the sectors at the end, and excess between the steps
+            # Compute the displacements along the edges of the sectors at the end of the step, and
+            # the excess between its endpoints.
             _project(x1, y1, scratch, end_values)
             excess = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
-            # Relative jerk along both axes at the start of the step
+            # p and q are the relative jerks along both axes at the start of the step, m/s^3.
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
             # Process only the sectors in which the step can exceed a maximum; usually there is
@@ -471,7 +486,8 @@ def _integrate_interval(oscillator, interval, margin, coarse):
                 if _top(scratch, sector) * _SPREAD + excess <= lowest[sector]:
                     continue
                 for k in range(sector * _SECTOR, (sector + 1) * _SECTOR):
-                    # Displacement, velocity and acceleration in direction `k` at both endpoints
+                    # Compute displacement, velocity and acceleration in direction `k` at both
+                    # endpoints: u0, v0, e0 and u1, speed, e1.
                     c, d = directions[0, k], directions[1, k]
                     u0, u1, v0 = c * x + d * y, c * x1 + d * y1, c * v + d * w
                     speed, e0, e1 = c * v1 + d * w1, c * a + d * b, c * a1 + d * b1

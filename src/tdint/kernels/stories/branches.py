@@ -188,8 +188,8 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
-        # Drifts d0 and d3 at the start and at the end of the step (m); drift rates w0 and w1 there
-        # times the length of the step (m)
+        # d0 and d3 are the drifts at the start and at the end of the step (m), w0 and w1 the drift
+        # rates there times the length of the step (m).
         d0 = law_state[rows.DRIFT, i]
         w0 = h * (state[rows.VELOCITY, i] - link * v_below)
         d3 = scratch[u1, i] - link * u1_below
@@ -214,6 +214,7 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
             if fraction < first_fraction:
                 first_fraction, story, event = fraction, i, rows.BELOW
         rate_sign = law_state[rows.RATE_SIGN, i]
+        # The tolerance of a reversal is _REVERSAL_TOLERANCE times the same sum of drifts, m.
         tolerance = _REVERSAL_TOLERANCE / _LIMIT_TOLERANCE * tolerance
         # The differences of the Bezier points, times 3, are the Bezier points of the drift rate.
         if (
@@ -361,7 +362,7 @@ def _root(cubic, limit, part_start, part_end, known_event):
             lower_s = s
         r = 1.0 - s
         rate = 3.0 * (r * r * (d1 - d0) + 2.0 * r * s * (d2 - d1) + s * s * (d3 - d2))
-        # Newton's step; if it leaves the interval that contains the crossing, bisection
+        # Take Newton's step, or bisect if it leaves the interval that contains the crossing.
         new_s = s - value / rate if rate != 0.0 else lower_s
         if not lower_s < new_s < upper_s:
             new_s = 0.5 * (lower_s + upper_s)

@@ -80,7 +80,7 @@ def split_at_zero_rate(integrate_part):
         The drift rate is (rise + bend s) / h, with the coefficients of the parabola of drift in
         `dashpot_path`.
         """
-        # h times the drift rates at both endpoints, m
+        # These are h times the drift rates at both endpoints of the step, m.
         first_rate = dashpot_path.rise - 0.5 * dashpot_path.bend
         last_rate = dashpot_path.rise + 0.5 * dashpot_path.bend
         if first_rate * last_rate < 0.0:
@@ -123,7 +123,7 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
         Integration weight; the weights of all points on the path have the sum 1.
     """
     rise, bend, h, scratch, story_rows, dashpot_rows = dashpot_path
-    # Force (N) and its derivative with respect to the drift rate (N s/m)
+    # The derivative of the force (N) is with respect to the drift rate (N s/m).
     force, derivative = power_damper(linear_terms, i, (rise + bend * s) / h)
     moment_weight = 12.0 * weight * s  # weight in the first moment, 12 int s f dt
     scratch[dashpot_rows + path.MEAN, i] += weight * force
@@ -158,7 +158,7 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
     slow, fast : float
         Positions of the endpoints with the smaller and the larger absolute rate.
     """
-    # h times the absolute rates at both endpoints of the part, m
+    # These are h times the absolute drift rates at both endpoints of the part, m.
     min_rate = abs(dashpot_path.rise + dashpot_path.bend * slow)
     max_rate = abs(dashpot_path.rise + dashpot_path.bend * fast)
     length = abs(fast - slow)

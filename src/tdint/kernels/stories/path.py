@@ -203,7 +203,7 @@ def remains_on_branch(law_state, i, rise, bend):
         return False
     start_drift = law_state[rows.DRIFT, i]
     rate_sign = law_state[rows.RATE_SIGN, i]
-    # Rates of the parabola at both endpoints times the step, m
+    # These are the rates of the parabola at both endpoints times the length of the step, m.
     first_rate = rise - 0.5 * bend
     last_rate = rise + 0.5 * bend
     if rate_sign * first_rate < 0.0 or rate_sign * last_rate < 0.0:
@@ -289,7 +289,8 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
             min(first_extremum, last_extremum),
             max(first_extremum, last_extremum),
         )
-    # Value with the sign of the rate immediately after the start
+    # `initial_rate` has the sign of the rate immediately after the start: that of the rate itself,
+    # of its slope, or of the change of drift, whichever is the first that is not zero.
     if abs(first_rate) > tolerance:
         initial_rate = first_rate
     elif abs(initial_slope) > tolerance:
@@ -363,6 +364,7 @@ def _find_zero(cubic, lower, upper, value_at_upper):
     """
     c0, c1, c2, c3 = cubic
     t = 0.5 * (lower + upper)
+    # `lower` and `upper` enclose the zero; the value at `upper` keeps its sign.
     for _ in range(_MAX_ROOT_ITERATIONS):
         value = c0 + t * (c1 + t * (c2 + t * c3))
         if value * value_at_upper < 0.0:
@@ -878,7 +880,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
         Table, and the first of its rows that receive mean, moment (N) and their derivatives (N/m).
         The rows from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
     """
-    # Path before the reversal, from the committed state (block 0)
+    # Follow the path before the reversal, from the committed state (block 0).
     copy(law_state, i, 0, rows.FIRST_TRIAL)
     _integrate_monotonic(
         law_parameters,
@@ -909,7 +911,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
         )
         _clear(shifted, i)
         _integrate_monotonic(law_parameters, law_state, i, rows.SECOND_TRIAL, path_back, shifted)
-    # Path after the reversal, and sum of both parts
+    # Follow the path after the reversal, and add both parts.
     _clear(after_reversal, i)
     _integrate_monotonic(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, after_reversal)
     _add_after_reversal(results, i, reversal_time, shift)
@@ -985,7 +987,7 @@ def dividing_at_bend(integrate):
             )
             begin = t_end
             drift_change -= bend_distance
-        # Remaining part, or the complete path
+        # Integrate along the remaining part, or along the complete path without a corner.
         count = required_points(law_parameters, law_state, i, drift_change)
         return integrate(
             law_parameters,
@@ -1037,6 +1039,7 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
         First row of the block of `law_state` with the state at the last Gauss point.
     """
     scratch, out = results
+    # Distribute the points evenly: `divisions` equal parts with `points` Gauss points each.
     divisions = math.ceil(count / MAX_POINTS)
     points = math.ceil(count / divisions)
     length = (segment.end - segment.begin) / divisions
@@ -1109,7 +1112,7 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
         shifted = Integrals(results.table, results.first + _SHIFTED)
         path_back = path_segment(story_path, reversal_time, 1.0)
-        # State at the reversal (THIRD_TRIAL) and at the shifted reversal (FIRST_TRIAL)
+        # Compute the state at the reversal (THIRD_TRIAL) and at the shifted reversal (FIRST_TRIAL).
         drift = drift_at(story_path, reversal_time)
         restoring_force_outlined(law_parameters, law_state, i, previous, rows.THIRD_TRIAL, drift)
         accumulate_dissipation(law_parameters, law_state, i, previous, rows.THIRD_TRIAL)

@@ -323,7 +323,7 @@ def integrate(
         start(initialize_laws, sum_law_energies, scene, ground_0, memory, seen)
         if history.shape[0] > 0:
             store(ground_0, ground_0, memory, seen, 0)
-    min_fraction = 0.5**max_halvings
+    min_fraction = 0.5**max_halvings  # shortest substep, as a fraction of the step
     for step_index in range(first_step, last_step):
         ground_1 = ground_at(ground, step_index + 1, per_sample, stride)
         ground_rate = (ground_1 - ground_0) / h
@@ -512,12 +512,13 @@ def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory,
     """Call `integrate` for the steps of one run from `first_step` to `last_step`, without a
     history.
 
-    The kernel is called by its address with plain arrays.
+    The kernel is called by its address with plain arrays. The steps per row of the history (1) and
+    the number of earlier rows (0) have no effect, because the history has no rows.
 
     Parameters
     ----------
     kernels : _Kernels
-        Kernels of the run.
+        Addresses of the kernels that the run calls.
     common : _CommonData
         Common data of all runs.
     step_ratio : tuple of int
@@ -565,6 +566,8 @@ def _initialize_memory(initial, memory, observer_state):
 @inline
 def _start_window(memory, peaks, previous_peaks, n):
     """Set the peak velocities of a run to zero, so that they are determined for a window of steps.
+
+    `_end_window` restores the peaks of the run after the window.
 
     Parameters
     ----------
@@ -717,7 +720,8 @@ def integrate_many(
     failed_count = 0
     n = linear_terms.shape[1] - 1
     for run_index in range(runs.shape[0]):
-        # Scaled ground motion and initial memory of the run
+        # Scale the ground motion of the run, fill the rest of the array with zeros, and reset the
+        # memory.
         first_sample = int(runs[run_index, GROUND_START])
         sample_count = int(runs[run_index, GROUND_SIZE])
         for i in range(ground.size):
@@ -745,7 +749,8 @@ def integrate_many(
             if window_index > 0 and max_velocity <= velocity_limit * max_displacement:
                 at_rest = 1.0
                 break
-        # Results of the run
+        # Store the results of the run. A failed run keeps the number of steps of its last complete
+        # pass.
         if code < 0:
             failed_count += 1
         for i in range(n):

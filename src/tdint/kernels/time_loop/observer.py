@@ -137,14 +137,14 @@ def observe(scene, span, slope, memory, seen):
     # Forces on floors within the step are not evaluated here; with such forces, all steps are
     # searched.
     may_exceed = FORCES and forces.shape[0] > 0
-    # Sums over all floors
+    # These sums over all floors determine the powers of the load and of the dampers.
     momentum = 0.0
     total_inertia = 0.0
     viscous_power = 0.0
     viscous_rate = 0.0
     viscous_per_acceleration = 0.0
-    # Quantities of the story above, or sums over this floor and all floors above; zero if the story
-    # above is on the ground instead of this floor
+    # These variables contain quantities of the story above, or sums over this floor and all floors
+    # above. They are zero if the story above is on the ground instead of this floor.
     story_force_above = 0.0
     floor_damping_above = 0.0
     inertia_above = 0.0
@@ -165,7 +165,7 @@ def observe(scene, span, slope, memory, seen):
         a_0_below = observer_state[rows.A_PREVIOUS, below]
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         mass = linear_terms[rows.MASS, i]
-        # Force of story `i`
+        # Compute the force of story `i`: restoring force, P-delta, story damper and dashpot.
         drift = law_state[rows.DRIFT, i]
         shear = law_state[rows.FORCE, i]
         rate = v - link * v_below
@@ -175,7 +175,7 @@ def observe(scene, span, slope, memory, seen):
         story_force = (
             shear + linear_terms[rows.GEOMETRIC, i] * drift + story_damping + dashpot_force
         )
-        # Relative acceleration of floor `i` from equilibrium
+        # Compute the relative acceleration of floor `i` from equilibrium.
         a = (
             linear_terms[rows.INVERSE_MASS, i]
             * (
@@ -187,13 +187,15 @@ def observe(scene, span, slope, memory, seen):
             - ground
         )
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
-        # Total shear: force of the story plus the viscous forces of this floor and of those above
+        # The total shear is the force of the story plus the viscous forces of this floor and of all
+        # floors above.
         floor_damping_above += floor_damping
         if MODAL:
             floor_damping_above += observer_state[rows.MODAL_FORCE, i]
         total_shear = story_force + floor_damping_above
         observer_state[rows.TOTAL_SHEAR, i] = total_shear
-        # Bounds of the displacement and velocity of the floor, then of the story above
+        # Compare bounds of the displacement and velocity of the floor with their peaks, then bounds
+        # of the drift and force of the story above.
         floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
         may_exceed |= may_exceed_story_peaks(
@@ -215,7 +217,8 @@ def observe(scene, span, slope, memory, seen):
         )
         reach_above = story_reach(span, story_ends, shear, law_parameters[rows.STIFFNESS, i])
         a_above, link_above = a, link
-        # Bounds of the absolute acceleration and of the total shear
+        # Compare bounds of the absolute acceleration and of the total shear with their peaks. The
+        # total shear is minus the inertia forces of all floors above the story.
         bulge = acceleration_bulge(by_h, floor_ends)
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
@@ -225,7 +228,7 @@ def observe(scene, span, slope, memory, seen):
         may_exceed |= may_exceed_acceleration_peak(
             inertia_above, -total_shear, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
         )
-        # Sums for the powers of the load and of the dampers
+        # Add the contributions of the floor and of the story to the sums.
         momentum += mass * v
         total_inertia += mass * a
         viscous_power += floor_damping * v + (story_damping + dashpot_force) * rate
@@ -236,7 +239,7 @@ def observe(scene, span, slope, memory, seen):
         # An equal change of all floor accelerations only changes the drift acceleration of stories
         # on the ground.
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
-        # Values for the floor below
+        # Prepare the values above for the floor below; they are zero if the story is on the ground.
         story_force_above = link * story_force
         floor_damping_above *= link
         inertia_above *= link
@@ -247,7 +250,7 @@ def observe(scene, span, slope, memory, seen):
     # The drift acceleration of the lowest story is the acceleration of floor 1.
     stiffness = law_parameters[rows.STIFFNESS, 0]
     may_exceed |= may_exceed_story_peaks(reach_above, excess * abs(a_above), stiffness, peaks, 0)
-    # Energies: work of the load and of the dampers in the step
+    # Add the work of the load and of the dampers in the step to the energies.
     sums = _FloorSums(
         momentum, total_inertia, viscous_power, viscous_rate, viscous_per_acceleration
     )
@@ -372,8 +375,8 @@ def _observe_dashpots(span, linear_terms, state, seen):
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         force = linear_terms[rows.DASHPOT, i] * rate
         power += (force + dashpot_force) * rate
-        # Half of the derivative of the power with respect to the drift rate, as for the other
-        # dampers
+        # `force` becomes half of the derivative of the power with respect to the drift rate, with
+        # which `observe` computes the rate of the power of all dampers.
         force += 0.5 * (dashpot_force + dashpot_tangent * rate)
         power_rate += 2.0 * force * drift_acceleration
         # An equal change of all floor accelerations only changes the drift acceleration of stories
@@ -510,7 +513,7 @@ def _change_per_acceleration(modal, forces, t, state, n):
     for j in range(forces.shape[0]):
         rate += force_value(forces, j, t)
     for j in range(modal.shape[0]):
-        # w^T v, and w^T a for accelerations of 1 m/s^2
+        # v_modal is w^T v, and a_modal is w^T a for accelerations of 1 m/s^2.
         v_modal = 0.0
         a_modal = 0.0
         for i in range(n):
@@ -641,7 +644,7 @@ def shift_ground(scene, load, shifts, memory, seen):
     linear_terms, modal, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
     ground = load[rows.GROUND_0]
-    # Change of all relative accelerations: old minus new ground acceleration
+    # All relative accelerations change by the old minus the new ground acceleration.
     shift = memory.step_status[rows.STATE_GROUND] - ground
     memory.step_status[rows.STATE_GROUND] = ground
     n = linear_terms.shape[1] - 1
@@ -737,8 +740,9 @@ def _add_work(span, slope, current, totals):
     totals : ndarray
         Totals of the run, with the powers at the start of the step.
     """
-    # Rates at the start minus rates at the end. The rate of the ground acceleration contributes
-    # minus `slope` times the momentum to the rate of the power of the load.
+    # `change` is the rate of a power at the start minus its rate at the end. The rate of the ground
+    # acceleration contributes minus `slope` times the momentum to the rate of the power of the
+    # load.
     change = (
         totals[rows.RATE_INPUT] - current.rate - slope * (totals[rows.MOMENTUM] - current.momentum)
     )
@@ -793,8 +797,8 @@ def store(ground, fitted_ground, memory, seen, row):
     state, law_state = memory.state, memory.law_state
     observer_state, _, _, totals, history = seen
     n = observer_state.shape[1] - 1
-    # Columns: ground acceleration; displacement, velocity and absolute acceleration of n floors;
-    # shear of n stories; energies
+    # The columns are ground acceleration; displacement, velocity and absolute acceleration of n
+    # floors; shear of n stories; energies.
     history[row, 0] = ground
     for i in range(n):
         history[row, 1 + i] = state[rows.DISPLACEMENT, i]
@@ -857,7 +861,7 @@ def record_collapse(law_state, steps, seen):
             largest_excess = excess
             totals[rows.COLLAPSE_STEP] = steps
             totals[rows.COLLAPSE_STORY] = i
-    # The energies, then ENERGY_INITIAL and ENERGY_REFERENCE
+    # The first elements of `totals` are the energies, then ENERGY_INITIAL and ENERGY_REFERENCE.
     for j in range(rows.ENERGY_TERMS + 2):
         totals[rows.COLLAPSE_ENERGIES + j] = totals[j]
 
@@ -889,8 +893,10 @@ def call_initialize_laws(initialize_laws, scene, memory):
 
 @inline
 def update_law_energies(sum_law_energies, scene, memory, seen):
-    """Update the kinetic, strain and hysteretic energy in `totals`, J, by the kernel
-    `sum_law_energies`.
+    """Update the kinetic, strain and hysteretic energy in `seen.totals`, J.
+
+    The kernel `sum_law_energies` is called by its address. The energies are those of the current
+    state. They are computed only when they are needed, because all laws must be evaluated.
 
     Parameters
     ----------
@@ -1025,7 +1031,7 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     """Update the peak shears of the stories with a reversal within the last step.
 
     The force at the reversal is computed on the path from the end of the step back to the drift of
-    the reversal.
+    the reversal. The first trial state in `law_state` is overwritten.
 
     Parameters
     ----------
@@ -1046,6 +1052,7 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     int
         Always 0, because the evaluation cannot fail.
     """
+    # A reversal drift that differs from the drift at the end of the step marks a reversal.
     for i in range(peaks.shape[1]):
         if reversal_drifts[row, i] != law_state[rows.DRIFT, i]:
             restoring_force_outlined(
