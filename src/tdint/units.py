@@ -159,7 +159,7 @@ def parse_drift(text: str) -> DriftSize:
         hint = (
             "" if unit else f"; a number without a unit is a drift ratio, did you mean {compact}%?"
         )
-        raise UsageError(f"drift {text!r}: a drift ratio is 1 at most{hint}")
+        raise UsageError(f"drift {text!r}: a drift ratio must be at most 1{hint}")
     return DriftSize(compact, value, kind)
 
 

@@ -317,7 +317,7 @@ def test_sweep_varies_buildings_of_inventory(study: Path) -> None:
     [
         (
             ("analysis", "vary: {story 3.mass_factor: [0.9]}\nanalysis"),
-            "story 3.mass_factor: a has 2 stories",
+            "story 3.mass_factor: story not found; a has 2 stories",
         ),
         (
             ("method: newmark-average", "methods: [hht, trio]"),

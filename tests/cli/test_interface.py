@@ -314,7 +314,7 @@ def test_an_interrupted_campaign_continues(study):
             UsageError,
             "colour",
         ),
-        (lambda: package.model_template(0), UsageError, "stories must be at least 1"),
+        (lambda: package.model_template(0), UsageError, "the number of stories must be at least 1"),
         (lambda: package.to_dict([]), UsageError, "the list is empty"),
         (lambda: package.to_dict([motion(), package.methods()]), UsageError, "different columns"),
     ],

@@ -124,7 +124,7 @@ def test_figures_of_any_drift(folder, tdint, model, drift, drawn):
             2,
             "the law of story 1 does not yield",
         ),
-        (["shaken.yaml", "--drift", "2"], 2, "drift '2': a drift ratio is 1 at most"),
+        (["shaken.yaml", "--drift", "2"], 2, "drift '2': a drift ratio must be at most 1"),
         (
             ["shaken.yaml", "--drift", "1%", "--drift", "x"],
             2,

@@ -386,8 +386,8 @@ class _MatchTarget:
         shortest, longest = periods
         if not 0.0 < shortest < longest < math.inf:
             raise UsageError(
-                f"the range of periods must rise from a positive number, got {shortest:g} to "
-                f"{longest:g} s"
+                "the range of periods must be two positive numbers, the shortest period first, got "
+                f"{shortest:g} to {longest:g} s"
             )
         for spectrum_of_target, ratio in zip(targets, dampings, strict=True):
             spectrum_of_target.check_damping(ratio, "of the motion")

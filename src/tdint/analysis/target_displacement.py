@@ -480,8 +480,8 @@ def _solve(
             else "; continue the pushover to a larger displacement"
         )
         raise AnalysisError(
-            f"the target displacement ({method}) exceeds the curve: about {displacement:.4g} m at "
-            f"the roof, but the curve reaches {previous:.4g} m{reason}"
+            f"the target displacement of the roof ({method}) is about {displacement:.4g} m, which "
+            f"exceeds the end of the pushover curve at {previous:.4g} m{reason}"
         )
     # `previous` equals `roof` if the first point of the curve already exceeds the result.
     root = previous

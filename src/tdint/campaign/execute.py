@@ -548,7 +548,8 @@ def _check_same_campaign(first: _Part, second: _Part) -> None:
                 has_new_inventory=has_new_inventory,
             )
     raise UsageError(
-        f"{first.name} and {second.name} belong to different campaigns\n{differences_text}"
+        f"{first.name} and {second.name} belong to different campaigns, and only parts of one "
+        f"campaign can be merged; the differences are:\n{differences_text}"
     )
 
 

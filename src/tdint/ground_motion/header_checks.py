@@ -206,7 +206,7 @@ def _section_statements(counts: list[int], traces: list[Any], name: str) -> list
         The numbers of sections and of traces differ.
     """
     if len(counts) != len(traces):
-        raise Damaged(f"it has {len(counts)} {name}, but {len(traces)} could be read")
+        raise Damaged(f"the file has {len(counts)} {name}, but {len(traces)} could be read")
     return [
         Statement(SAMPLES, count, len(trace.data))
         for count, trace in zip(counts, traces, strict=True)

@@ -834,7 +834,10 @@ def changes_of(model: Model, name: str) -> list[Change]:
         number, key = story_match[1] or story_match[2], story_match[3]
     if number and not 1 <= int(number) <= len(model.stories):
         hint = "" if int(number) else "; counting starts at 1"
-        raise UsageError(f"{name}: {model.name} has {pluralize(len(model.stories), 'story')}{hint}")
+        raise UsageError(
+            f"{name}: story not found; {model.name} has "
+            f"{pluralize(len(model.stories), 'story')}{hint}"
+        )
     indices = [int(number) - 1] if number else range(len(model.stories))
     # The parameters, and the indices of their values, depend on the law of the story.
     changes_by_story = {i: _changes_by_parameter(model.stories[i]) for i in indices}

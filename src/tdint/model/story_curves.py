@@ -350,7 +350,10 @@ def model_template(
     """
     chosen_period = 0.1 * stories if period is None else period
     if stories < 1 or not 0.0 < chosen_period < math.inf or units not in SYSTEMS:
-        raise UsageError("stories must be at least 1, the period positive, and units si or us")
+        raise UsageError(
+            "the number of stories must be at least 1, the period positive, and the units si or "
+            f"us, got {stories!r} stories, {chosen_period!r} s and {units!r}"
+        )
     return story_model(name, stories=stories, period=chosen_period, system=units, motion=None)
 
 

@@ -284,7 +284,7 @@ def test_loss_of_strength_is_noted(tmp_path):
 @pytest.mark.parametrize(
     ("drift", "options", "error", "message"),
     [
-        ("30mm", {}, AnalysisError, "exceeds the curve"),
+        ("30mm", {}, AnalysisError, "exceeds the end of the pushover curve"),
         (
             "200mm",
             {"site_class": "X"},

@@ -396,5 +396,8 @@ def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
     count = max(sizes, default=1)
     if not count or sizes - {1, count}:
         counts = ", ".join(f"{len(values)} of {name}" for name, values in arrays.items())
-        raise UsageError(f"vary: each name needs one value, or one value per sample; got {counts}")
+        raise UsageError(
+            "vary: each parameter must have a single value or as many values as there are samples; "
+            f"the numbers of values are: {counts}"
+        )
     return {name: np.broadcast_to(values, count).copy() for name, values in arrays.items()}

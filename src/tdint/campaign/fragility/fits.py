@@ -861,7 +861,8 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
         solution = _lognormal(x, np.zeros(x.size, bool), above, np.ones(x.size))
     if solution is None:
         raise AnalysisError(
-            "the dispersion cannot be estimated: too many capacities are equal or censored"
+            "the dispersion cannot be estimated, because too many capacities are equal or "
+            "censored; add records"
         )
     return _function(
         IDA,
