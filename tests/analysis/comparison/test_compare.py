@@ -364,7 +364,7 @@ def test_unsupported_fit_parameters_are_refused(recorded_model):
         ),
         (
             recording(first=sensor("floor_9_m_s2")),
-            "'floor_9_m_s2'; did you mean",
+            "'floor_9_m_s2' not found; did you mean",
         ),
         (recording(roof=sensor("roof", file="other.csv")), "does not end with its units"),
         (recording(roof=sensor("roof", ", units: g", "other.csv")), "does not overlap in time"),

@@ -102,7 +102,9 @@ def read_bhrc(lines: Lines) -> list[Series]:
     compared = compare(statements)
     samples = lines.numbers(count)
     if (line := lines.peek()) is None or not line.lstrip().startswith(_END):
-        raise RecordError(f"end-of-data line not found after line {lines.number}")
+        raise RecordError(
+            f"the file is cut off or corrupt: end-of-data line not found after line {lines.number}"
+        )
     lines.take()
 
     # The name of a horizontal component is its azimuth in degrees. The name of the vertical

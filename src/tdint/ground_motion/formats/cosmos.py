@@ -126,7 +126,9 @@ def read_cosmos(lines: Lines) -> list[Series]:
             if scale := motion_scale(units, quantity):
                 peaks[quantity] = scale * float(np.max(np.abs(samples)))
     if line is None or not _END.match(line):
-        raise RecordError(f"end-of-data line not found after line {lines.number}")
+        raise RecordError(
+            f"the file is cut off or corrupt: end-of-data line not found after line {lines.number}"
+        )
     lines.take()
     if not series and other_blocks:  # The channel has only a velocity or a displacement.
         return [_series(*other_blocks[0], texts, integers, reals)]

@@ -57,10 +57,13 @@ class NamedTable:
         exactly one column has this name."""
         if self.names.count(name) == 1:
             return self.names.index(name)
-        error = "the file has several columns" if name in self.names else "the file has no column"
+        if name in self.names:
+            raise RecordError(
+                f"{self.source}: several columns have the name {name!r}; rename all except one"
+            )
         columns = ", ".join(self.names[:12])[:200]
-        hint = did_you_mean(name, self.names) or f"; its columns are {columns}"
-        raise RecordError(f"{self.source}: {error} {name!r}{hint}")
+        hint = did_you_mean(name, self.names) or f"; the columns are {columns}"
+        raise RecordError(f"{self.source}: column {name!r} not found{hint}")
 
     def numbers(self, column: int) -> NDArray[np.float64]:
         """Return the values of the column with an index, shape (rows,); raise RecordError for

@@ -328,7 +328,10 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
     notes = []
     if unmatched:
         listed = ", ".join(unmatched)
-        notes.append(f"omitted, named neither {names.first} nor {names.second}: {listed}")
+        notes.append(
+            f"files omitted, because their names match neither {names.first} nor {names.second}: "
+            f"{listed}"
+        )
     for group in groups:
         # With the usual names, the files of a pair may differ in a direction in degrees.
         in_degrees = names == USUAL and len(group) == 2
