@@ -211,6 +211,7 @@ def parse_trim(text: str) -> tuple[float | None, float | None]:
     UsageError
         The text has another form.
     """
+    # A text with another number of parts also raises ValueError, because it cannot be unpacked.
     try:
         start, end = (float(part) if part.strip() else None for part in text.split(":"))
     except ValueError:

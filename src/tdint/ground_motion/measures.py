@@ -192,6 +192,9 @@ def integrate(record: Record) -> Motion:
         Velocity and displacement at the samples, and their peaks.
     """
     a, h = record.acceleration, record.dt
+    # Within an interval h, the acceleration changes linearly from a_i to a_(i + 1). The velocity
+    # then changes by h (a_i + a_(i + 1)) / 2, and the displacement by h v_i plus
+    # h^2 (2 a_i + a_(i + 1)) / 6.
     velocity = np.concatenate([[0.0], np.cumsum(0.5 * h * (a[:-1] + a[1:]))])
     displacement = np.concatenate(
         [[0.0], np.cumsum(h * velocity[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:]))]
@@ -442,6 +445,7 @@ def a95(record: Record) -> float:
         time_fraction = np.where(a == b, np.abs(a) <= level, (high - low) / change)
         return float(np.sum(time_fraction * (low * low + low * high + high * high)))
 
+    # The energy below a level does not decrease with the level, so that bisection is possible.
     target = _A95 * energy_below(1.0)
     _, level = bisect_interval(
         lambda level: energy_below(level) < target, 0.0, 1.0, _MAX_BISECTIONS

@@ -223,10 +223,11 @@ class Building:
 
     @cached_property
     def approximate_first_mode(self) -> tuple[float, float]:
-        """Circular frequency (rad/s) and damping ratio of the first mode, without computing twice.
+        """Circular frequency (rad/s) and damping ratio of the first mode, from the modes that have
+        already been computed, if any.
 
-        If all modes have been computed, the first of them is used. It differs from the result of
-        `first_mode` in the last digits. Therefore use it for comparisons and rounded values only.
+        The first mode of all modes differs from the result of `first_mode` in the last digits.
+        Therefore this property is only for comparisons and rounded values.
         """
         # A cached property is in `vars` after it has been computed.
         if "_first_mode" in vars(self) or "modes" not in vars(self.vibration):
@@ -323,6 +324,8 @@ def _tridiagonal(springs: Array, link: Array) -> Array:
     Spring i connects floors i and i - 1. If element i of `link` is 0 instead of 1, spring i
     connects floor i to the ground.
     """
+    # A diagonal entry is the sum of the spring below the floor and, if it is connected to the
+    # floor, the spring above.
     coupling = -(springs * link)[1:]
     diagonal = springs.copy()
     diagonal[:-1] -= coupling

@@ -498,6 +498,7 @@ class Model:
         Returns
         -------
         Model
+            Copy with the changed parameters.
 
         Raises
         ------

@@ -77,7 +77,12 @@ class _ExposureModel:
 
 
 def read_mapping(source: str) -> CsvTable:
-    """Read a mapping table.
+    """Read a mapping table, which contains the columns of an inventory for each taxonomy.
+
+    Parameters
+    ----------
+    source : str
+        Path of the CSV file.
 
     Raises
     ------

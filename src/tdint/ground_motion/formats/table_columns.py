@@ -435,6 +435,7 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
     comment = COMMENT.fullmatch(line)
     content = comment[1] if comment else line
     if names := column_names(content):
+        # A table with times in another unit, such as minutes, is not recognized.
         if names[0].quantity == TIME and names[0].units not in SECONDS:
             return None
         declarations = [(COLUMNS, content.strip())]

@@ -532,6 +532,7 @@ def _numbers(line: str) -> list[float]:
     # A separator at the end of a row does not start another cell.
     cells = line.strip().removesuffix(separator or " ").split(separator)
     point = "," if separator in (";", "\t") else "."
+    # D is the exponent of double precision in Fortran.
     try:
         return [
             float(cell.replace(point, ".").replace("D", "E").replace("d", "e")) for cell in cells
