@@ -90,8 +90,9 @@ def _take_shortcuts() -> None:
     ) -> Any:
         """Return the numba signature of a call from the cache, or determine and store it.
 
-        The method replaces `BaseFunction.get_call_type`. Only calls with positional arguments that
-        are numbers are stored; other calls are resolved by numba.
+        The method replaces `BaseFunction.get_call_type` and has its arguments: the typing context,
+        the types of the positional arguments and those of the named arguments. Only calls with
+        positional arguments that are numbers are stored; other calls are resolved by numba.
         """
         if named or not all(
             isinstance(argument, types.Number | types.Boolean) for argument in arguments
@@ -205,7 +206,7 @@ def _listen(requests: SimpleQueue[bytes]) -> None:
     """Put the lines of the standard input into a queue, until the standard input is closed.
 
     The process then ends immediately, also if it is compiling, with exit code 0. The function is
-    executed by a separate thread.
+    executed by a separate thread; `main` takes the lines from the queue `requests`.
     """
     incomplete_line = b""  # end of the received data, without a line break so far
     # sys.stdin is not used, because a thread must not hold its lock when Python ends.

@@ -316,11 +316,11 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
     x : int
         Row of x in `table`, usually a velocity.
     factor : float
-        Factor.
+        Number by which the product is multiplied, of either sign.
     scratch : ndarray
         Array that contains the row of the result.
     row : int
-        Row of the result.
+        Row of the result, to which the product is added.
     n : int
         Number of floors.
     """
@@ -341,14 +341,15 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
     x : int
         Row of x, usually a velocity.
     factor : float
-        Factor.
+        Number by which the product is multiplied, of either sign.
     scratch : ndarray
         Array that contains the row of the result.
     row : int
-        Row of the result.
+        Row of the result, to which the product is added.
     n : int
         Number of floors.
     """
+    # `amplitude` is `factor` times the product of the mode vector j and x.
     for j in range(modal.shape[0]):
         amplitude = 0.0
         for i in range(n):
@@ -372,7 +373,12 @@ def power_damper(linear_terms, i, rate):
     i : int
         Index of the story.
     rate : float
-        Drift rate, m/s.
+        Drift rate v, m/s.
+
+    Returns
+    -------
+    float, float
+        Force, N, and its derivative with respect to the drift rate, N s/m.
     """
     if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
         return _power_damper(linear_terms, i, rate)

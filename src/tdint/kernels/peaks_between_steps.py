@@ -208,6 +208,11 @@ def story_reach(span, story, shear, stiffness):
         Restoring force of the story at the end of the step, N.
     stiffness : float
         Initial stiffness of the story, N/m. It converts the drift excursion to a shear.
+
+    Returns
+    -------
+    float, float
+        Upper bounds of the absolute drift (m) and of the absolute shear (N).
     """
     v_max = max(abs(story.v0), abs(story.v1))
     excess = span.h * (0.5 * v_max + 0.05 * span.h * abs(story.a0))
@@ -405,7 +410,7 @@ def find_interstep_peaks(
         extreme drift inside the step if that drift may cause a new peak drift or peak shear, and
         to the drift at the end of the step otherwise.
     reversal_row : int
-        Row of `reversals`.
+        Row of `reversals` that receives the drifts.
     peaks : ndarray
         Table of the peaks, raised in place.
     first_peak : int
@@ -588,7 +593,8 @@ def _has_extremum(span, ends):
     Displacement and velocity are u0, v0 at the start and u1, v1 at the end of the step of length h.
     The velocity changes its sign, or, for methods with parabolic displacements (`span.on_path`),
     the parabola u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2, with s from 0 to 1, has an interior
-    extremum: 2 |u1 - u0| < h |v1 - v0|.
+    extremum: 2 |u1 - u0| < h |v1 - v0|. `ends` contains these displacements (m) and velocities
+    (m/s) of a floor or story, `span` the length h.
     """
     has_vertex = 2.0 * abs(ends.u1 - ends.u0) < span.h * abs(ends.v1 - ends.v0)
     return (span.on_path & has_vertex) | (ends.v0 * ends.v1 < 0.0)
@@ -886,7 +892,8 @@ def _is_resolved(span, ends):
 
     This is the case if the second differences of three successive velocities and accelerations do
     not exceed the sum of the absolute values at the endpoints of the present step. The result is
-    always True without unresolved modes (`span.fast` is False).
+    always True without unresolved modes (`span.fast` is False). `ends` contains the motion of a
+    floor or story at both endpoints of the step, and its velocity and acceleration one step before.
     """
     v_difference = abs(ends.v1 - 2.0 * ends.v0 + ends.v_earlier)
     a_difference = abs(ends.a1 - 2.0 * ends.a0 + ends.a_earlier)
@@ -901,7 +908,8 @@ def _quintic_coefficients(h, ends):
 
     u(s) = u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5, with s in [0, 1]. The
     coefficients follow from u1, v1 and a1 at s = 1. `h` is the length of the step (s), and `ends`
-    contains u0, v0, a0, u1, v1 and a1; its last two fields are not used.
+    contains displacement, velocity and acceleration u0, v0, a0 at the start and u1, v1, a1 at the
+    end of the step; its last two fields are not used.
     """
     u0, v0, a0, u1, v1, a1, _, _ = ends
     # The terms from s^3 on must have this value, slope and half of the curvature at s = 1, m.
@@ -975,6 +983,11 @@ def _best_of_samples(coefficients):
     ----------
     coefficients : tuple of float
         Coefficients p0 to p5 of the powers of s.
+
+    Returns
+    -------
+    float, float
+        Location s of the best point, and the value of the polynomial there.
     """
     s, best = 0.125, _value(0.125, coefficients)
     # p1 > 0: the largest value is the best; p1 < 0: the smallest.

@@ -196,18 +196,20 @@ class Ends(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Rows of a factorization of a tridiagonal or block tridiagonal matrix.
+    """Location of a factorization of a tridiagonal or block tridiagonal matrix in a table.
 
     Attributes
     ----------
     table : ndarray
-        Table that contains the rows, usually the scratch array.
+        Table that contains the rows, usually the scratch array: one column per floor.
     pivot : int
-        First row of the pivots.
+        First row of the pivots: the diagonal of the matrix, then of its factors.
     coupling : int
-        First row of the couplings.
+        First row of the couplings: entries of the matrix between adjacent floors, then of the
+        factors.
     store : int
-        First row of the solutions for the modes.
+        First row of the terms of modal damping (Woodbury formula): solutions for the mode vectors
+        and the inverse of a small matrix.
     """
 
     table: Array
@@ -243,7 +245,7 @@ class Integrals(NamedTuple):
     table : ndarray
         Table that contains the rows, usually the scratch array.
     first : int
-        First row.
+        Number of the first row, which contains the mean of the force.
     """
 
     table: Array

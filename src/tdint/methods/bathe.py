@@ -226,8 +226,10 @@ def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
         q1 = (1 + rho_inf) / (4 - 2 gamma (1 - rho_inf)),   q0 = 1/2 - (1 - gamma) q1
         q2 = 1/2 - gamma q1
 
-    If q2 equals gamma / 2 up to rounding, it is set to exactly this value, by which `step`
-    recognizes that both substeps have the same matrix.
+    The first substep, with the velocity vg and the acceleration ag at its end, uses average
+    acceleration. The end of the step is v1 = v0 + h (q0 a0 + q1 ag + q2 a1) and
+    u1 = u0 + h (q0 v0 + q1 vg + q2 v1). If q2 equals gamma / 2 up to rounding, it is set to exactly
+    this value, by which `step` recognizes that both substeps have the same matrix.
     """
     q1 = (1.0 + rho_inf) / (4.0 - 2.0 * gamma * (1.0 - rho_inf))
     q0 = 0.5 - (1.0 - gamma) * q1

@@ -106,7 +106,7 @@ def catalogue() -> dict[str, Method]:
 
 
 def is_ours(name: str) -> bool:
-    """Return True if a method is built in, that is, not part of a plug-in."""
+    """Return True if the method with the name `name` is built in, not part of a plug-in."""
     return _built_in(name) is not None
 
 
@@ -345,8 +345,9 @@ def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[st
 def _parse_again(text: str, file: str, digest: str) -> Integrator:
     """Parse the specification of a plug-in method; load the plug-in first if necessary.
 
-    `file` and `digest` are the file of the plug-in and its SHA-256. If the plug-in cannot be
-    loaded, the result contains an `_Unknown` method, which raises the error when it is used.
+    `text` is the specification, `file` the file of the plug-in and `digest` its SHA-256. If the
+    plug-in cannot be loaded, the result contains an `_Unknown` method, which raises the error when
+    it is used.
     """
     if text.partition(":")[0] not in catalogue():
         try:

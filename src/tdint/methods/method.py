@@ -28,9 +28,9 @@ class Parameter:
     name : str
         Name in a method specification.
     default : float or callable
-        Default value.
+        Default value, or a function of the values of the preceding parameters that returns it.
     low, high : float
-        Ends of the range.
+        Ends of the allowed range.
     low_allowed, high_allowed : bool, default True
         True if the end belongs to the range.
     """

@@ -795,7 +795,7 @@ def implicit_coefficients(table: Table, weights: tuple[float, ...]) -> tuple[flo
     table : tuple of tuple of float
         Butcher matrix A, 2 x 2. The nodes are the sums of its rows.
     weights : tuple of float
-        Weights b.
+        Weights b of both stages.
 
     Returns
     -------

@@ -260,9 +260,11 @@ def faults_in(module: Any, name: str) -> Iterator[None]:
 
 @cache
 def _reference_displacements(law: str) -> Array:
-    """Return the reference displacements: `impulse4` with the time step `_H` / 16.
+    """Return the reference displacements of the floors at multiples of `_H`, m, one row per time.
 
-    Their error is below 1e-7 of the maximum displacement.
+    They are the results of `impulse4` with the time step `_H` / 16; `law` is the name of the
+    hysteresis model of the stories. Their error is below 1e-7 of the maximum displacement. The
+    result is cached.
     """
     return _displacements(integrate_in_python(law, parse("impulse4"), 16), 16)
 
@@ -490,5 +492,5 @@ def _displacements(arrays: Workspace, parts: int) -> Array:
 
 
 def _distance(array: Array, other: Array) -> float:
-    """Return the maximum absolute difference of two arrays."""
+    """Return the maximum absolute difference of two arrays of the same shape, in their unit."""
     return float(np.max(np.abs(np.asarray(array) - other)))

@@ -98,9 +98,9 @@ def workspace(
     Parameters
     ----------
     building : Building
-        Building.
+        Assembled building, which determines the columns and the laws.
     integrator : Integrator
-        Method.
+        Method, which determines the rows of state and scratch array.
     row_count : int, default 0
         Number of rows of the history; 0 to store no history.
     collapse_drift : float, default infinity

@@ -228,7 +228,8 @@ def local(typing_context, size):
     """Return the code for an uninitialized array of `size` numbers on the stack of a function.
 
     The results are the signature for numba and the function that generates the code. In a kernel,
-    `local(size)` is an array that exists until the calling function returns.
+    `local(size)` is an array that exists until the calling function returns. `typing_context` is
+    passed by numba and not used.
     """
     return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes

@@ -256,7 +256,11 @@ def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
 
 
 def _label(pair: tuple[Compilable, Variant]) -> str:
-    """Return the module of a kernel and its laws for messages, for example `impulse4 (linear)`."""
+    """Return the module of a kernel and its laws for messages, for example `impulse4 (linear)`.
+
+    `pair` is the kernel with its variant. The laws are omitted for a kernel that does not depend on
+    them.
+    """
     kernel, variant = pair
     laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
     return kernel.name.partition(":")[0].rpartition(".")[2] + laws

@@ -178,14 +178,18 @@ def _converters(
 def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
     """Return a function that converts an array argument to the parts that numba expects.
 
-    The function (array, flat) appends the parts to the list `flat`: number of items, bytes per
-    item, address of the data, shape and strides.
+    The function (array, flat) appends the parts to the list `flat`: two empty addresses, number of
+    items, bytes per item, address of the data, shape and strides. `dimensions` is the number of
+    dimensions that the signature requires.
     """
     number = np.dtype(np.float64)
 
     def append_parts(array: Any, flat: list[Any]) -> None:
-        """Append the parts of an array, or raise TypeError if the array does not match the
-        signature."""
+        """Append the parts of an array to the list `flat`.
+
+        Raises TypeError if the array is not a writable array of float64 in C order with the number
+        of dimensions of the signature.
+        """
         if array.dtype != number or array.ndim != dimensions or not array.flags.carray:
             raise TypeError(
                 f"the argument must be a writable array of float64 in C order with {dimensions} "

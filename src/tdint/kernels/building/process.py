@@ -80,8 +80,10 @@ class Compilation:
 
     @property
     def request(self) -> tuple[str, str | None]:
-        """Request for the process: the name of the kernel, and the file of a module that is not
-        part of the package.
+        """Request for the process that compiles the kernel.
+
+        The first element is the name of the kernel. The second is the file of its module if the
+        module is not part of tdint, otherwise None.
 
         Raises
         ------
@@ -281,6 +283,11 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     files when it is completed.
 
     Each process is controlled by a thread, which takes the next compilation from a common list.
+
+    Parameters
+    ----------
+    compilations : sequence of Compilation
+        Kernels to compile, in any order.
 
     Yields
     ------

@@ -186,11 +186,18 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
 
 @cache
 def _imported(file: Path, module: str) -> tuple[str, ...]:
-    """Return the modules that an external module (a plug-in) imports, except the standard library
-    and the compiler.
+    """Return the names of the modules that an external module (a plug-in) imports.
 
-    Imports at any indentation are included. For `from base import name`, both `base` and
-    `base.name` are returned, because the name can be a module.
+    The standard library, NumPy, SciPy and numba are omitted. Imports at any indentation are
+    included. For `from base import name`, both `base` and `base.name` are returned, because the
+    name can be a module. A name of `tdint.plugin` is replaced by the module that defines it.
+
+    Parameters
+    ----------
+    file : Path
+        Source file of the module.
+    module : str
+        Name of the module, which has been imported; relative imports refer to its package.
     """
     if file.suffix != ".py":  # a compiled module has no imports that can be read
         return ()

@@ -160,10 +160,12 @@ def _find_in(
 ) -> tuple[Path, bytes, str] | None:
     """Return path, code and function name of the object file of a kernel in a directory, or None.
 
+    The modification time of a used file is updated, at most once a day, if `check` is True.
+
     Parameters
     ----------
     directory : Path
-        Directory.
+        Directory with object files for one platform; it need not exist.
     check : bool
         True to ignore files of other users.
     name : str
@@ -172,6 +174,12 @@ def _find_in(
         Features that the compiled code supports, as text (`Variant.text`).
     targets : tuple of Target
         Processors in order of preference.
+
+    Returns
+    -------
+    (Path, bytes, str) or None
+        Path of the file, compiled code, and name of the function in the code. None if no target has
+        a valid object file.
     """
     for target in targets:
         path = directory / file_name(name, variant, target)
@@ -292,8 +300,9 @@ def file_name(name: str, variant: str, target: Target) -> str:
 def _write(data: bytes, path: Path) -> Path:
     """Write a file atomically, readable by all users, and return its path.
 
-    A temporary file in the same directory is written and renamed, so that other processes never
-    read an incomplete file.
+    `data` are the contents of the file. A temporary file in the same directory is written and
+    renamed, so that other processes never read an incomplete file. The directory is created if
+    necessary. OSError is raised if it cannot be written to.
     """
     import tempfile
 

@@ -514,7 +514,8 @@ def _acceleration(scene, memory, i):
     It follows from equilibrium of the floor, m a = p - c v - (modal damping force) - V_i + V_(i+1),
     with the load p and the force V of the stories below and above the floor. V is the sum of
     restoring force, P-delta and damper forces. The load p is the value of a linear function of time
-    with the mean and the first moment in rows LOAD, at the start of the step.
+    with the mean and the first moment in rows LOAD, at the start of the step. `scene` contains the
+    building, `memory` the state and the law states at the start of the step and the scratch array.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory

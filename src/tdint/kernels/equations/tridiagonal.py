@@ -57,7 +57,7 @@ class ModalBlocks(NamedTuple):
     modal : ndarray
         W, one row per damped mode.
     xx, xy, yx, yy : float
-        Coefficients.
+        Coefficients of x and y in the equations of x (xx, xy) and of y (yx, yy).
     """
 
     modal: Array
@@ -227,7 +227,7 @@ def solve_damped(factors, modal, x, n):
     Parameters
     ----------
     factors : Factors
-        Factorization.
+        Scratch array and the rows of the factorization of T, with the terms of modal damping.
     modal : ndarray
         W, one row per damped mode.
     x : int
@@ -333,7 +333,7 @@ def factor_combination(linear_terms, modal, law_state, row, combination, factors
     row : int
         Row of the tangent stiffness, N/m.
     combination : Combination
-        Coefficients.
+        Coefficients by_m, by_c and by_k.
     factors : Factors
         Rows that receive the factorization.
     n : int
@@ -635,9 +635,10 @@ def solve_blocks(factors, x, y, n):
     Parameters
     ----------
     factors : Factors
-        Factorization.
+        Scratch array and the rows of the factorization.
     x, y : int
-        Rows of the right side; they receive the solution.
+        Rows of the scratch array with the right side, one column per floor; they receive the
+        solution.
     n : int
         Number of floors.
     """
@@ -765,7 +766,7 @@ def solve_pairs(factors, x, y, n):
     Parameters
     ----------
     factors : Factors
-        Factorization.
+        Scratch array and the rows of the factorization.
     x, y : int
         Rows of the real and imaginary part of the right side; they receive the solution.
     n : int

@@ -92,7 +92,8 @@ class Laws(MutableSequence["DriftLaw"]):
         del self._items[number]
 
     def insert(self, index: int, value: DriftLaw) -> None:
-        """Insert a law; the numbers of the following laws increase."""
+        """Insert the law `value` before the law with the number `index`; the numbers of this law
+        and of the following laws increase by 1."""
         self._items.insert(index, value)
 
 

@@ -76,6 +76,9 @@ def _functions() -> LawFunctions:
         The elastic spring has the stiffness r k and the energy r k d^2 / 2, the elastic-plastic
         spring the stiffness (1 - r) k and the energy z^2 / (2 (1 - r) k), with the drift d, the
         force z of the elastic-plastic spring, the initial stiffness k and the hardening ratio r.
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         d = law_state[rows.DRIFT, i]
         z = law_state[rows.INTERNAL, i]
@@ -124,6 +127,9 @@ def _functions() -> LawFunctions:
         The plastic spring with the force z (row INTERNAL) reaches its strength +-(1 - a) Fy at the
         drift d + (+-(1 - a) Fy - z) / ((1 - a) k), with the current drift d, the hardening ratio a,
         the yield force Fy and the initial stiffness k.
+
+        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
+        the first rows of column `i` of `law_state`, is changed.
         """
         plastic_share = 1.0 - law_parameters[_HARDENING, i]
         strength = plastic_share * law_parameters[_YIELD_FORCE, i]

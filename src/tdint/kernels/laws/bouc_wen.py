@@ -314,6 +314,9 @@ def _functions() -> LawFunctions:
         The first term is the energy of the elastic spring with the hardening ratio a and the
         initial stiffness k at the drift d, the second is the energy of the hysteretic spring with
         the force Fy w (yield force Fy, dimensionless hysteretic force w in row INTERNAL).
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         d = law_state[rows.DRIFT, i]
         z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]

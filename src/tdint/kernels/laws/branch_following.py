@@ -171,6 +171,9 @@ def branch_owner(law_state, i, block):
     A trial state on the branch of another state does not contain a copy of the branch (stiffness,
     limits, direction and further rows). Its row BRANCH_OFFSET contains the number of rows from
     `block` to that state, otherwise 0. The committed state always contains its branch.
+
+    `law_state` is the table of the law states, with one column per story, and `i` the index of the
+    story.
     """
     return (
         block if block == rows.COMMITTED else block + int(law_state[block + rows.BRANCH_OFFSET, i])
@@ -186,6 +189,9 @@ def copy_branch(law_state, i, block):
     contains the number of rows from `block` to the other state. The state must contain its branch
     before it can change the branch. The copied rows are INTERNAL, the rows from COMMON_ROWS to WORK
     (excluded) and the extra rows; BRANCH_OFFSET is then 0.
+
+    `law_state` is the table of the law states, with one column per story, and `i` the index of the
+    story.
     """
     if law_state[block + rows.BRANCH_OFFSET, i] != 0.0:
         branch_block = branch_owner(law_state, i, block)
@@ -445,6 +451,9 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
     def hysteretic_energy(law_parameters, law_state, i):
         """Return the dissipated energy of the committed state, J: the work done on the story minus
         the strain energy.
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         return law_state[rows.WORK, i] - strain_energy(law_parameters, law_state, i)
 

@@ -60,6 +60,9 @@ def _functions() -> LawFunctions:
         """Return the elastic energy of the committed state with the drift d, J.
 
         It is k d^2 / 2 plus, in contact with a stop, stop_stiffness (|d| - gap)^2 / 2.
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         d = law_state[rows.DRIFT, i]
         penetration = max(abs(d) - law_parameters[_GAP, i], 0.0)
@@ -106,6 +109,9 @@ def _functions() -> LawFunctions:
     def enter(law_parameters, law_state, i):
         """Set the branch of the committed state: within the gap (|d| < gap), or in contact with a
         stop.
+
+        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
+        the first rows of column `i` of `law_state`, is changed.
         """
         drift = law_state[rows.DRIFT, i]
         is_within_gap = abs(drift) < law_parameters[_GAP, i]

@@ -183,7 +183,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def residual(law_parameters, i, side):
-        """Return the residual force of a side, N: residual ratio times initial yield force."""
+        """Return the residual force of a side, N: residual ratio times initial yield force.
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
+        """
         return side_parameter(law_parameters, i, side, _RESIDUAL_RATIO) * side_parameter(
             law_parameters, i, side, _YIELD_FORCE
         )
@@ -744,6 +747,9 @@ def _functions() -> LawFunctions:
 
         On a loading branch, Ku is the unloading stiffness after the deterioration that a reversal
         at the current state would cause.
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         force = law_state[rows.FORCE, i]
         energy = 0.5 * force * force / law_state[extra_rows(law_state, 0) + _UNLOADING_STIFFNESS, i]
@@ -758,6 +764,9 @@ def _functions() -> LawFunctions:
         """Set the initial law state of story `i`: elastic, between the yield points.
 
         The yield points are also the initial points of maximum drift and the last peaks.
+
+        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
+        the first rows of column `i` of `law_state`, is changed.
         """
         k = law_parameters[rows.STIFFNESS, i]
         first = extra_rows(law_state, 0)

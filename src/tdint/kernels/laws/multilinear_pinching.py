@@ -160,6 +160,8 @@ def _functions() -> LawFunctions:
         """Return the stiffness of the first line of the backbone curve of a side, N/m.
 
         It is the force of the first point divided by its drift; `side` is 1 or -1.
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
         """
         return point_force(law_parameters, i, side, 1) / point_drift(law_parameters, i, side, 1)
 
@@ -169,6 +171,8 @@ def _functions() -> LawFunctions:
 
         It is the slope between the third and the fourth point, if it is positive; `side` is 1 or
         -1.
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
         """
         rise = point_force(law_parameters, i, side, 4) - point_force(law_parameters, i, side, 3)
         return max(rise, 0.0) / (
@@ -209,6 +213,8 @@ def _functions() -> LawFunctions:
         """Return the area below the backbone curve of a side from zero drift to its last point, J.
 
         `side` is 1 or -1.
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
         """
         start, start_force, total = 0.0, 0.0, 0.0
         for point in range(1, 5):
@@ -220,7 +226,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def last_drift(law_parameters, i):
-        """Return the drift of the last backbone point, m: the larger value of both sides."""
+        """Return the drift of the last backbone point, m: the larger value of both sides.
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
+        """
         return max(point_drift(law_parameters, i, 1.0, 4), point_drift(law_parameters, i, -1.0, 4))
 
     @inline
@@ -231,6 +240,8 @@ def _functions() -> LawFunctions:
         parameters of each type: peak, work, peak_exponent, work_exponent and limit. Limits are not
         negative (checked when a model is read), so that their sum is positive if and only if a
         limit is positive.
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
         """
         limits = 0.0
         for row in (_STIFFNESS_DEGRADATION, _DRIFT_DEGRADATION, _STRENGTH_DEGRADATION):
@@ -867,6 +878,9 @@ def _functions() -> LawFunctions:
         used, otherwise the path that would follow a reversal at the current state. Before the first
         branch change the energy is F^2 / (2 k) with the force F and the initial stiffness k. The
         law state is not changed.
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         drift, force = law_state[rows.DRIFT, i], law_state[rows.FORCE, i]
         if force == 0.0:
@@ -918,6 +932,8 @@ def _functions() -> LawFunctions:
             4. the force at the end of unloading, which is on the line, is smaller than the force at
                the end of the pinched part. Otherwise the pinched part would lead backwards, and
                `path` would correct it
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
         """
         # Condition 1: the stiffnesses of the first lines of both sides are equal.
         if (
@@ -954,6 +970,9 @@ def _functions() -> LawFunctions:
         The maximum drifts are those of the first points of the backbone curves. The first branch
         ends there, or at a very small drift (_MIN_REVERSAL) if paths before the first yielding do
         not coincide with one straight line.
+
+        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
+        the first rows of column `i` of `law_state`, is changed.
         """
         fraction = 1.0 if is_elastic_before_yielding(law_parameters, i) else _MIN_REVERSAL
         law_state[rows.HIGH_DRIFT, i] = point_drift(law_parameters, i, 1.0, 1)

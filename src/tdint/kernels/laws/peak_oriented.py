@@ -100,6 +100,9 @@ def _functions() -> LawFunctions:
         """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force F releases.
 
         The unloading stiffness ku belongs to the side of the force F.
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         force = law_state[rows.FORCE, i]
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, force)
@@ -110,6 +113,9 @@ def _functions() -> LawFunctions:
 
         The yield points are the limits of the branch, and the points towards which reloading is
         directed as long as the story has not yielded.
+
+        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
+        the first rows of column `i` of `law_state`, is changed.
         """
         strength = law_parameters[_YIELD_FORCE, i]
         k = law_parameters[rows.STIFFNESS, i]

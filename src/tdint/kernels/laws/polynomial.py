@@ -46,6 +46,9 @@ def _functions() -> LawFunctions:
         """Return the elastic energy of the committed state, the sum of c_j d^(j + 1) / (j + 1), J.
 
         c_j are the coefficients of the force c1 d + c2 d^2 + ... at the drift d.
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         d = law_state[rows.DRIFT, i]
         energy = 0.0

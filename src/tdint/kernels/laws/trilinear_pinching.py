@@ -57,6 +57,8 @@ def _functions() -> LawFunctions:
 
         It is (Fu - Fy) / (ultimate drift - Fy / k), with the forces Fy and Fu and the initial
         stiffness k.
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
         """
         strength = law_parameters[_YIELD_FORCE, i]
         return (law_parameters[_ULTIMATE_FORCE, i] - strength) / (
@@ -68,6 +70,8 @@ def _functions() -> LawFunctions:
         """Return the force of the backbone curve, N, at a drift (m) above the yield drift.
 
         It is the hardening line up to the ultimate drift, and the ultimate force beyond it.
+
+        Column `i` of the table `law_parameters` contains the parameters of story `i`.
         """
         strength = law_parameters[_YIELD_FORCE, i]
         if drift >= law_parameters[_ULTIMATE_DRIFT, i]:
@@ -422,6 +426,9 @@ def _functions() -> LawFunctions:
 
         ku is the unloading stiffness (N/m) of the side of the force (row FORCE of the committed
         state).
+
+        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
+        story `i`.
         """
         force = law_state[rows.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
@@ -432,6 +439,9 @@ def _functions() -> LawFunctions:
         """Set the first branch of story `i`: elastic between the yield drifts.
 
         The yield drifts are also the initial maximum drifts of both sides.
+
+        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
+        the first rows of column `i` of `law_state`, is changed.
         """
         drift = law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
         law_state[rows.HIGH_DRIFT, i] = law_state[rows.UPPER, i] = drift

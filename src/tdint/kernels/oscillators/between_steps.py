@@ -204,7 +204,8 @@ def term_count(vibration):
 
     The series represents q within a step of length h. From the third derivative on, each derivative
     is about omega times the previous derivative, so that term n is about omega h / n times the
-    previous term. The third derivative contains the slope of the ground acceleration.
+    previous term. The third derivative contains the slope of the ground acceleration. `vibration`
+    contains omega^2, 2 xi omega and h. The result is at most TERMS.
     """
     by_u, by_v, h = vibration
     scale = h * max(math.sqrt(by_u), by_v)
@@ -228,9 +229,9 @@ def _root(coefficients, n, low, high, at_low, at_high):
     n : int
         Number of terms.
     low, high : float
-        Bracket.
+        Ends of the bracket, between 0 and 1.
     at_low, at_high : float
-        Values of the series at the bracket, with different signs.
+        Values of the series at the ends of the bracket, with different signs.
     """
     # Start from the zero of the secant.
     x = low + (high - low) * at_low / (at_low - at_high)

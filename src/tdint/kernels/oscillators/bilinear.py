@@ -442,7 +442,7 @@ def _coefficients(steps, first, series, k, c, h):
     steps : ndarray
         Elements `first` to `first` + 7 receive s_0 to s_7.
     first : int
-        First element.
+        Index of s_0 in `steps`: 0 for the elastic branch, 8 for the yielding branch.
     series : ndarray
         Scratch array for the Taylor coefficients.
     k, c : float
@@ -565,6 +565,15 @@ def _residual_displacement(state, series, oscillator):
     The oscillator is integrated without ground motion until its vibration remains within the
     elastic branch. The result is the center of this vibration, -OFFSET / k, also for an undamped
     oscillator. It is NaN if a step has too many changes of branch.
+
+    Parameters
+    ----------
+    state : ndarray
+        State at the end of the ground motion (U, V, SIDE, OFFSET, UPPER, LOWER), which is changed.
+    series : ndarray
+        Scratch array for the Taylor coefficients.
+    oscillator : _Hysteretic
+        Properties of the oscillator.
     """
     # The length of a step is one radian of the elastic vibration.
     k = oscillator.k

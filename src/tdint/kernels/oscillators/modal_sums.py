@@ -252,11 +252,11 @@ def _rate(sums, steps, row, slope, c):
     steps : _Steps
         Steps of the chunk.
     row : int
-        Step.
+        Index of the step in the chunk.
     slope : float
         Rate of the ground acceleration, m/s^3.
     c : int
-        Column.
+        Column: index of the story; the last column is the roof.
     """
     total = -sums.static[c] * slope
     for j in range(sums.shapes.shape[0]):
@@ -285,9 +285,9 @@ def _column_at(sums, steps, row, slope, t, c):
     steps : _Steps
         Steps of the chunk.
     row : int
-        Step.
+        Index of the step in the chunk.
     slope : float
-        Rate of the ground acceleration, m/s^3.
+        Rate of the ground acceleration after the step, m/s^3.
     t : float
         Time after the step, s.
     c : int

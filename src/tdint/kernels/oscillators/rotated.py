@@ -547,8 +547,9 @@ def _top(scratch, k):
     """Return the largest displacement along both edges of sector `k` at both endpoints of a step,
     m.
 
-    Rows _AT_START and _AT_END of the table of the sectors contain the absolute displacements along
-    the edges; column k is the first edge of the sector and column k + 1 the second edge.
+    Rows _AT_START and _AT_END of the table of the sectors, `scratch`, contain the absolute
+    displacements along the edges; column k is the first edge of the sector and column k + 1 the
+    second edge.
     """
     return max(
         max(scratch[_AT_START, k], scratch[_AT_END, k]),

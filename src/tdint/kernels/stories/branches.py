@@ -101,6 +101,9 @@ def enter(law_parameters, law_state, i):
     First a default branch is set: it has the initial stiffness, or an infinite SLOPE as the mark of
     a curved law, no limits, and both directions. The function `enter` of the law, if it has one,
     then sets the actual branch.
+
+    Column `i` of `law_parameters` contains the parameters of the story. The committed state, in the
+    first rows of column `i` of `law_state`, is changed.
     """
     law_state[rows.SLOPE, i] = (
         math.inf

@@ -78,7 +78,8 @@ def split_at_zero_rate(integrate_part):
 
         Positions on the path are s = -1/2 at the start and 1/2 at the end of the step of length h.
         The drift rate is (rise + bend s) / h, with the coefficients of the parabola of drift in
-        `dashpot_path`.
+        `dashpot_path`. `linear_terms` contains the coefficients of the dashpots, and `i` is the
+        index of the story.
         """
         # These are h times the drift rates at both endpoints of the step, m.
         first_rate = dashpot_path.rise - 0.5 * dashpot_path.bend

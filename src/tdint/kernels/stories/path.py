@@ -82,12 +82,16 @@ _MAX_POINTS = 32e3
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes and weights of the Gauss-Legendre rules on [0, 1] as two arrays; row n of each
-    array contains the rule with n points.
+    """Return nodes and weights of the Gauss-Legendre rules on [0, 1] with up to MAX_POINTS points.
 
     The rules are read from a table, so that all machines use equal numbers and no LAPACK call is
     needed at import. The table contains the result of NumPy's `leggauss` on [-1, 1]; each line
     contains the nodes and the weights of one rule.
+
+    Returns
+    -------
+    nodes, weights : ndarray, shape (MAX_POINTS + 1, MAX_POINTS)
+        Row n contains the n nodes or weights of the rule with n points, then zeros.
     """
     # Rule n is in row n, column 0 to n - 1; row 0 remains empty.
     nodes = np.zeros((MAX_POINTS + 1, MAX_POINTS))
@@ -516,8 +520,8 @@ def drift_at(segment, t):
 def path_segment(segment, begin, end):
     """Return the part of the same parabola from time `begin` to time `end`.
 
-    The times are fractions of the step, between 0 and 1. The coefficients of the parabola
-    start + rise t + bend (t^2 - t) / 2 do not change.
+    `segment` is any part of the parabola start + rise t + bend (t^2 - t) / 2; its coefficients do
+    not change. The times are fractions of the step, between 0 and 1.
     """
     return PathSegment(segment.start, segment.rise, segment.bend, begin, end)
 
@@ -561,7 +565,8 @@ def time_of_extremum(segment):
     """Return the time in (0, 1) of the extremum of a parabola of drift; 1 without an extremum.
 
     The parabola is d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step.
-    Its rate d'(t) = rise + bend (t - 1/2) is zero at t = 1/2 - rise / bend.
+    Its rate d'(t) = rise + bend (t - 1/2) is zero at t = 1/2 - rise / bend. `segment` contains the
+    coefficients of the parabola, m; its times `begin` and `end` are not used.
     """
     if 2.0 * abs(segment.rise) >= abs(segment.bend):
         return 1.0

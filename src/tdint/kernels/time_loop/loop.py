@@ -118,7 +118,10 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
 
 @inline
 def has_diverged(state, n):
-    """Return True if the absolute displacement of a floor is at least RUNAWAY (m), or nan."""
+    """Return True if the absolute displacement of a floor is at least RUNAWAY (m), or nan.
+
+    Row DISPLACEMENT of the table `state` contains the displacements of `n` floors, m.
+    """
     # A comparison with nan is False. The loop has no branches, so that it is fast.
     is_bounded = True
     for i in range(n):
@@ -552,8 +555,8 @@ def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory,
 def _initialize_memory(initial, memory, observer_state):
     """Set the arrays of a run to their initial values.
 
-    State, law states and step status are copied from `initial`; the scratch array and the memory of
-    the observer are set to zero.
+    State, law states and step status are copied from `initial` to `memory`; the scratch array in
+    `memory` and the memory of the observer, `observer_state`, are set to zero.
     """
     _copy(initial.state, memory.state)
     _copy(initial.law_state, memory.law_state)
@@ -691,11 +694,11 @@ def integrate_many(
     state, law_state, scratch, step_status, load, ground, observer_state : ndarray
         Memory and scratch arrays of the current run.
     limits : ndarray
-        Collapse limits.
+        Collapse limits of the stories: rows LIMIT, HEIGHT and FAILED of the layout.
     previous_peaks : ndarray
-        Scratch array with one element for each story.
+        Scratch array for peak velocities, with one element for each story.
     history : ndarray
-        History without rows.
+        Array without rows, because no history is stored. The time loop has this argument.
     window_steps, max_windows : int
         Number of steps of a window, and maximum number of windows.
     velocity_limit : float

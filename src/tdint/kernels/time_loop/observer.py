@@ -732,7 +732,7 @@ def _add_work(span, slope, current, totals):
     Parameters
     ----------
     span : Span
-        Step.
+        Observed time step; its length h (s) is used.
     slope : float
         Rate of the ground acceleration in the step, m/s^3.
     current : _PowerValues
@@ -763,7 +763,8 @@ def initialize_energies(linear_terms, totals):
     """Store the initial energies (J) and the total mass of the building (kg) in `totals`.
 
     The kernel `sum_law_energies` must have stored the energies of the initial state before. The
-    energy dissipated until then is subtracted from all later values.
+    energy dissipated until then is subtracted from all later values. Row MASS of `linear_terms`
+    contains the masses of the floors, kg.
     """
     totals[rows.TOTAL_MASS] = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -814,9 +815,10 @@ def store(ground, fitted_ground, memory, seen, row):
 def exceeds_limits(law_state, seen):
     """Return True if the peak drift of a story exceeds its limit or a story has failed.
 
-    The limit is the drift ratio LIMIT times the story height HEIGHT (m). A story has failed if row
-    INTERNAL of its law state has the value FAILED. Stories without a limit have the height nan, and
-    stories without a failure the value nan in row FAILED: the comparisons are then False.
+    `law_state` is the table of the law states, `seen` contains the peaks and the limits. The limit
+    is the drift ratio LIMIT times the story height HEIGHT (m). A story has failed if row INTERNAL
+    of its law state has the value FAILED. Stories without a limit have the height nan, and stories
+    without a failure the value nan in row FAILED: the comparisons are then False.
     """
     limits = seen.limits
     is_exceeded = False
