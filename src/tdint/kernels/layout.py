@@ -64,7 +64,7 @@ INTERNAL = 2  # internal variable of the law
 DISSIPATED = 3  # dissipated energy, J
 COMMON_ROWS = 4  # rows that all laws use; the remaining rows belong to piecewise-linear laws
 SLOPE = 4  # stiffness of the current branch, N/m; infinite for a curved branch
-UPPER = 5  # drifts between which the branch is valid, m
+UPPER = 5  # maximum and minimum drift for which the branch is valid, m
 LOWER = 6
 RATE_SIGN = 7  # sign of the drift rate for which the branch is valid; 0 for both signs
 HIGH_DRIFT = 8  # maximum drift (m) with its force (N), and minimum drift with its force
@@ -165,12 +165,12 @@ COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if the story has failed
 # Energies at the collapse, then ENERGY_INITIAL and ENERGY_REFERENCE, J
 COLLAPSE_ENERGIES = ENERGY_TERMS + 14
 TOTAL_INERTIA = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # sum of mass times acceleration, N
-# Half of the increase of RATE_VISCOUS if the acceleration of all floors increases by 1 m/s^2
+# Half of the increase of RATE_VISCOUS (W/s) if the acceleration of all floors increases by 1 m/s^2
 VISCOUS_PER_ACCELERATION = TOTAL_INERTIA + 1
 TOTAL_MASS = TOTAL_INERTIA + 2  # kg
 POWER_DASHPOTS = TOTAL_INERTIA + 3  # power of the dashpots only, W, and its rate, W/s
 RATE_DASHPOTS = TOTAL_INERTIA + 4
-DASHPOTS_PER_ACCELERATION = TOTAL_INERTIA + 5  # as VISCOUS_PER_ACCELERATION
+DASHPOTS_PER_ACCELERATION = TOTAL_INERTIA + 5  # VISCOUS_PER_ACCELERATION of the dashpots only
 TOTALS_SIZE = TOTAL_INERTIA + 6
 
 # Value of totals[COLLAPSE_STEP] without collapse

@@ -7,7 +7,8 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import VARIANT, inline, outlined
 
-# Features of the compiled variant. The compiler omits code behind a constant that is False.
+# Features of the compiled variant: modal damping, forces on floors, dashpots. If a constant is
+# False, the compiler omits the code that it enables.
 MODAL = VARIANT.modal
 FORCES = VARIANT.forces
 DASHPOTS = VARIANT.dashpots

@@ -89,7 +89,7 @@ _MAX_ACCELERATION_DEVIATION = 1.0
 # ratio of 1; the linear transition in between avoids jumps of peaks.
 _MAX_TILT_RATIO = 2.0
 
-_ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # there is no floor above the roof
+_ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # sum over no floors, above the roof
 _ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without forces on floors
 
 

@@ -215,7 +215,7 @@ class Factors(NamedTuple):
     table: Array
     pivot: int
     coupling: int
-    store: int  # first row of the solutions for the modes
+    store: int  # first row of the terms of modal damping
 
 
 class EffectiveCoefficients(NamedTuple):

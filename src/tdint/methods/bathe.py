@@ -30,7 +30,7 @@ from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
 from tdint.kernels.stories.law_state import accumulate_dissipation, commit
 from tdint.methods.method import Family, Method, Parameter
 
-# Indices of the coefficients
+# Indices of the coefficients of the step, the results of `coefficients`
 GAMMA = 0
 Q0 = 1
 Q1 = 2

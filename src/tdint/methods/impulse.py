@@ -84,7 +84,7 @@ from tdint.kernels.stepping import STEP, Factors, Memory
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
-# Index in the coefficients
+# Index of the parameter beta in the coefficients of the step
 BETA = 0
 
 # Weights in the kinematic equation (eqs. 11, 12 of the publication),

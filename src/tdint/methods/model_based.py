@@ -64,7 +64,7 @@ class _StepRows(NamedTuple):
     V: int = 1  # velocity at the weighted point; Chang: predicted velocity, m/s
     X: int = 1  # right side, then solution of the linear system
     LOAD_0: int = 1  # load at the start of the step, N
-    PIVOT: int = 1  # factorization
+    PIVOT: int = 1  # factorization of the matrix: inverse pivots, then multipliers
     COUPLING: int = 1
     SECOND_PIVOT: int = 1  # Chang: factorization of the second matrix, M + h/2 C
     SECOND_COUPLING: int = 1

@@ -43,7 +43,7 @@ from tdint.kernels.stories.law_state import accumulate_dissipation, commit, rest
 from tdint.methods.method import Family, Method
 
 # Offsets in the coefficients of `step`
-_P = 0  # first substep over the step
+_P = 0  # p, length of the first substep divided by the length of the step
 _U1 = 1  # weights of a0 and ac in the displacement at the end
 _W1 = 3  # weights of a0 and ac in the velocity of the damping forces at the end
 _V1 = 5  # weights of a0, ac and a1 in the velocity at the end
@@ -207,7 +207,7 @@ def coefficients_of(p: float) -> tuple[float, ...]:
     Parameters
     ----------
     p : float
-        First substep over the step, between 0 and 1.
+        Length of the first substep divided by the length of the step, between 0 and 1.
 
     Returns
     -------
@@ -242,7 +242,7 @@ def stability_limit(p: float) -> float:
     Parameters
     ----------
     p : float
-        First substep over the step, between 0 and 1.
+        Length of the first substep divided by the length of the step, between 0 and 1.
 
     Returns
     -------

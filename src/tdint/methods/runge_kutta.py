@@ -215,8 +215,9 @@ def imaginary_stability_limit(table: Table) -> float:
     """Return the largest stable omega h of an explicit method without damping.
 
     Applied to v' = i omega v, the method multiplies the solution in each step by R(i omega h) with
-    the stability polynomial R(z) = 1 + sum over k = 0 .. s - 1 of (b A^k 1) z^(k + 1). The limit is
-    the smallest positive root of |R(i omega h)|^2 = 1.
+    the stability polynomial R(z) = 1 + sum over k = 0 .. s - 1 of (b A^k 1) z^(k + 1), with the
+    number of stages s, the Butcher matrix A, the weights b, the vector 1 of ones and the time step
+    h. The limit is the smallest positive root of |R(i omega h)|^2 = 1.
 
     Parameters
     ----------
@@ -302,9 +303,10 @@ class _ImplicitRows(NamedTuple):
     FACTORED_TANGENT: int = 2  # TANGENT in the current factorization
     FACTORED_DAMPER_TANGENT: int = 2  # DAMPER_TANGENT in the current factorization
     CORRECTION: int = 2  # copy of the last correction, which the line search may halve, m/s^2
-    # The following three are used for curved laws only (`_is_curved`). Load minus inertia of each
-    # floor in the last step, N; the last column of the first row contains the length of that step,
-    # s. Then the same extrapolated to the stages of the present step
+    # INTERNAL_FORCE, PREDICTED_FORCE and RUN_MAXIMA are used for curved laws only (`_is_curved`).
+    # INTERNAL_FORCE is load minus inertia of each floor in the last step, N; the last column of its
+    # first row contains the length of that step, s. PREDICTED_FORCE is this force extrapolated to
+    # the stages of the present step.
     INTERNAL_FORCE: int = 2
     PREDICTED_FORCE: int = 2
     # Maxima over the run in `_store_internal_forces`: mismatch (column 0) and size (column 1)
@@ -395,7 +397,7 @@ def implicit_step(
     if HAS_CURVED_LAW:
         tolerance = tolerance_of_run(scratch, _IMPLICIT.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
     iterations = 0
-    applied_fraction = 1.0  # of the last correction that is applied
+    applied_fraction = 1.0  # fraction of the last correction that is applied
     previous_norm = math.inf
     while True:
         is_stale = _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory)
@@ -473,7 +475,9 @@ def _predict_stages(coefficients, scene, h, load, memory):
         for i in range(n):
             scratch[_IMPLICIT.STAGE_A + stage, i] = use_acceleration * state[rows.ACCELERATION, i]
         if HAS_CURVED_LAW and has_last_step:
-            # The second stage of the last step is 1 - c_2 before the start of the present step.
+            # Extrapolate linearly from both stages of the last step. The second stage of that step
+            # is 1 - c_2 before the start of the present step; `distance` is the distance from this
+            # stage to the present stage, divided by the distance c_2 - c_1 of the stages.
             distance = (c + 1.0 - coefficients[_C + 1]) / (coefficients[_C + 1] - coefficients[_C])
             for i in range(n):
                 force = scratch[_IMPLICIT.INTERNAL_FORCE + 1, i]

@@ -38,7 +38,7 @@ from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
-# Indices of the coefficients
+# Indices of the coefficients of the step, with the names of the publication
 W1 = 0
 L2W2 = 1
 L3W3 = 2

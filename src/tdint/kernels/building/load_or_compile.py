@@ -600,7 +600,7 @@ def list_objects(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str,
             store.find_object(kernel.name, usable.text, runnable())
             for usable in _usable_variants(variant)
         )
-        stored = next(filter(None, candidates), None)  # file, object and symbol
+        stored = next(filter(None, candidates), None)  # path, code and name of the function
         file, origin = (str(stored[0]), store.origin(stored[0])) if stored else ("", "")
         entries.append((kernel.name, variant.text.replace(",", " "), file, origin))
     return entries

@@ -206,7 +206,7 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     corners : Integrals
         Scratch array and its first row CORNERS, which receives the times of the corners.
     """
-    path.copy(law_state, i, 0, rows.SECOND_TRIAL)  # from the committed state (block 0)
+    path.copy(law_state, i, 0, rows.SECOND_TRIAL)  # start from the committed state (block 0)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
     part_before = path.path_segment(complete, 0.0, reversal_time)
     end_drift = path.drift_at(complete, reversal_time)
@@ -325,7 +325,7 @@ def _store_forces(scene, h, memory, i, count):
         t = scratch[ROW.NODE_FORCE + k, n]
         s = t - 0.5
         drift = story_path.start + _story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
-        force = law_state[rows.FORCE, i]  # at the start of the step
+        force = law_state[rows.FORCE, i]  # force at the start of the step, N
         if is_curved:
             force = mean + s * moment + (6.0 * s * s - 0.5) * (force - mean + 0.5 * moment)
         elif not leaves_branch:
@@ -351,7 +351,8 @@ def _store_forces(scene, h, memory, i, count):
                 slope_before = slope
                 slope = law_state[rows.SECOND_TRIAL + rows.SLOPE, i]
                 if previous_distance * direction > 0.0 and previous_direction * direction > 0.0:
-                    # The drift of the last node is beyond the end of the branch before it.
+                    # The drift of the previous node, a corner, is already beyond the end of the
+                    # branch before the corner. The excess is on the branch after the corner.
                     scratch[ROW.NODE_FORCE + k - 1, i] += (slope - slope_before) * previous_distance
             force = law_state[rows.SECOND_TRIAL + rows.FORCE, i] + slope * distance
             previous_distance = distance

@@ -63,7 +63,7 @@ from tdint.kernels.stories.branches import find_sign_change
 from tdint.kernels.stories.law_state import restoring_force_outlined
 
 # Indices of the coefficients (`tdint.methods.impulse4.coefficients`)
-THETA = 0  # th, al and be of the kinematic equation
+THETA = 0  # coefficients th, al and be of the kinematic equation
 ALPHA = 1
 BETA = 2
 # Weights w0, wc and w1 of the story forces at the start, at the inner point and at the end
@@ -71,9 +71,9 @@ WEIGHT_0 = 3
 WEIGHT_C = 4
 WEIGHT_1 = 5
 # Displacement at the inner point: uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
-BY_INCREMENT = 6  # gd
-BY_VELOCITY_0 = 7  # g0
-BY_VELOCITY_1 = 8  # g1
+BY_INCREMENT = 6  # coefficient gd
+BY_VELOCITY_0 = 7  # coefficient g0
+BY_VELOCITY_1 = 8  # coefficient g1
 # Velocity at the inner point: vc = these three coefficients times (u1 - u0) / h, v0 and v1
 RATE_BY_INCREMENT = 9
 RATE_BY_VELOCITY_0 = 10
@@ -86,10 +86,11 @@ ROOT_IM = 13
 class _Rows(NamedTuple):
     """Number of scratch rows of each quantity, in addition to those of the momentum equations."""
 
-    # tangent stiffnesses of the laws at the inner point and at the end of the step, N/m
+    # Tangent stiffnesses of the laws at the inner point and at the end of the step, N/m
     TANGENT_C: int = 1
     TANGENT_1: int = 1
-    # derivatives of the power-law dashpots at the inner point and at the end, N s/m
+    # Derivatives of the forces of power-law dashpots with respect to the drift rate, at the inner
+    # point and at the end of the step, N s/m
     SLOPE_C: int = 1
     SLOPE_1: int = 1
     LAST_CORRECTION: int = 2  # last corrections of DU (m) and DV (m/s)
@@ -97,17 +98,17 @@ class _Rows(NamedTuple):
     # the force at the reversal; 0 if there is no reversal, or if it must be located
     KINK: int = 1
     # First row of the trial state that precedes the state at the end of the step: the inner point
-    # or the reversal, whichever is later. Used if KINK is not 0
+    # or the reversal, whichever is later. It is used only if KINK is not 0.
     PREVIOUS_BLOCK: int = 1
-    # average of the dashpot force at the two endpoints minus its mean over the step, N
+    # Average of the dashpot force at the two endpoints minus its mean over the step, N
     DASHPOT_MISMATCH: int = 1
-    # real and imaginary part of the right side r1 + l r2, then of the solution w (`solve_linear`)
+    # Real and imaginary part of the right side r1 + l r2, then of the solution w (`solve_linear`)
     COMPLEX: int = 2
-    # state and law states at the start of a step that is divided into substeps
+    # State and law states at the start of a step that is divided into substeps, for its repetition
     SAVED: int = 3 + rows.LAW_STATE_ROWS
     SUBSTEP_START: int = 3  # displacement, velocity and acceleration at the start of a substep
-    # maxima over the run in `keep_negligible_kinks`: mismatch (column 0) and norm of the
-    # accelerations (column 1)
+    # Maxima over the run, which `keep_negligible_kinks` updates: mismatch of the mean acceleration
+    # (column 0) and squared norm of the accelerations (column 1)
     RUN_MAXIMA: int = 1
     REVERSAL_DRIFTS: int = 1  # drift at the reversal of each story within the substep, m
     PEAKS: int = 2 * rows.PEAK_ROWS  # peaks within the substeps
@@ -120,17 +121,17 @@ class _Block(NamedTuple):
     """Rows of a factorization: of the complex matrix for linear branches, and of the matrix of
     Newton's method."""
 
-    # stiffnesses for which the complex matrix was factorized, N/m; the last column contains the
+    # Stiffnesses for which the complex matrix was factorized, N/m; the last column contains the
     # length of the step, s
     LINEAR_SLOPES: int = 1
-    # pivots and multipliers of the complex factorization: real and imaginary part
+    # Pivots and multipliers of the complex factorization: real and imaginary part
     PIVOT: int = 2
     MULTIPLIER: int = 2
-    # tangents at the inner point and at the end for which the matrix of Newton's method was
+    # Tangents at the inner point and at the end for which the matrix of Newton's method was
     # factorized, N/m; the last column of FACTORED_1 contains the length of the step, s
     FACTORED_C: int = 1
     FACTORED_1: int = 1
-    FACTORED_SLOPE: int = 1  # its derivative of the dashpot force at the end, N s/m
+    FACTORED_SLOPE: int = 1  # SLOPE_1 of the factorized matrix, N s/m
     BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization
     COUPLING: int = COUPLING_ROWS  # blocks between adjacent floors
 

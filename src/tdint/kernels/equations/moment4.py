@@ -52,7 +52,7 @@ from tdint.kernels.stories.path import (
     remains_on_branch,
 )
 
-# Indices of the coefficients
+# Indices of the coefficients of the step (`tdint.methods.moment4.coefficients`)
 R = 0  # r, coefficient of numerical dissipation
 BY_RISE = 1  # 12 / (1 + 6 r)
 TOLERANCE = 2  # maximum residual relative to the sum of the absolute values of its terms
@@ -72,28 +72,29 @@ class _Rows(NamedTuple):
     BEND: int = 1  # D1, m
     A0: int = 1  # h^2 times the mean acceleration, m
     A1: int = 1  # h^2 times the change of the acceleration over the step, m
-    # residuals of the impulse and of the first moment (kg m); replaced by the corrections of D0 and
+    # Residuals of the impulse and of the first moment (kg m); replaced by the corrections of D0 and
     # D1 (m) when the equations are solved
     X: int = 2
     CORRECTION: int = 2  # corrections of D0 and D1 in the last iteration of Newton's method, m
     ROUNDING_FORCE: int = 1  # rounding errors of the displacements, as a force, N
-    # 1 if the story leaves its branch; the last column is 1 if any story does
+    # 1 if the story leaves its branch in the step; the last column is 1 if any story leaves its
+    # branch
     LEAVES_BRANCH: int = 1
     NO_REVERSAL: int = 1  # 1 if the story has no reversal in the step, even if its parabola has one
     PATH: int = path.PATH_ROWS  # means and moments of the story forces, and their derivatives
     DASHPOT: int = 2  # mean and first moment of the force of the power-law dashpot, N
-    # derivatives of means and moments in the factorization, N/m; the last column contains the
-    # length of the step, s
+    # Derivatives of means and moments for which the matrix was factorized, N/m; the last column
+    # contains the length of the step, s
     FACTORED: int = 4
     BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization
     COUPLING: int = COUPLING_ROWS  # blocks between adjacent floors
-    # number of discontinuities of the story forces in the step, and their times
+    # Number of discontinuities of the story forces in the step, and their times, in column 0
     CORNERS: int = 1 + MAX_CORNERS
     # Forces of the stories at the nodes of `corners`, then total shears, N; column n contains the
     # times of the nodes.
     NODE_FORCE: int = _MAX_NODES
     NODE_ACCELERATION: int = _MAX_NODES  # absolute accelerations of the floors at the nodes, m/s^2
-    # displacements of the floors at the nodes, relative to the start of the step, m
+    # Displacements of the floors at the nodes, relative to the start of the step, m
     NODE_DISPLACEMENT: int = _MAX_NODES
     NODE_VELOCITY: int = _MAX_NODES  # h times the velocities of the floors, m
     MODAL_FORCE: int = 1  # modal damping forces, N

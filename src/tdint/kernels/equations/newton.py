@@ -41,7 +41,7 @@ class _Rows(NamedTuple):
     The caller stores LOAD and the first guess in U, V and A; these rows then receive the solution.
     """
 
-    LOAD: int = 1  # N
+    LOAD: int = 1  # load p at the time of equilibrium, N
     U: int = 1  # displacement, m
     V: int = 1  # velocity, m/s
     A: int = 1  # acceleration, m/s^2
@@ -50,15 +50,15 @@ class _Rows(NamedTuple):
     RESIDUAL: int = 1  # residual, N, then the correction of x
     TANGENT: int = 1  # tangent stiffness including that of a power-law dashpot, N/m
     SIZE: int = 1  # absolute story forces including the rounding errors of the displacements, N
-    CORRECTION: int = 1  # last correction of x
+    CORRECTION: int = 1  # last correction of x, which the line search may halve, m/s^2
 
 
 class _Factors(NamedTuple):
     """Number of scratch rows for each part of a factorization."""
 
-    FACTORED: int = 1  # tangents of the factorization, N/m
-    PIVOT: int = 1  # inverse pivots
-    COUPLING: int = 1  # multipliers
+    FACTORED: int = 1  # tangents for which the matrix was factorized, N/m
+    PIVOT: int = 1  # inverse pivots of the factorization
+    COUPLING: int = 1  # multipliers of the factorization, entries of L
 
 
 ROW, EQUILIBRIUM_ROWS = rows.chained(_Rows)

@@ -15,7 +15,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Rows of `law_parameters`.
+# Rows of `law_parameters` with the parameters of this law: yield force (N), hardening ratio.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
 

@@ -24,7 +24,8 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Rows of `law_parameters`.
+# Rows of `law_parameters` with the parameters of this law: yield force (N), hardening ratio,
+# exponent n and parameter beta.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
 _EXPONENT = rows.FIRST_PARAMETER + 2
@@ -228,7 +229,7 @@ def _functions() -> LawFunctions:
         w = side * law_state[previous + rows.INTERNAL, i]
         remaining = abs(drift_change) * k / strength
         substep = _SUBSTEP / n
-        dissipation = 0.0  # in (1 - a) Fy^2 / k
+        dissipation = 0.0  # energy dissipated on the path, a multiple of (1 - a) Fy^2 / k
         # Below this |w| the power series is used. For a smooth force it is not necessary.
         series_limit = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
         # Part 1: the story unloads until w = 0 or until the end of the path.

@@ -105,6 +105,7 @@ def copy_extra_rows(law_state, i, previous, trial):
     trial : int
         First row of the block of `law_state` with the extra rows that are replaced.
     """
+    # The rows after EXTRA_ROWS are divided equally among the states.
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
         law_state[extra_rows(law_state, trial) + row, i] = law_state[
             extra_rows(law_state, previous) + row, i

@@ -55,7 +55,8 @@ _UNLOADING_STIFFNESS = 8
 _WORK_AT_ZERO = 9  # work at the last zero crossing of the force, J
 _PINCHED_DRIFT = 10  # drift and force at the end of the pinched part of the current reloading
 _PINCHED_FORCE = 11
-# drift at the last reversal since the last zero crossing of the force; infinite if there was none
+# Drift at the last reversal since the last zero crossing of the force, m; infinite if there was no
+# reversal
 _REVERSAL_DRIFT = 12
 _EXTRA_ROWS = 13
 
@@ -68,7 +69,7 @@ _TOWARDS_MAXIMUM = 4.0
 _PLASTIC = 5.0
 _SOFTENING = 6.0
 _RESIDUAL = 7.0
-_FAILED = 8.0  # positive for both sides
+_FAILED = 8.0  # no strength; the value is positive for both sides
 
 # Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
 _REACHED_TOLERANCE = 1e-12

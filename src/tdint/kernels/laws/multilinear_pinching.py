@@ -45,8 +45,8 @@ _DRIFT_DEGRADATION = rows.FIRST_PARAMETER + 28
 _STRENGTH_DEGRADATION = rows.FIRST_PARAMETER + 33
 _CAPACITY = rows.FIRST_PARAMETER + 38
 
-# Extra rows, relative to the first extra row of the state.
-# drift and force of the three points of the current path, positive on the side of the path
+# The following are extra rows of the law state, relative to its first extra row.
+# Drift and force of the three points of the current path, positive on the side of the path
 _PATH_POINTS = 0
 # Fractions of strength and stiffness that have been lost until the last reversal, relative to the
 # law without degradation
@@ -61,7 +61,7 @@ _EXTRA_ROWS = _LAST_LOSSES + 3
 # first branch.
 _ON_PATH = 1.0
 _ON_BACKBONE = 2.0
-_FAILED = 3.0  # positive for both sides
+_FAILED = 3.0  # no strength; the value is positive for both sides
 
 # Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
 _REACHED_TOLERANCE = 1e-12
@@ -71,7 +71,8 @@ _REACHED_TOLERANCE = 1e-12
 # Forces of this size are negligible in any response.
 _MIN_REVERSAL = 1e-5
 _EQUAL = 1e-12  # relative difference of stiffnesses that is regarded as rounding error
-# difference of the force fractions at or below which the reloading is not pinched
+# Difference of the force fractions at the end of the pinched part and at the end of unloading, at
+# or below which the reloading is not pinched
 _NO_PINCHING = 1e-8
 _MIN_SLOPE = 1e-8  # relative to the stiffness; minimum slope of a path
 
@@ -369,7 +370,8 @@ def _functions() -> LawFunctions:
         if not degrades(law_parameters, i) or not has_yielded(law_parameters, law_state, i, block):
             return 0.0, 0.0, 0.0
         last_backbone_drift = last_drift(law_parameters, i)
-        # Above the last drift, the fractions are constant.
+        # Above the last drift, the fractions are constant: `switch` has stored them when the drift
+        # reached the last drift.
         if abs(drift) > last_backbone_drift * (1.0 + _REACHED_TOLERANCE):
             return (
                 law_state[first + _LAST_LOSSES, i],
@@ -1007,7 +1009,7 @@ def _stiffens(values: Sequence[float]) -> bool:
     four points of the positive side, those of the negative side, and then parameters that are not
     used here.
     """
-    first_slope = values[1] / values[0]  # force and drift of the first point
+    first_slope = values[1] / values[0]  # force divided by drift of the first point, N/m
     return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first_slope * (
         1.0 + _EQUAL
     )

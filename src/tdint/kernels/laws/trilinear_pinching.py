@@ -18,7 +18,8 @@ from collections.abc import Sequence
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Rows of `law_parameters`.
+# Rows of `law_parameters` with the parameters of this law: forces (N), drift (m), fraction and
+# exponent.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _ULTIMATE_FORCE = rows.FIRST_PARAMETER + 1
 _ULTIMATE_DRIFT = rows.FIRST_PARAMETER + 2
@@ -31,9 +32,9 @@ _ZERO = rows.HIGH_FORCE
 
 # Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
 # first yielding.
-_YIELDING = 1.0  # on the backbone curve
-_PINCHED = 2.0  # first part of the reloading
-_RELOADING = 3.0  # second part of the reloading
+_YIELDING = 1.0  # loading on the backbone curve
+_PINCHED = 2.0  # first, flatter part of the reloading
+_RELOADING = 3.0  # second part of the reloading, to the point of maximum drift
 _UNLOADING_LINE = 4.0  # branch with the unloading stiffness, valid in both directions
 
 # Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
@@ -393,7 +394,7 @@ def _functions() -> LawFunctions:
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
-        branch_type = law_state[block + rows.INTERNAL, i]  # with the sign of its side
+        branch_type = law_state[block + rows.INTERNAL, i]  # negative on the negative side
         if branch_type == 0.0:  # first yielding
             continue_loading(law_parameters, law_state, i, block, event)
         elif event == rows.REVERSED:

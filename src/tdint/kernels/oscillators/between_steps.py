@@ -32,10 +32,11 @@ TERMS = 15
 
 _MIN_TERMS = 5  # minimum number of terms: those of the cubic and two more
 _TRUNCATION = 2e-10  # maximum neglected term relative to the cubic term
-# maximum number of Newton iterations; the iteration is bracketed and therefore always ends
+# Maximum number of Newton iterations; the iteration is bracketed and therefore always ends
 _MAX_ITERATIONS = 30
 _NEWTON_TOLERANCE = 1e-4  # fraction of the step; maximum last correction of Newton's method
-# Fraction of the step; error of the time, and the error of the maximum is its square
+# Fraction of the step; maximum last correction of the time by bisection. The relative error of the
+# maximum is of the order of its square.
 _BISECTION_TOLERANCE = 1e-5
 # 1 / k at index k; index 0 is not used
 _INVERSE = tuple(1.0 / max(k, 1) for k in range(TERMS + 1))

@@ -30,7 +30,7 @@ LOWER = 5
 PEAK = 6  # maximum |u| until now, m
 STATE_ROWS = 7
 
-# Elements of the results
+# Elements of the array `results` of `bilinear_response`
 LARGEST = 0  # maximum |u|, m
 RESIDUAL = 1  # u after the decay of the free vibration, m
 RESULTS = 2
@@ -512,7 +512,7 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     step_fraction = 1.0 / parts
     events = 0
     u, v, side, offset, upper, lower, peak = 0.0, 0.0, 0.0, 0.0, state[UPPER], state[LOWER], 0.0
-    a = ground[0]  # with opposite sign, as all loads in this function
+    a = ground[0]  # acceleration with the opposite sign, as all loads in this function
     for i in range(1, ground.size):
         g0 = ground[i - 1]
         increment = (ground[i] - g0) * step_fraction

@@ -59,7 +59,8 @@ BY_DISPLACEMENT = RECURSION_ROWS  # omega^2, 1/s^2
 BY_VELOCITY = RECURSION_ROWS + 1  # 2 xi omega, 1/s
 COEFFICIENTS = RECURSION_ROWS + 2
 
-# Rows of the table of peaks: m, m/s and m/s^2
+# Rows of the table of peaks: relative displacement (m), relative velocity (m/s) and absolute
+# acceleration (m/s^2)
 PEAK_DISPLACEMENT = 0
 PEAK_VELOCITY = 1
 PEAK_ACCELERATION = 2
@@ -68,8 +69,8 @@ PEAKS = 3
 INTERVAL_STEPS = 32
 """Number of steps of an interval for which maxima are stored."""
 
-# steps of an oscillator before the next oscillator is processed, so that its values remain in
-# registers
+# Number of steps of an oscillator before the next oscillator is processed, so that its values
+# remain in registers
 _BLOCK = 4
 
 

@@ -12,8 +12,8 @@ from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY
 OSCILLATOR = 0  # index of the oscillator
 TIME = 1  # s
 VALUE = 2  # signed pseudo-acceleration omega^2 u, m/s^2
-# Newton iterations for the zero of a cubic, starting from the zero of the secant; sufficient for
-# full precision
+# Number of Newton iterations for the zero of a cubic, starting from the zero of the secant. It is
+# sufficient for full precision.
 _ITERATIONS = 4
 
 

@@ -39,7 +39,7 @@ MODE_ROWS = RECURSION_ROWS + 2
 BLOCK = 4
 """The number of modes in the table must be a multiple of this number."""
 
-# Elements of the results
+# Elements of the array `results` of `largest_drifts`
 PEAK = 0  # maximum absolute drift ratio of all stories
 STORY = 1  # index of the story with this maximum
 ROOF = 2  # maximum absolute roof drift ratio (last column)

@@ -58,7 +58,7 @@ from tdint.kernels.stepping import Array
 ANGLES = 180
 """Number of directions, at one degree, from the first ground motion towards the second."""
 
-# number of axes, at 30 degrees; a displacement between two axes exceeds the larger of both by at
+# Number of axes, at 30 degrees; a displacement between two axes exceeds the larger of both by at
 # most a factor of 1.04
 AXES = 6
 _SECTORS = 18  # number of sectors of 10 degrees; few steps can contain a maximum of a sector
@@ -79,7 +79,7 @@ _FACTORS = tuple(
 _LOWEST = 0
 _AT_START = 1  # absolute displacements along the edges at the start and at the end of the step
 _AT_END = 2
-_COSINES = 3  # of the directions of the edges
+_COSINES = 3  # cosines and sines of the directions of the edges
 _SINES = 4
 _SECTOR_ROWS = 5
 _ACCELERATION = AXES  # index of the maximum relative acceleration, after the maximum displacements

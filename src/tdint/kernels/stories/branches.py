@@ -30,7 +30,8 @@ _LIMIT_TOLERANCE = 1e-9
 # Fraction of the step. Maximum last correction of Newton's method; the remaining error is about the
 # square of this value.
 _ROOT_TOLERANCE = 1e-10
-# Relative to the drifts at both endpoints. A smaller movement backwards is not a reversal.
+# Relative to the drifts at both endpoints of the step. A smaller movement against the direction of
+# the branch is a rounding error and not a reversal.
 _REVERSAL_TOLERANCE = 1e-12
 
 advance = advancing(select_function("advance", case_with_6_arguments, outlined(add_work)))

@@ -54,7 +54,7 @@ MOMENT_BY_RISE = 4
 MOMENT_BY_BEND = 5
 _RESULTS = 6
 _AFTER_REVERSAL = 6  # first row of the same results for the part of the path after a reversal
-_SHIFTED = 12  # the same, for a reversal at a slightly shifted drift (derivative)
+_SHIFTED = 12  # first row of the same results after a reversal at a slightly shifted drift
 PATH_ROWS = 18
 
 _MAX_BRANCHES = 16  # maximum number of branches up to a reversal; every law has fewer
@@ -900,7 +900,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
     shifted = Integrals(results.table, results.first + _SHIFTED)
     path_back = path_segment(story_path, reversal_time, 1.0)
-    direction = math.copysign(1.0, story_path.bend)  # of the path after the reversal
+    direction = math.copysign(1.0, story_path.bend)  # direction of the path after the reversal
     shift = 0.0
     # If the branch is valid for both directions, it does not change at the reversal, and its force
     # does not depend on the drift at the reversal.

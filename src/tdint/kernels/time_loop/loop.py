@@ -62,7 +62,7 @@ INTEGRATE = I8(
     F8,  # length of a step, s
     VECTOR,  # ground acceleration, m/s^2
     VECTOR,  # coefficients of the method
-    # change of each row of the state per unit increase of the floor accelerations at a jump of the
+    # Change of each row of the state per unit increase of the floor accelerations at a jump of the
     # ground acceleration
     VECTOR,
     *SCENE,
@@ -330,7 +330,7 @@ def integrate(
     for step_index in range(first_step, last_step):
         ground_1 = ground_at(ground, step_index + 1, per_sample, stride)
         ground_rate = (ground_1 - ground_0) / h
-        completed_fraction = 0.0  # of the step
+        completed_fraction = 0.0  # completed part of the step, as a fraction of the step
         substep_fraction = 1.0  # length of the next substep, as a fraction of the step
         while completed_fraction < 1.0:
             # Set the load of the step or substep: its start time and the ground acceleration at
@@ -447,9 +447,9 @@ INTEGRATE_MANY = I8(
     I8,  # maximum number of halvings of a step
     F8,  # length of a step, s
     VECTOR,  # samples of all ground motions
-    TABLE,  # runs
-    VECTOR,  # coefficients
-    VECTOR,  # shifts
+    TABLE,  # table of the runs, one row per run
+    VECTOR,  # coefficients of the method
+    VECTOR,  # changes of the state at a jump of the ground acceleration
     *SCENE,
     *MEMORY,  # initial memory
     VECTOR,  # initial totals

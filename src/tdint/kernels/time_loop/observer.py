@@ -156,7 +156,7 @@ def observe(scene, span, slope, memory, seen):
     a_0 = observer_state[rows.A_PREVIOUS, n - 1]
     # The story above is checked in the next pass, after the acceleration of its base is computed.
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
-    excess = 0.05 * span.h * span.h  # h^2 / 20, see `may_exceed_story_peaks`
+    excess = 0.05 * span.h * span.h  # h^2 / 20, factor of the drift acceleration in the bounds
     for i in range(n - 1, -1, -1):
         above, below = min(i + 1, n - 1), max(i - 1, 0)  # neighbors, limited to existing floors
         v_below = state[rows.VELOCITY, below]
