@@ -105,9 +105,15 @@ def kernel(
     signature : Signature
         Types of the arguments and of the result.
     parts : tuple of str
-        Features of the variant on which the compiled code depends.
+        Features of the variant on which the compiled code depends. Default: all features, which are
+        laws, modal damping, forces on floors and dashpots.
     vectorized : bool
-        True if the compiler may vectorize loops.
+        True if the compiler may vectorize loops. Default: False.
+
+    Returns
+    -------
+    callable
+        Decorator: function -> Kernel.
     """
     return lambda function: Kernel(function, signature, parts, vectorized)
 

@@ -1009,7 +1009,8 @@ def _value(s, coefficients):
 
 @inline
 def _cubic_extremum(p0, p1, p2, p3):
-    """Return the value of largest absolute size among p0 and the interior extrema of a cubic.
+    """Return the value with the largest absolute value among p0 and the interior extrema of a
+    cubic.
 
     The cubic is p(s) = p0 + p1 s + p2 s^2 + p3 s^3 with 0 < s < 1. Its value at s = 1 is not
     considered, because the caller records the end of the step.

@@ -209,10 +209,11 @@ def _guess_end(coefficients, h, state, scratch, n):
 
 
 def gamma_with_equal_matrices(rho_inf: float) -> float:
-    """Return the gamma for which both substeps have the same matrix.
+    """Return the length gamma of the first substep, as a fraction of the step, for which both
+    substeps have the same matrix.
 
-    It is (2 - sqrt(2 + 2 rho_inf)) / (1 - rho_inf), written without the division 0 / 0 for
-    rho_inf = 1.
+    It is (2 - sqrt(2 + 2 rho_inf)) / (1 - rho_inf), with the spectral radius `rho_inf` at infinite
+    frequency, written without the division 0 / 0 for rho_inf = 1.
     """
     return 2.0 / (2.0 + math.sqrt(2.0 + 2.0 * rho_inf))
 

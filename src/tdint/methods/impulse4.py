@@ -173,7 +173,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method (function `coefficients`), which are passed to the equations.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -321,7 +321,7 @@ def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
     has_guess : bool
         True if the rows DU and DV contain the first estimate for Newton's method.
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method (function `coefficients`), which are passed to the equations.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float

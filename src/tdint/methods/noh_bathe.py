@@ -197,7 +197,7 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
 
 
 def coefficients_of(p: float) -> tuple[float, ...]:
-    """Return the coefficients of `step`.
+    """Return the coefficients of a step of the method with the first substep p.
 
     With r = 1 - p, the accelerations a0, ac and a1 have the weights p/2 and r/2 in u1 (times h^2),
     1 - 1/(2 p) and 1/(2 p) in w1 (times h), and p/2 + r q0, p/2 + r (1/2 + q1) and r q2 in v1

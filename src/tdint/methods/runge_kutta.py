@@ -222,7 +222,8 @@ def imaginary_stability_limit(table: Table) -> float:
     Parameters
     ----------
     table : tuple of tuple of float
-        Butcher table as for `explicit_coefficients`.
+        Rows of the Butcher matrix A from the second stage on, without zeros on and above the
+        diagonal; the last row contains the weights b.
 
     Returns
     -------
@@ -449,7 +450,7 @@ def _predict_stages(coefficients, scene, h, load, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of `implicit_step`.
+        Nodes c, Butcher matrix A, A^2, weights b and b A (`implicit_coefficients`).
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -559,7 +560,7 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of `implicit_step`.
+        Nodes c, Butcher matrix A, A^2, weights b and b A (`implicit_coefficients`).
     linear_terms, law_parameters : ndarray
         Linear terms of the building and parameters of the hysteretic laws.
     h : float
@@ -705,7 +706,7 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of `implicit_step`.
+        Nodes c, Butcher matrix A, A^2, weights b and b A (`implicit_coefficients`).
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
@@ -759,7 +760,7 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of `implicit_step`.
+        Nodes c, Butcher matrix A, A^2, weights b and b A (`implicit_coefficients`).
     linear_terms, law_parameters : ndarray
         Linear terms of the building and parameters of the hysteretic laws.
     h : float

@@ -161,7 +161,7 @@ def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method; W1 and L2W2 are used.
     linear_terms, forces : ndarray
         Masses, dampers and geometric stiffnesses of the building; forces on its floors.
     h : float

@@ -147,7 +147,8 @@ def workspace(
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         law_state=law_state_table(building.law_parameters),
-        # The matrix of the Woodbury formula for modal damping has 2 modes columns.
+        # The small matrix of the Woodbury formula for modal damping is stored in the scratch array
+        # and has two columns for each mode.
         scratch=np.zeros((family.scratch_rows(modes), max(n + 1, 2 * modes + 1))),
         flags=flags,
         step_status=np.zeros(rows.STEP_STATUS_SIZE),

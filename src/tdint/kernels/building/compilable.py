@@ -218,7 +218,7 @@ class Compilable:
     def install(
         self, variant: Variant, function: Callable[..., Any], *, interpreted: bool = False
     ) -> None:
-        """Install the function for a variant.
+        """Store a compiled or Python function, which later calls of the kernel for a variant use.
 
         Parameters
         ----------

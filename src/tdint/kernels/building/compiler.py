@@ -193,7 +193,7 @@ def indirect_caller(signature: Signature) -> Any:
         """
 
         def generate(context, builder, _, values):
-            """Generate the call and return its result.
+            """Generate the LLVM code of the call and return its result in this code.
 
             `context` and `builder` are numba's objects for the generation of LLVM code. `values`
             are the address and the tuple of the arguments in the generated code. The third

@@ -269,6 +269,9 @@ def _label(pair: tuple[Compilable, Variant]) -> str:
 def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> bool:
     """Load an object file into a kernel and return True if this succeeds.
 
+    The result is False, and the kernel is unchanged, if the object cannot be loaded or does not
+    contain the function.
+
     Parameters
     ----------
     kernel : Compilable
@@ -424,10 +427,11 @@ def _start_compilation(
 
 
 def compile_in_background() -> None:
-    """Compile groups of kernels, unless another process is compiling them.
+    """Compile the groups of kernels in the arguments of this program, one group after the other.
 
-    The first argument of the program contains the names as JSON. `interpret_while_compiling` starts
-    this program.
+    `interpret_while_compiling` starts this program. Its first argument is a JSON list of groups;
+    each group is a list of pairs of kernel name and text of the variant. Nothing is done if no
+    directory is writable or if another process is compiling.
     """
     from tdint.kernels.building import store
 

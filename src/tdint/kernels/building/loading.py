@@ -87,7 +87,7 @@ class Loaded:
     """
 
     def __init__(self, code: bytes, symbol: str, signature: Signature) -> None:
-        """Load an object.
+        """Load an object file into memory and prepare the calls of its function.
 
         Parameters
         ----------

@@ -129,12 +129,13 @@ def machine() -> Any:
 
 
 def named(name: str) -> Target:
-    """Return the target with a name.
+    """Return the target (processor and operating system) that a user specifies by its name.
 
     Parameters
     ----------
     name : str
-        `native`, one of LEVELS or AARCH64. For another platform the name has a prefix (`macos-`).
+        `native` for this machine, one of LEVELS or AARCH64. For another platform the name has a
+        prefix, for example `macos-aarch64`.
 
     Raises
     ------

@@ -48,7 +48,7 @@ def _story_value(linear_terms, scratch, row, i):
     scratch : ndarray
         Scratch array of the step: one row per quantity, one column per floor or story.
     row : int
-        Row of the table.
+        Row of `scratch` with the values of the floors.
     i : int
         Index of the story.
     """
@@ -252,11 +252,16 @@ def _store_nodes(scratch, n):
         Scratch array. Rows CORNERS are used; column `n` of the rows NODE_FORCE is set.
     n : int
         Number of floors.
+
+    Returns
+    -------
+    int
+        Number of nodes: 1 + 2 (number of corners + 1), without omitted corners.
     """
     scratch[ROW.NODE_FORCE, n] = 0.0
     count = 1
     # Column 0 of the rows CORNERS contains the number of corners, then their times in ascending
-    # order.
+    # order. For each corner and for the end of the step, a midpoint and the corner are added.
     corners = int(scratch[ROW.CORNERS, 0])
     for k in range(corners + 1):
         previous = scratch[ROW.NODE_FORCE + count - 1, n]

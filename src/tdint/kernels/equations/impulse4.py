@@ -672,8 +672,8 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     drifts : tuple of float
         Drifts at the inner point and at the end, m.
     memory : Memory
-        State, law states and scratch array. Row KINK is 0 if the step has no reversal that can be
-        kept within the step.
+        State, law states and scratch array. Row KINK of the scratch array is set: it is not 0 only
+        if a curved law is evaluated over a reversal within the step.
 
     Returns
     -------
@@ -908,7 +908,8 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method: the weights w0, wc, w1 and the coefficients RATE_BY_... are
+        used.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     i : int

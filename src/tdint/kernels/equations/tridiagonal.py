@@ -701,7 +701,8 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     factors : Factors
         Two rows from `pivot` on receive the inverse pivots (real and imaginary part), two rows from
         `coupling` on the multipliers of the elimination from the ground upwards. The rows from
-        `store` on are those of `factor_blocks`.
+        `store` on receive the terms of the Woodbury formula for modal damping: four rows for each
+        mode, and the small inverse in two rows for each mode.
     damping : ModalBlocks
         Modal part of l C. With l = re + i im and the pair (x, y) of a floor, its coefficients are
         xx = re, xy = -im, yx = im and yy = re.
@@ -929,9 +930,9 @@ def solve_blocks_damped(factors, damping, x, y, n):
     Parameters
     ----------
     factors : Factors
-        Rows of the factorization.
+        Scratch array and the rows of the factorization.
     damping : ModalBlocks
-        Modal damping, as in `factor_blocks`.
+        Modal damping, with the values for which the matrix was factorized.
     x, y : int
         Rows of the first and of the second unknown of the floors. They contain the right side and
         receive the solution.
@@ -958,9 +959,9 @@ def solve_pairs_damped(factors, damping, x, y, n):
     Parameters
     ----------
     factors : Factors
-        Rows of the factorization.
+        Scratch array and the rows of the factorization.
     damping : ModalBlocks
-        Modal part of l C, as in `factor_pairs`.
+        Modal part of l C, with the values for which the matrix was factorized.
     x, y : int
         Rows of the real and of the imaginary parts. They contain the right side and receive the
         solution.

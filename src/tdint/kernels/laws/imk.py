@@ -258,8 +258,10 @@ def _functions() -> LawFunctions:
     def deterioration_at_reversal(law_parameters, law_state, i, block):
         """Return the fraction of the unloading stiffness that would be lost by a reversal now.
 
-        The energy that unloading would release, F^2 / (2 Ku), is subtracted from the work done on
-        the story.
+        The work done on the story determines this fraction (`deterioration`). The energy that
+        unloading from the force F with the unloading stiffness Ku would release, F^2 / (2 Ku), is
+        subtracted from the work. The result is between 0 and 1, or 2 if the story would fail. The
+        law state is not changed.
 
         Parameters
         ----------

@@ -20,9 +20,10 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 @cache
 def _functions(law: DriftLaw) -> LawFunctions:
-    """Return the compiled functions of a law.
+    """Return the functions of a law that kernels call: force, energies, branches and others.
 
     For a separately compiled law, the result contains functions that call the law by its address.
+    The result is cached, because `law.functions` creates new functions at each call.
     """
     return SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
 

@@ -36,7 +36,8 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     parts : ndarray, shape (k,)
         Steps per sampling interval, for each oscillator.
     oscillators : ndarray, shape (COEFFICIENTS, k)
-        Table of oscillators as for `elastic.peaks`.
+        Table of oscillators, one column each: rows A11 to B21, coefficients of the exact step, then
+        omega^2 (1/s^2) and 2 xi omega (1/s).
     level : ndarray, shape (k,)
         Pseudo-acceleration above which an extremum is stored, m/s^2.
     extrema : ndarray, shape (3, capacity)
@@ -134,7 +135,8 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
         Steps per sampling interval, for each oscillator. The distance has twice the frequency of
         the displacements. The number must therefore be twice the number for `extremes`.
     oscillators : ndarray, shape (COEFFICIENTS, k)
-        Table of oscillators as for `elastic.peaks`.
+        Table of oscillators, one column each: rows A11 to B21, coefficients of the exact step, then
+        omega^2 (1/s^2) and 2 xi omega (1/s).
     level : ndarray, shape (k,)
         Pseudo-acceleration, omega^2 times the distance, above which a maximum is stored, m/s^2.
     extrema : ndarray, shape (4, capacity)

@@ -156,9 +156,9 @@ def rotated_peaks(
         Sampling interval, s.
     parts : int
         Steps per sampling interval.
-    oscillators : ndarray
-        Table of oscillators as for `tdint.kernels.oscillators.elastic.peaks`, with a multiple of
-        LANES columns.
+    oscillators : ndarray, shape (COEFFICIENTS, multiple of LANES)
+        Table of oscillators, one column each: rows A11 to B21, coefficients of the exact step, then
+        omega^2 (1/s^2) and 2 xi omega (1/s).
     directions : ndarray, shape (2, ANGLES)
         Cosine and sine of each direction.
     between_steps : int

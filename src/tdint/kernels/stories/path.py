@@ -518,7 +518,7 @@ def drift_at(segment, t):
 
 @inline
 def path_segment(segment, begin, end):
-    """Return the part of the same parabola from time `begin` to time `end`.
+    """Return the part of a parabola of drift from time `begin` to time `end`.
 
     `segment` is any part of the parabola start + rise t + bend (t^2 - t) / 2; its coefficients do
     not change. The times are fractions of the step, between 0 and 1.

@@ -185,8 +185,20 @@ def check_limits(sum_law_energies, scene, memory, steps, seen):
 def _record_collapse(sum_law_energies, scene, memory, steps, seen):
     """Update the energies and record the collapse: story, step and energies.
 
-    The arguments `sum_law_energies`, `scene`, `memory`, `steps` and `seen` are those of
-    `check_limits`. The function is compiled separately because it is called once per run at most.
+    The function is compiled separately because it is called once per run at most.
+
+    Parameters
+    ----------
+    sum_law_energies : Kernel
+        Kernel that sums the energies of the laws.
+    scene : Scene
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
+    memory : Memory
+        State and law states.
+    steps : int
+        Number of complete steps.
+    seen : Seen
+        Arrays of the observer; the totals of the run are changed.
     """
     update_law_energies(sum_law_energies, scene, memory, seen)
     record_collapse(memory.law_state, steps, seen)
@@ -297,7 +309,7 @@ def integrate(
     ground : ndarray
         Ground acceleration at the samples, m/s^2.
     coefficients : ndarray
-        Coefficients of the method.
+        Coefficients of the method, which the time loop passes to the step.
     shifts : ndarray
         Change of each row of the state per unit jump of the accelerations at a discontinuity of the
         ground acceleration.

@@ -218,7 +218,8 @@ def observe(scene, span, slope, memory, seen):
         reach_above = story_reach(span, story_ends, shear, law_parameters[rows.STIFFNESS, i])
         a_above, link_above = a, link
         # Compare bounds of the absolute acceleration and of the total shear with their peaks. The
-        # total shear is minus the inertia forces of all floors above the story.
+        # total shear is minus the sum of mass times absolute acceleration of all floors that the
+        # story supports.
         bulge = acceleration_bulge(by_h, floor_ends)
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
