@@ -471,7 +471,8 @@ class Publication:
 def references() -> dict[str, tuple[Publication, ...]]:
     """Return the publications of each built-in method, read from `publications.bib`.
 
-    The field `keywords` of an entry lists the methods that it describes.
+    The field `keywords` of an entry lists the names of the methods that it describes. The result,
+    by the name of the method, is cached.
     """
     from importlib.resources import files  # imported here because the import is slow
 

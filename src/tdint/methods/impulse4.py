@@ -514,6 +514,8 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         u1_below = scratch[momentum.U1, i]
         v0_below = state[rows.VELOCITY, i]
         v1_below = scratch[momentum.V1, i]
+        # A story that moved against the direction of its branch has a reversal in the substep. It
+        # is accepted only if its effect is negligible (row KINK).
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
             abs(drift) + abs(law_state[rows.DRIFT, i])
         )

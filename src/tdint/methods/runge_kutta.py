@@ -583,6 +583,8 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     n = linear_terms.shape[1] - 1
     is_stale = step_status[rows.FACTORED_STEP] != h
     for stage in range(2):
+        # The law moves from the committed state to FIRST_TRIAL at the first stage, and from there
+        # to SECOND_TRIAL at the second stage.
         previous = rows.COMMITTED + stage * rows.FIRST_TRIAL
         trial = previous + rows.FIRST_TRIAL
         elapsed = h * coefficients[_C + stage]
@@ -604,6 +606,7 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
             v_below = v
             scratch[_IMPLICIT.STAGE_U + stage, i] = u
             scratch[_IMPLICIT.STAGE_V + stage, i] = v
+            # Evaluate the law and the dashpot, and compare their tangents with the factorization.
             stiffness = law_parameters[rows.STIFFNESS, i]
             tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
             scratch[_IMPLICIT.TANGENT + stage, i] = tangent
@@ -728,6 +731,8 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
                 linear_terms[rows.STORY_DAMPER, i] + scratch[_IMPLICIT.DAMPER_TANGENT + stage, i]
             )
             stiffness = scratch[_IMPLICIT.TANGENT + stage, i] + linear_terms[rows.GEOMETRIC, i]
+            # A story contributes to its floor and, with the opposite sign, to the coupling with the
+            # floor below; `link_blocks` adds it to the floor below.
             story = k_factor * stiffness + c_factor * damper
             scratch[_IMPLICIT.COUPLING + entry, i] = story
             scratch[_IMPLICIT.BLOCKS + entry, i] = (
@@ -735,6 +740,7 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
                 + c_factor * linear_terms[rows.FLOOR_DAMPER, i]
                 + story
             )
+    # Store the tangents of this factorization, with which `_evaluate_stages` compares new tangents.
     for stage in range(2):
         for i in range(n):
             tangent = scratch[_IMPLICIT.TANGENT + stage, i]

@@ -46,7 +46,7 @@ def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
     """Return the hash of the sources of a kernel: of its module and of all modules that it imports.
 
     The hash is part of the name of an object file, so that a kernel is compiled again after a
-    change.
+    change. It has 12 hexadecimal digits. The result is cached.
 
     Parameters
     ----------
@@ -72,8 +72,10 @@ def size(kernel: str) -> int:
 
 @cache
 def digest_of_all() -> str:
-    """Return the hash of the sources of all kernels and methods, for results that depend on several
-    of them."""
+    """Return the hash of the sources of all kernels and methods, as 12 hexadecimal digits.
+
+    It identifies the code of results that depend on several kernels. The result is cached.
+    """
     hash_value = hashlib.sha256()
     for folder in ("kernels", "methods"):
         for file in sorted((_PACKAGE / folder).rglob("*.py")):
@@ -171,7 +173,8 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     """Return the SHA-256 of a source file, and the modules of kernels and methods that it imports.
 
     The hash is binary. A name in the result can also be a function or constant of a module, because
-    the text of an import does not distinguish them; `_own_file` returns None for such a name.
+    the text of an import does not distinguish them; `_own_file` returns None for such a name. The
+    result is cached.
     """
     text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout on Windows can contain CR LF
     names: list[str] = []

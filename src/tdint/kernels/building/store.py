@@ -325,7 +325,7 @@ def folder_name(platform: str = sys.platform) -> str:
 
     The hash depends on the versions of Python and of the compiler (numba, llvmlite), on the calling
     convention and on the platform, a value of `sys.platform`. Object files of other versions are in
-    other directories and thus never used.
+    other directories and thus never used. The result is cached.
     """
     versions = hashlib.sha256(repr((sys.version_info[:2], platform, _CONVENTION)).encode())
     for package in ("numba", "llvmlite"):

@@ -110,7 +110,7 @@ def _family() -> str:
 
 @cache
 def native() -> Target:
-    """Return the target of this machine."""
+    """Return the target of this machine: LLVM name and features of its processor, its system."""
     return Target(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
 

@@ -487,6 +487,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     previous_norm = math.inf
     is_correction_negligible = False
     while True:
+        # Compute story forces, residuals and convergence for the current increments.
         is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
         residuals(
             coefficients[THETA],
@@ -930,7 +931,8 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
         be computed again.
     """
     state, _, scratch, _ = memory
-    # For the first story, column i - 1 is the last column of the tables, and link is 0.
+    # Compute the drift rates at the start, at the end and at the inner point of the step. For the
+    # first story, column i - 1 is the last column of the tables, and link is 0.
     link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
     rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, i - 1]
     rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, i - 1]
@@ -942,6 +944,7 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     force_0, _ = power_damper(linear_terms, i, rate_0)
     force_c, derivative_c = power_damper(linear_terms, i, rate_c)
     force_1, derivative_1 = power_damper(linear_terms, i, rate_1)
+    # Add the dashpot to the force at the end and to the impulse of the story.
     scratch[momentum.FORCE_1, i] += force_1
     mean_force = (
         coefficients[WEIGHT_0] * force_0
@@ -952,6 +955,8 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     scratch[ROW.DASHPOT_MISMATCH, i] = 0.5 * (force_0 + force_1) - mean_force
     scratch[ROW.SLOPE_C, i] = derivative_c
     scratch[ROW.SLOPE_1, i] = derivative_1
+    # In the matrix, the derivative times h is added to masses; its change is therefore compared
+    # with the mass of the floor.
     return (
         h * abs(derivative_1 - scratch[factors + _BLOCK.FACTORED_SLOPE, i])
         > TANGENT_TOLERANCE * linear_terms[rows.MASS, i]
@@ -1010,6 +1015,8 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     by_a = coefficients[BETA] * h * h
     by_tangent_c = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
     coupling = factors + _BLOCK.COUPLING
+    # Store the tangents of the factorization without P-delta, and the four derivatives of each
+    # story with P-delta and dashpots.
     for i in range(n):
         tangent_c = scratch[ROW.TANGENT_C, i]
         tangent_1 = scratch[ROW.TANGENT_1, i]

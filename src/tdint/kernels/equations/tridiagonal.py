@@ -472,10 +472,12 @@ def factor_blocks(factors, damping, n):
             x1 = i0 * b1 + i1 * b3
             x2 = i2 * b0 + i3 * b2
             x3 = i2 * b1 + i3 * b3
+            # Subtract B_i A_(i-1) B_i from the diagonal block.
             p -= b0 * x0 + b1 * x2
             q -= b0 * x1 + b1 * x3
             r -= b2 * x0 + b3 * x2
             s -= b2 * x1 + b3 * x3
+            # Store A_(i-1) B_i for the backward and B_i A_(i-1) for the forward substitution.
             scratch[upper, i - 1] = x0
             scratch[upper + 1, i - 1] = x1
             scratch[upper + 2, i - 1] = x2
@@ -484,6 +486,7 @@ def factor_blocks(factors, damping, n):
             scratch[coupling + 1, i] = b0 * i1 + b1 * i3
             scratch[coupling + 2, i] = b2 * i0 + b3 * i2
             scratch[coupling + 3, i] = b2 * i1 + b3 * i3
+        # Store the inverse of the block pivot, A_i.
         inverse = 1.0 / (p * s - q * r)
         scratch[blocks, i] = s * inverse
         scratch[blocks + 1, i] = -q * inverse

@@ -334,7 +334,7 @@ def separate_kernels(law_parameters: NDArray[np.float64] | None = None) -> list[
 def _address(code: int) -> float:
     """Return the address of the compiled code of the law with number `code`, as a float.
 
-    The law is compiled if necessary. The result is 0 if kernels run in plain Python.
+    The law is compiled if necessary. The result is 0 if kernels run in plain Python. It is cached.
     """
     return float(getattr(_kernel(code).compiled, "address", 0))
 

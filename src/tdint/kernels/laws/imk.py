@@ -620,6 +620,8 @@ def _functions() -> LawFunctions:
         # With both pinching parameters equal to 1, reloading has no pinched part: it leads directly
         # towards the last peak or the point of maximum drift.
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
+            # Compute the pinched point and lead the branch to it, unless it is behind the zero
+            # crossing.
             pinched_drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (
                 max_drift - max_force / stiffness
             )

@@ -704,6 +704,7 @@ def _functions() -> LawFunctions:
                 )
                 return
             start_drift, start_force = end, force
+        # Beyond the last point, the branch is the last line without end.
         set_loading_branch(
             law_parameters,
             law_state,
@@ -903,6 +904,7 @@ def _functions() -> LawFunctions:
                 law_state[row + 5, i],
             )
         else:
+            # A reversal at the current state would start a path towards the other side.
             side = -side
             max_drift = law_state[side_row(side, rows.HIGH_DRIFT), i]
             points = path(

@@ -266,6 +266,8 @@ def _functions() -> LawFunctions:
         if drift < target * (1.0 - _REACHED_TOLERANCE):
             target_force = backbone(law_parameters, i, target)
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
+            # The first part ends at `pinching_end`, at the fraction `pinching` of the force at the
+            # point of maximum drift.
             pinching_end = drift_at_pinching_end(
                 law_parameters, law_state, i, block, side, target, target_force, slope
             )

@@ -468,6 +468,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
         y1 = a11 * y + (a12 * w - (b10 * g0 + b11 * g1))
         w1 = a21 * y + (a22 * w - (b20 * g0 + b21 * g1))
         a1, b1 = -(by_u * x1 + by_v * v1) - f1, -(by_u * y1 + by_v * w1) - g1
+        # A coarse pass only takes the values at the steps, in all directions.
         if coarse:
             for k in range(ANGLES):
                 size = abs(directions[0, k] * x1 + directions[1, k] * y1)

@@ -292,6 +292,8 @@ def _update_energies(scene, span, slope, sums, memory, seen):
     totals = seen.totals
     n = scene.linear_terms.shape[1] - 1
     if flags[rows.OWN_WORK] == 0.0:
+        # Power of the ground motion and of the dampers at the end of the step, and their rates;
+        # `viscous_rate` is half of the rate.
         power = -span.ground_1 * sums.momentum
         rate = -span.ground_1 * sums.inertia
         viscous_power = sums.viscous_power
