@@ -294,7 +294,9 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         v_below = v
         du_below = du
         q_below = q
-        # Equilibrium contains f(u1), and the momentum equation f0 h + k_T (q - u0 h) (eq. 46).
+        # The law is evaluated at the displacement u1, for equilibrium at the end of the step. The
+        # integral of the force over the step is approximated with the tangent k_T at u1 (eq. 46 of
+        # the paper): f0 h + k_T (q - u0 h), where q is the integral of the displacement.
         tangent = restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
         scratch[_ROW.TANGENT, i] = tangent
         # A drift is a difference of displacements. The rounding errors of the displacements are not

@@ -817,10 +817,10 @@ _MATRICES_OF_ALL_MODES = 4
 def add_damping(
     linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration
 ) -> Array:
-    """Add Rayleigh damping to `linear_terms`, or return the rows of modal damping.
+    """Add the damping of a model to the linear terms of the building.
 
-    The result has the shape (modes, n + 1), with no rows for Rayleigh damping of a building without
-    isolators. A row w contributes w w^T to the damping matrix.
+    Dampers of single floors and stories are added to `linear_terms`. Other damping is returned as
+    rows.
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from
     each floor to the ground and a damper parallel to each story. Modal damping is
@@ -836,6 +836,13 @@ def add_damping(
         The model that specifies the damping.
     vibration : FreeVibration
         Undamped vibration of the building.
+
+    Returns
+    -------
+    ndarray, shape (k, n + 1)
+        Rows w, each of which contributes w w^T to the damping matrix: one for each damped mode
+        (modal damping), one for each damper between two floors (Rayleigh damping of a building with
+        isolators), otherwise none. The last column, for the ground, is 0.
 
     Raises
     ------

@@ -139,8 +139,9 @@ class _Block(NamedTuple):
 # The following three values decide which reversals are not located (`keep_negligible_kinks`). They
 # were determined with the problems with Bouc-Wen stories and power-law dashpots of `tdint chart`.
 
-# Dimensionless. A reversal is not located if row KINK is at most this value times the relative
-# mismatch of the mean acceleration.
+# Dimensionless. A reversal is not located if its estimated effect on the story force (row KINK, a
+# fraction of the force) is at most this value times the relative mismatch of the accelerations,
+# which estimates the largest error of a step (see `keep_negligible_kinks`).
 _MAX_KINK = 15.0
 # Dimensionless. Fraction of the dashpot force that is added to the kink of the law. Without it, the
 # errors of small steps are ten times as large.

@@ -46,7 +46,8 @@ _STRENGTH_DEGRADATION = rows.FIRST_PARAMETER + 33
 _CAPACITY = rows.FIRST_PARAMETER + 38
 
 # The following are extra rows of the law state, relative to its first extra row.
-# Drift and force of the three points of the current path, positive on the side of the path
+# Drift and force of the three points of the current path; both are positive in the direction in
+# which the path leads.
 _PATH_POINTS = 0
 # Fractions of strength and stiffness that have been lost until the last reversal, relative to the
 # law without degradation

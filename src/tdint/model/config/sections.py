@@ -173,7 +173,10 @@ _SECOND_MODE = 3
 
 
 def _damping_type(count: int | None) -> Either:
-    """Return the type of the key `damping`, which checks a value and converts it (`make`).
+    """Return the description of the key `damping` in a model file.
+
+    The description lists the allowed forms of the value. It checks a value, and its functions
+    `make` convert the value to damping ratios or coefficients.
 
     Parameters
     ----------
@@ -214,8 +217,8 @@ def _damping_type(count: int | None) -> Either:
             Key("ratio", RATIO, "damping ratio", True),
             Key("modes", mode, "number of modes", True, "give the number of damped modes"),
         ),
-        # `ModalDamping` applies a single ratio to all modes. Therefore the result has a second
-        # ratio of zero if only the first of several modes is damped.
+        # `ModalDamping` would apply a single ratio to all modes. If only the first of several
+        # modes is damped, the second ratio, 0, prevents this.
         make=lambda _, ratio, modes: (
             (ratio, 0.0) if modes == 1 and count != 1 else (ratio,) * modes
         ),
