@@ -296,7 +296,7 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         q_below = q
         # The law is evaluated at the displacement u1, for equilibrium at the end of the step. The
         # integral of the force over the step is approximated with the tangent k_T at u1 (eq. 46 of
-        # the paper): f0 h + k_T (q - u0 h), where q is the integral of the displacement.
+        # the paper): f0 h + k_T q, where q is the integral of u - u0.
         tangent = restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
         scratch[_ROW.TANGENT, i] = tangent
         # A drift is a difference of displacements. The rounding errors of the displacements are not
