@@ -439,6 +439,7 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
         Row of `scratch` that receives the force of each story, N.
     """
     n = linear_terms.shape[1] - 1
+    # Sum up the force of each story: restoring force, P-delta, damper and dashpot.
     velocity_below = 0.0
     for i in range(n):
         v = scratch[velocity, i]
@@ -450,6 +451,8 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
             + linear_terms[rows.STORY_DAMPER, i] * rate
         )
         scratch[sums, i] += power_damper(linear_terms, i, rate)[0]  # the force, without derivative
+    # The floor is loaded by the story below and the story above it. There is no story above the
+    # roof: column n is zero.
     scratch[sums, n] = 0.0
     for i in range(n):
         scratch[row, i] = (

@@ -143,6 +143,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     origin = where if isinstance(where, Origin) else Origin(where or f"method {method.name!r}")
     where = origin.where
     check_name(method.name, _known(), "method", where)
+    # A family is shared by its methods and identified by its object, not by its name.
     families = {id(other.family): other.family for other in _known().values()}
     if id(method.family) not in families:
         check_name(

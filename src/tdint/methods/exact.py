@@ -233,6 +233,7 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     """
     from scipy.linalg import expm
 
+    # The rows and columns of the block matrix are u (n), v (n), p and p1 - p0 (one for each load).
     n, loads = patterns.shape
     block = np.zeros((2 * n + 2 * loads, 2 * n + 2 * loads))
     block[:n, n : 2 * n] = np.eye(n)
@@ -302,6 +303,7 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     matrix[n:] /= h
     matrix[:, n : 2 * n] *= h
     matrix[:, 2 * n : 2 * n + 2 * loads] *= h * h
+    # The transpose, row by row, is the matrix column by column, as `step` reads it.
     return np.ascontiguousarray(matrix.T).ravel()
 
 

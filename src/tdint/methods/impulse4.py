@@ -772,12 +772,16 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
         weight_0,
         weight_c,
         weight_1,
+        # Displacement at the inner point: gd, g0 and g1
         (theta - weight_1) / weight_c,
         alpha / weight_c,
         -beta / weight_c,
+        # Velocity at the inner point: factors of (u1 - u0) / h, v0 and v1 in the derivative of the
+        # cubic Hermite interpolant
         6.0 * c * (1.0 - c),
         (1.0 - c) * (1.0 - 3.0 * c),
         c * (3.0 * c - 2.0),
+        # Real and imaginary part of l / h
         theta / 2.0,
         math.sqrt(beta - theta * theta / 4.0),
     )

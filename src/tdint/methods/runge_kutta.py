@@ -252,6 +252,7 @@ def imaginary_stability_limit(table: Table) -> float:
     if growth.coef[first_power] > 0.0:
         return 0.0
     roots = np.asarray(Polynomial(growth.coef[first_power:]).roots(), dtype=np.complex128)
+    # Only real positive roots y are limits; 1e-9 covers the rounding errors of real roots.
     limits = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
     return math.sqrt(np.min(limits, initial=math.inf))
 

@@ -82,6 +82,7 @@ class GuardedArray(np.ndarray):
         `key` is an index or a tuple of indices, one for each axis (row, column). Slices are not
         checked.
         """
+        # A negative index counts from the end of the axis and is valid down to minus its length.
         for axis, index in enumerate(key if isinstance(key, tuple) else (key,)):
             if (
                 isinstance(index, int | np.integer)
@@ -248,6 +249,7 @@ def faults_in(module: Any, name: str) -> Iterator[None]:
         raise
     except Exception as error:
         file = getattr(module, "__file__", None) or ""
+        # Line numbers of the calls in the file of the plug-in, the innermost call last
         lines = [
             frame.lineno
             for frame in traceback.extract_tb(error.__traceback__)

@@ -105,12 +105,14 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     dict of str to Path
         Source file of each module.
     """
+    # Modules of the package of the laws that the kernel needs: the declarations and its laws
     law_modules = {"law", *(name.replace("-", "_") for name in laws)}
     files: dict[str, Path] = {}
     queue = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
     while queue:
         name = queue.pop()
         file = _file(name)
+        # A name without a file is a function or constant of a module, not a module.
         if name in files or file is None:
             continue
         files[name] = file
@@ -164,6 +166,11 @@ def code_of(named: Iterable[str]) -> dict[str, str]:
     ----------
     named : iterable of str
         `law NAME` and `method NAME`. Laws and methods of tdint have no entries.
+
+    Returns
+    -------
+    dict of str to str
+        SHA-256 of each file, sorted by file name.
     """
     return dict(sorted(item for name in set(named) for item in CODE.get(name, {}).items()))
 

@@ -83,6 +83,8 @@ def find_object(
     targets : tuple of Target
         Processors of one platform, in order of preference.
     """
+    # The first directory with a valid object file is used. `filter(None, ...)` skips the results
+    # None of directories without object file.
     directories = _search_path(targets[0].platform)
     return next(
         filter(None, (_find_in(*directory, name, variant, targets) for directory in directories)),

@@ -96,8 +96,8 @@ def _skip_branch(law_state, i, block, segment, results):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     segment : PathSegment
         Part of the path on the branch.
     results : Integrals

@@ -158,8 +158,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the committed
-            state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         step : float
             Change of drift, m.
         mean_force : float
@@ -192,8 +192,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the committed
-            state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

@@ -33,8 +33,8 @@ def no_operation(law_parameters, law_state, i, block, step, mean_force):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     step : float
         Change of drift, m.
     mean_force : float
@@ -56,8 +56,8 @@ def add_work(law_parameters, law_state, i, block, step, mean_force):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     step : float
         Change of drift on the path, m.
     mean_force : float
@@ -79,8 +79,8 @@ def extra_rows(law_state, block):
     law_state : ndarray
         States of the hysteretic laws: one row per quantity, one column per story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     """
     # block // LAW_STATE_ROWS is the index of the state (0 for the committed state). The remaining
     # rows of the table are divided equally among all states.
@@ -126,8 +126,8 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     slope : float
         Tangent stiffness of the branch, N/m; infinite for a curved branch.
     lower, upper : float
@@ -155,8 +155,8 @@ def fail(law_state, i, block, failed):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     failed : float
         Value of INTERNAL after the failure.
     """
@@ -340,8 +340,8 @@ def advancing(move: Any) -> Any:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the committed
-            state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         drift : float
             Drift, m.
         """

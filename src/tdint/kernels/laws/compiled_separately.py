@@ -208,8 +208,8 @@ def _switch(law_parameters, law_state, i, block, event):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -363,6 +363,7 @@ def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     law_state = np.zeros(
         (rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * extra_rows, law_parameters.shape[1])
     )
+    # Store the address of a law for all its stories. The slice of the row is a view of the table.
     for code in used_codes:
         if LAWS[code].compiled_separately:
             law_state[rows.ADDRESS, :-1][codes == code] = _address(code)

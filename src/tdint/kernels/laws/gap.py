@@ -86,8 +86,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the committed
-            state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             0 within the gap, 1 or -1 in contact with the stop on the positive or negative side.
         """
@@ -133,8 +133,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

@@ -133,8 +133,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the committed
-            state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -166,8 +166,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the committed
-            state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -206,8 +206,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -271,8 +271,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         """
         first = extra_rows(law_state, block)
         force = law_state[block + rows.FORCE, i]
@@ -302,8 +302,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -342,8 +342,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -407,8 +407,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -449,8 +449,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -491,8 +491,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -542,8 +542,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -586,8 +586,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -664,8 +664,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -714,8 +714,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

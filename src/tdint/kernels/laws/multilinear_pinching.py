@@ -301,8 +301,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         """
         side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
         is_on_backbone = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
@@ -354,8 +354,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
 
         Returns
         -------
@@ -636,8 +636,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -676,8 +676,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -731,8 +731,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -767,8 +767,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -816,8 +816,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

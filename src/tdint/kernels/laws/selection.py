@@ -153,6 +153,8 @@ def select_function(
     # law needs no condition, because other numbers do not occur.
     has_other_laws = len(implementations) < len(order) or not implementations
     function = otherwise if has_other_laws else None
+    # Each pass puts the condition of one law in front of the chain `function`. The condition of the
+    # first rare law is compiled as a function (`specialized`), which contains all later conditions.
     for code, implementation in reversed(implementations):
         decorate = specialized if code == first_rare else inline
         if function is None:

@@ -96,8 +96,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -127,8 +127,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the committed
-            state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -151,8 +151,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -187,8 +187,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -223,8 +223,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -253,8 +253,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the committed
-            state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -324,8 +324,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         side : float
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
@@ -390,8 +390,8 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` that contains the state: 0 for the
-            committed state, otherwise the first row of a trial state.
+            First row of the state in `law_state`: 0 for the committed state (the end of the last
+            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

@@ -52,8 +52,8 @@ def advance_outlined(law_parameters, law_state, i, block, drift):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     drift : float
         Drift, m.
     """
@@ -82,8 +82,8 @@ def _keep_branch_after(law_parameters, law_state, i, block, event):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -128,8 +128,8 @@ def switch(law_parameters, law_state, i, block, event):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).

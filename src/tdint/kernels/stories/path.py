@@ -171,8 +171,8 @@ def _no_sharp_bend(law_parameters, law_state, i, block, side):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     side : float
         Direction of loading, 1 or -1.
     """
@@ -792,8 +792,8 @@ def _add_on_branch(law_state, i, block, segment, results):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state: 0 for the
-        committed state, otherwise the first row of a trial state.
+        First row of the state in `law_state`: 0 for the committed state (the end of the last step
+        or substep), otherwise the first row of a trial state.
     segment : PathSegment
         Part of the path.
     results : Integrals
@@ -951,8 +951,8 @@ def dividing_at_bend(integrate):
         """Integrate a curved law along a path without reversal, in two parts if a corner of the
         force is on the path.
 
-        The corner is the point of the force that `_distance_to_bend` locates: near this point the
-        tangent stiffness changes rapidly. The integrals of the force f are int f dt and
+        The corner is the sharp bend of the force that `_distance_to_bend` locates: near this point
+        the tangent stiffness changes rapidly. The integrals of the force f are int f dt and
         12 int (t - 1/2) f dt. The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with the
         coefficients in `segment`, and t from 0 to 1 over the step; `bend` is the curvature of the
         drift and not related to the corner. The state at the start of the path is in block
