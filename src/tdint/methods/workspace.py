@@ -89,7 +89,8 @@ class Workspace:
 def workspace(
     building: Building, integrator: Integrator, row_count: int = 0, collapse_drift: float = math.inf
 ) -> Workspace:
-    """Return new arrays for one run: zeros, except for flags, collapse limits and law addresses.
+    """Return new arrays for one run: zeros, except for flags, collapse limits, the addresses of
+    laws and the value NO_COLLAPSE in the totals.
 
     The number of their columns is the number of stories plus a column of zeros. State and scratch
     rows depend on the method, and the rows of the law states on the hysteretic laws of the

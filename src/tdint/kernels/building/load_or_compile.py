@@ -589,9 +589,9 @@ def list_objects(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str,
     Returns
     -------
     list of tuple of str
-        Name of the kernel, features of the variant separated by spaces, path of the object file,
-        and its origin: `wheel`, `TDINT_KERNELS_DIR` or `cache`. Path and origin are empty for a
-        kernel without object file.
+        Name of the kernel, text of its variant with spaces instead of commas, path of the object
+        file, and its origin: `wheel`, `TDINT_KERNELS_DIR` or `cache`. Path and origin are empty for
+        a kernel without object file.
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
