@@ -391,8 +391,8 @@ def _power_damper(linear_terms, i, rate):
     """Return force (N) and derivative (N s/m) of a power-law dashpot at the drift rate v = `rate`
     (m/s).
 
-    With the coefficient c (row POWER_DAMPER), the squared threshold rate v0^2 (row THRESHOLD,
-    (m/s)^2) and the exponent e (row POWER) of story `i`,
+    With the coefficient c (row POWER_DAMPER of `linear_terms`), the squared threshold rate v0^2
+    (row THRESHOLD, (m/s)^2) and the exponent e (row POWER) of story `i`,
 
         force = c v (v^2 + v0^2)^e
         derivative with respect to v = c (v^2 + v0^2)^e (1 + 2 e v^2 / (v^2 + v0^2))

@@ -136,6 +136,7 @@ def raise_peak_at_nodes(scratch, first, column, count, row, i):
     """
     if count == 1:
         raise_peak(scratch, row, i, scratch[first, column])
+    # Node k is the first node of a parabola.
     for k in range(0, count - 2, 2):
         p0, p1 = scratch[first + k, column], scratch[first + k + 1, column]
         p2 = scratch[first + k + 2, column]

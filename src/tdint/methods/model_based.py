@@ -483,7 +483,9 @@ def kr_alpha(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients alpha_m, alpha_f, beta and gamma of KR-alpha (Kolay and Ricles 2014).
 
     They are the coefficients of the generalized-alpha method with the spectral radius `rho_inf` at
-    infinite frequency.
+    infinite frequency: alpha_m and alpha_f are the fractions of the step, counted from its end, at
+    which the inertial force and the other forces are evaluated; beta and gamma are the parameters
+    of Newmark's formulas.
     """
     alpha_m = (2.0 * rho_inf - 1.0) / (1.0 + rho_inf)
     alpha_f = rho_inf / (1.0 + rho_inf)

@@ -61,18 +61,18 @@ class GuardedArray(np.ndarray):
 
     @classmethod
     def of(cls, array: Array, name: str) -> GuardedArray:
-        """Return a guarded view of an array."""
+        """Return a view of an array that checks its indices; `name` identifies it in messages."""
         view = array.view(cls)
         view.name = name
         return view
 
     def __getitem__(self, key: Any) -> Any:
-        """Return elements after a check of the indices."""
+        """Return the elements with the index `key` after a check of the index (`_check`)."""
         self._check(key)
         return super().__getitem__(key)
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        """Set elements after a check of the indices."""
+        """Set the elements with the index `key` after a check of the index (`_check`)."""
         self._check(key)
         super().__setitem__(key, value)
 
@@ -486,8 +486,8 @@ def _displacements(arrays: Workspace, parts: int) -> Array:
     """Return the displacements of all floors at multiples of the time step `_H`, m.
 
     `parts` is the number of time steps of the integration in `_H`. The result has one row per time
-    and one column per floor. Column 0 of the history is the ground acceleration, and the
-    displacements follow.
+    and one column per floor. Column 0 of the history in `arrays` is the ground acceleration, and
+    the displacements follow.
     """
     floors = arrays.state.shape[1] - 1
     return np.asarray(arrays.history[::parts, 1 : 1 + floors])

@@ -165,8 +165,8 @@ def workspace(
 def history_width(building: Building) -> int:
     """Return the number of values in a row of the history.
 
-    They are the ground acceleration, HISTORY_FIELDS values of each floor or story, and the
-    energies.
+    They are the ground acceleration, HISTORY_FIELDS values of each floor or story of the building,
+    and the energies (ENERGY_TERMS values).
     """
     return 1 + rows.HISTORY_FIELDS * building.stories + rows.ENERGY_TERMS
 

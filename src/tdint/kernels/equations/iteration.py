@@ -85,6 +85,7 @@ def tolerance_of_run(scratch, row, tolerance_per_mismatch):
     tolerance_per_mismatch : float
         Tolerance divided by the relative mismatch, dimensionless.
     """
+    # Without maxima, as in the first step of a run, the strictest tolerance is used.
     tolerance = RESIDUAL_TOLERANCE
     if scratch[row, 1] > 0.0:
         mismatch = scratch[row, 0] / scratch[row, 1]

@@ -143,8 +143,9 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
 def _strain_energy(law_parameters, law_state, i):
     """Return the strain energy of the separately compiled law of story `i`, J.
 
-    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
-    The last three arguments (two blocks and x) are 0, because this function does not use them.
+    The compiled code of the law is called at the address in row ADDRESS of the table `law_state`.
+    It receives `law_parameters`, `law_state` and `i`. The last three arguments of `_call` (two
+    blocks and x) are 0, because the function concerns the committed state only.
     """
     return _call(
         law_state[rows.ADDRESS, i], _STRAIN_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
@@ -155,8 +156,9 @@ def _strain_energy(law_parameters, law_state, i):
 def _hysteretic_energy(law_parameters, law_state, i):
     """Return the dissipated energy of the separately compiled law of story `i`, J.
 
-    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
-    The last three arguments (two blocks and x) are 0, because this function does not use them.
+    The compiled code of the law is called at the address in row ADDRESS of the table `law_state`.
+    It receives `law_parameters`, `law_state` and `i`. The last three arguments of `_call` (two
+    blocks and x) are 0, because the function concerns the committed state only.
     """
     return _call(
         law_state[rows.ADDRESS, i], _HYSTERETIC_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
@@ -188,8 +190,9 @@ def _keep(law_parameters, law_state, i, previous, trial):
 def _enter(law_parameters, law_state, i):
     """Set the first branch of story `i` with a separately compiled law.
 
-    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
-    The last three arguments (two blocks and x) are 0, because this function does not use them.
+    The compiled code of the law is called at the address in row ADDRESS of the table `law_state`.
+    It receives `law_parameters`, `law_state` and `i`. The last three arguments of `_call` (two
+    blocks and x) are 0, because the function concerns the committed state only.
     """
     _call(law_state[rows.ADDRESS, i], _ENTER, law_parameters, law_state, i, 0, 0, 0.0)
 

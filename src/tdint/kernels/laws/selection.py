@@ -132,8 +132,13 @@ def select_function(
     if not COMPILES:
 
         def call(law_parameters, law_state, i, *arguments):
-            """Call the function of the law of story `i`, or `otherwise` if the law has no such
-            function."""
+            """Call the function `hook` of the law of story `i`, or `otherwise` if the law has no
+            such function.
+
+            `law_parameters` and `law_state` are the tables of the parameters and states of all
+            laws; row CODE of the parameters contains the number of the law. Further arguments are
+            passed on unchanged.
+            """
             functions = _functions(LAWS[int(law_parameters[rows.CODE, i])])
             function = getattr(functions, hook) or otherwise
             return function(law_parameters, law_state, i, *arguments)
@@ -180,8 +185,8 @@ def _selection_order() -> list[int]:
 def _is_separate(law_parameters, law_state, i):
     """Return True if the law of story `i` is compiled separately.
 
-    The address of its compiled code, row ADDRESS of the law states, is then not 0. The argument
-    `law_parameters` is not used.
+    The address of its compiled code, row ADDRESS of the table `law_state`, is then not 0. The
+    argument `law_parameters` is not used.
     """
     return law_state[rows.ADDRESS, i] != 0.0
 
@@ -197,9 +202,10 @@ def _test(code: int) -> Any:
 
     @inline
     def has_law(law_parameters, law_state, i):
-        """Return True if the law of story `i` (row CODE) has the number `code`.
+        """Return True if the law of story `i` has the number `code`.
 
-        The argument `law_state` is not used.
+        Row CODE of `law_parameters` contains the numbers of the laws. The argument `law_state` is
+        not used.
         """
         return law_parameters[rows.CODE, i] == code
 
@@ -225,7 +231,10 @@ def case_with_3_arguments(decorate: Any, has_law: Any, implementation: Any, othe
     @decorate
     def choose(law_parameters, law_state, i):
         """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
-        which continues the chain with the next law."""
+        which continues the chain with the next law.
+
+        `law_parameters` and `law_state` are the tables of the parameters and states of all laws.
+        """
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i)
         return other(law_parameters, law_state, i)
@@ -254,7 +263,11 @@ def case_with_4_arguments(decorate: Any, has_law: Any, implementation: Any, othe
     @decorate
     def choose(law_parameters, law_state, i, argument):
         """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
-        which continues the chain with the next law."""
+        which continues the chain with the next law.
+
+        `law_parameters` and `law_state` are the tables of the parameters and states of all laws.
+        The last argument is passed on unchanged; its meaning depends on the functions.
+        """
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, argument)
         return other(law_parameters, law_state, i, argument)
@@ -283,7 +296,11 @@ def case_with_5_arguments(decorate: Any, has_law: Any, implementation: Any, othe
     @decorate
     def choose(law_parameters, law_state, i, block, argument):
         """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
-        which continues the chain with the next law."""
+        which continues the chain with the next law.
+
+        `law_parameters` and `law_state` are the tables of the parameters and states of all laws.
+        The last two arguments are passed on unchanged; their meaning depends on the functions.
+        """
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, block, argument)
         return other(law_parameters, law_state, i, block, argument)
@@ -312,7 +329,11 @@ def case_with_6_arguments(decorate: Any, has_law: Any, implementation: Any, othe
     @decorate
     def choose(law_parameters, law_state, i, block, argument, last):
         """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
-        which continues the chain with the next law."""
+        which continues the chain with the next law.
+
+        `law_parameters` and `law_state` are the tables of the parameters and states of all laws.
+        The last three arguments are passed on unchanged; their meaning depends on the functions.
+        """
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, block, argument, last)
         return other(law_parameters, law_state, i, block, argument, last)

@@ -414,6 +414,8 @@ def _integrate_step(state, series, oscillator, g, slope, h):
         end = remaining if event == NEVER else event
         state[U] = _displacement(series, terms, end)
         state[V] = _velocity(series, terms, end)
+        # The start of yielding sets the displacement to the limit exactly, before the peak is
+        # updated.
         if event != NEVER and side == 0.0:
             _start_yielding(state, strength)
         state[PEAK] = max(state[PEAK], abs(state[U]))

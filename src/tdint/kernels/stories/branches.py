@@ -64,7 +64,8 @@ def advance_outlined(law_parameters, law_state, i, block, drift):
 def _keep_branch(law_parameters, law_state, i):
     """Do nothing: default of the function `enter` of a law, for laws with a single branch.
 
-    `enter` determines the branch of story `i` from its committed state.
+    `enter` determines the branch of story `i` from its committed state. The arguments, the tables
+    of the parameters and states of all laws and the index of the story, are not used.
     """
     pass
 

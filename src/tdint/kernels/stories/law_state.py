@@ -26,8 +26,8 @@ _strain_energy = select_function("strain_energy", case_with_3_arguments)
 
 @inline
 def _stored_dissipation(law_parameters, law_state, i):
-    """Return the dissipated energy of the committed state, J, for laws that store it in row
-    DISSIPATED.
+    """Return the dissipated energy of the committed state of story `i`, J, for laws that store it
+    in row DISSIPATED of the table `law_state`.
 
     A law that does not store it replaces this function by its function `hysteretic_energy`. The
     argument `law_parameters` is not used.

@@ -959,7 +959,8 @@ def dividing_at_bend(integrate):
         `previous` of `law_state`. `integrate` adds the integrals of each part to `results`.
 
         The argument False of `integrate` is its `is_elastic`: the state of the law advances from
-        each Gauss point to the next, because only hysteretic laws are divided.
+        each Gauss point to the next, because only hysteretic laws are divided. Column `i` of
+        `law_parameters` and `law_state` belongs to the story.
 
         Returns
         -------

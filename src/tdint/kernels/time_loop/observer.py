@@ -888,8 +888,9 @@ _call_update_shear_peaks = indirect_caller(UPDATE_SHEAR_PEAKS)
 def call_initialize_laws(initialize_laws, scene, memory):
     """Move the laws of all stories to the initial drifts, by the kernel `initialize_laws`.
 
-    `initialize_laws` is the address of the kernel. The law states in `memory` are set. The kernel
-    receives plain arrays, because a named tuple cannot be an argument of a call by address.
+    `initialize_laws` is the address of the kernel, `scene` contains the building and the parameters
+    of its laws, and `memory` the initial displacements. The law states in `memory` are set. The
+    kernel receives plain arrays, because a named tuple cannot be an argument of a call by address.
     """
     _call_initialize_laws(
         initialize_laws, scene.linear_terms, scene.law_parameters, memory.state, memory.law_state
