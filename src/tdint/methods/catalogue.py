@@ -297,7 +297,7 @@ def parse(text: str) -> Integrator:
                 f"method {text!r}: {parameter.name} must be in {parameter.range}, got {value!r}"
             )
         values.append(value)
-    # Text of the specification with colons and without white space
+    # Write the specification with colons and without white space, for labels and messages.
     typed = ":".join([name, *("".join(item.split()) for item in items)])
     if "," in parameter_text:
         _deprecate(text, typed)
@@ -338,7 +338,7 @@ def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[st
     arguments : tuple of str
         Its arguments: the specification and, for a plug-in, file and SHA-256 of the plug-in.
     """
-    # File and SHA-256 of the plug-in; None for a built-in method
+    # `home` contains the file of the plug-in and its SHA-256; it is None for a built-in method.
     home = home_of(integrator.method.name, "METHODS")
     return (_parse_again, (integrator.label, *home)) if home else (parse, (integrator.label,))
 

@@ -58,7 +58,7 @@ class _StepRows(NamedTuple):
     STORY_FORCE: int = 1  # story force including P-delta and dashpots, N
     U: int = 1  # displacement at the end of the first substep, m
     V: int = 1  # predicted velocity of the damping forces, m/s
-    INNER_FORCE: int = 1  # C v + f(u), N
+    INNER_FORCE: int = 1  # internal force C v + f(u), N; then the acceleration, m/s^2
     AC: int = 1  # acceleration at the end of the first substep, m/s^2
 
 

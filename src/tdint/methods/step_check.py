@@ -191,9 +191,9 @@ def integrate_in_python(
                 first_step,
                 last_step,
                 1,  # steps per row of the history
-                0,  # rows of the history before those of the array
-                parts,  # steps per sampling interval
-                1,  # sampling intervals of these steps
+                0,  # rows of the complete history before the first row of the array
+                parts,  # number of steps that have the length of the next argument
+                1,  # number of sampling intervals
                 HALVINGS if integrator.family.halvable else 0,
                 h,
                 ground,

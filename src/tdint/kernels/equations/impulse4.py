@@ -788,8 +788,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     )
     unloading_change = loading_change - change
     reversal_drift = start + sign * loading_change
-    # Time of the inner point as a fraction of the step, from the condition that the quadrature
-    # is exact for linear functions.
+    # The time of the inner point, as a fraction of the step, follows from the condition that the
+    # quadrature is exact for linear functions: wc c + w1 = 1/2.
     inner_fraction = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
     # Each call moves the law from the state in the first block (0: start of the step) to a drift,
     # stores the new state in the second block, and returns the tangent stiffness there. The inner

@@ -20,7 +20,7 @@ from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.branch_following import branch_first
 from tdint.kernels.laws.law import LawFunctions
 
-# Signature of the kernel of a law, see `_all_hooks`
+# Signature of the kernel of a law, a copy of `_all_hooks`: the result and the arguments in order
 _SIGNATURE = F8(
     I8,  # number of the function
     TABLE,  # law_parameters

@@ -8,7 +8,7 @@ from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, kernel
 from tdint.kernels.oscillators.between_steps import A11, A12, A21, A22, B10, B11, B20, B21
 from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY
 
-# Rows of the table of extrema
+# Rows of the table `extrema`, which has one column for each extremum
 OSCILLATOR = 0  # index of the oscillator
 TIME = 1  # s
 VALUE = 2  # signed pseudo-acceleration omega^2 u, m/s^2

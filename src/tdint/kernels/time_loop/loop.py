@@ -55,9 +55,9 @@ INTEGRATE = I8(
     I8,  # number of completed steps
     I8,  # number of steps at which the call ends
     I8,  # steps per row of the history
-    I8,  # rows of the history before those of the array
-    I8,  # steps per sample of the ground motion
-    I8,  # samples per these steps; 1 if a step is not longer than a sampling interval
+    I8,  # rows of the complete history before the first row of the array
+    I8,  # number of steps that have the length of the next argument
+    I8,  # number of sampling intervals; 1 if a step is not longer than a sampling interval
     I8,  # maximum number of halvings of a step
     F8,  # length of a step, s
     VECTOR,  # ground acceleration, m/s^2
@@ -369,7 +369,8 @@ def integrate(
             if code < 0:
                 if code == rows.NOT_FINITE or substep_fraction <= min_fraction:
                     check_limits(sum_law_energies, scene, memory, step_index, seen)
-                    # A residual that exceeds the range of numbers is divergence (also nan).
+                    # A residual of at least OVERFLOW, or nan, means that the iteration has
+                    # diverged. The error is then that the response is not finite.
                     return code if step_status[rows.RESIDUAL] < OVERFLOW else rows.NOT_FINITE
                 substep_fraction *= 0.5
                 totals[rows.HALVINGS] += 1.0
