@@ -238,14 +238,15 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
     """Compute the story forces at the end of the step and their impulses, eqs. 14 and 46 of the
     paper.
 
-    With the displacement and velocity u0, v0, a0 at the start, u1, v1 at the end of the step of
-    length h and the parameter beta, the integral of the displacement over the step is (eq. 14)
+    With displacement, velocity and acceleration u0, v0, a0 at the start, u1, v1 at the end of the
+    step of length h and the parameter beta, the integral of u - u0 over the step is
 
-        q = u0 h + h ((1 - 72 beta) (u1 - u0) + h ((48 beta - 1/4) v0 + (24 beta - 1/4) v1)
+        q = h ((1 - 72 beta) (u1 - u0) + h ((48 beta - 1/4) v0 + (24 beta - 1/4) v1)
             + h^2 (12 beta - 1/12) a0)
 
-    The impulse of a story force (eq. 46) is h f0 + k_T (q - u0 h) on its drift, with the force f0
-    at the start and the tangent k_T at the end of the step. P-delta and dampers are included.
+    The paper denotes the integral of u, q + u0 h, by q (eq. 14). The impulse of a story force
+    (eq. 46) is h f0 + k_T q, with the values q of its drift, the force f0 at the start and the
+    tangent k_T at the end of the step. P-delta and dampers are included.
 
     Parameters
     ----------
@@ -278,7 +279,7 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         du = scratch[momentum.DU, i]
         u = state[rows.DISPLACEMENT, i] + du
         v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
-        q = h * (  # eq. 14 without the term u0 h
+        q = h * (  # integral of u - u0, eq. 14 without the term u0 h
             (1.0 - 72.0 * beta) * du
             + h * ((48.0 * beta - 0.25) * state[rows.VELOCITY, i] + (24.0 * beta - 0.25) * v)
             + h * h * (12.0 * beta - 1.0 / 12.0) * state[rows.ACCELERATION, i]
