@@ -326,7 +326,7 @@ def match_suite(
     with progress_reporter(progress, len(seeds) * stages, "stage") as report_progress:
 
         def report_stage(completed: int) -> None:
-            """Report the number of completed stages of all motions, from that of this motion."""
+            """Report the completed stages of this motion plus those of all previous motions."""
             report_progress(len(matches) * stages + completed, len(seeds) * stages)
 
         for seed, psa_of_seed, unscaled_psa in zip(seeds, scaled_psa, seed_psa, strict=True):

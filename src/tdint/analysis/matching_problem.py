@@ -879,6 +879,7 @@ def _exchange_equalities(
             other_extremes = np.flatnonzero(
                 (oscillator == oscillator[index]) & ~is_equality[: oscillator.size]
             )
+            # Move the equality only if the other extreme is closer to the target by at least 30 %.
             if (
                 other_extremes.size
                 and remaining_shortfall[

@@ -59,8 +59,18 @@ _SLOW = 1e-6
 
 @dataclass(frozen=True)
 class ExampleFigure:
-    """Figure of the paper: time history of the displacement of a floor (numbered from 1), or of its
-    error `|u - u_exact|`."""
+    """Figure of the paper with a time history of one floor.
+
+    Attributes
+    ----------
+    number : int
+        Number of the figure.
+    floor : int
+        Floor, from 1.
+    is_error : bool
+        True if the figure shows the error |u - u_exact| of the displacement u, False if it shows
+        the displacement.
+    """
 
     number: int
     floor: int
@@ -101,8 +111,15 @@ class Example:
 
 @dataclass(frozen=True)
 class ExampleMotion:
-    """Motion to compare: times (s), shape (steps + 1,), and motion of the floors in SI units, shape
-    (steps + 1, n)."""
+    """Motion of the floors at the time steps.
+
+    Attributes
+    ----------
+    time : ndarray, shape (steps + 1,)
+        Times, s.
+    displacement, velocity, acceleration : ndarray, shape (steps + 1, n)
+        Motion of the floors, m, m/s and m/s^2.
+    """
 
     time: Array
     displacement: Array

@@ -161,8 +161,8 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.fix(_GROUND, 1)
     for i in range(story_count):
         ops.mass(i + 1, float(problem["mass"][i]))
-        # A story is a spring in parallel with the terms outside Rayleigh damping: a dashpot and
-        # P-delta.
+        # A story is the hysteresis model in parallel with a dashpot and with P-delta, which do not
+        # contribute to Rayleigh damping.
         parallel_terms = (
             ("Viscous", problem["dashpot"][i], 1.0),
             ("Elastic", problem["geometric"][i]),

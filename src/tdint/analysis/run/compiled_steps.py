@@ -151,6 +151,8 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
         Matrices; m is the number of memory rows of the method family. Units are those of the state.
     """
     omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
+    # If the coefficients of the method belong to the complete building, limit the number of
+    # oscillators in a building.
     if integrator.family.prepare is not None:
         starts = range(0, max(omega.size, 1), _MAX_COUPLED)
         groups = [
@@ -194,11 +196,13 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
             stiffness * u,
             stiffness,
         )
+        # A linear spring has no drifts at which its branch changes.
         law_state[rows.UPPER, :-1], law_state[rows.LOWER, :-1] = math.inf, -math.inf
         if rows.ACCELERATION not in memory:
             state[rows.ACCELERATION, :-1] = (
                 -stiffness * u - building.linear_terms[rows.STORY_DAMPER, :-1] * v
             )
+        # The step must not execute the start procedure of the method.
         space.step_status[rows.STEPS_DONE] = _COMPLETED_STEPS
         code = step(coefficients, *scene, h, np.zeros(rows.LOAD_SIZE), *space.memory)
         if code < 0:

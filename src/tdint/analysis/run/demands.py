@@ -19,15 +19,17 @@ from tdint.units import Quantity, quantities
 
 
 class Largest(NamedTuple):
-    """Maximum and its story or floor, from 1; nan and None if no story has a value."""
+    """Maximum (`value`) and its story or floor, from 1 (`place`); nan and None if no story has a
+    value.
+    """
 
     value: float
     place: int | None
 
 
 class LargestOfRuns(NamedTuple):
-    """Maxima of many runs and their stories or floors, from 1, shape (runs,); nan and 0 without
-    value.
+    """Maxima of many runs (`value`) and their stories or floors, from 1 (`place`), shape (runs,);
+    nan and 0 if no story of a run has a value.
     """
 
     value: Array

@@ -367,8 +367,18 @@ def store_history(result: Runs, number: int, history: History | None) -> None:
 
 
 class RunSpec(NamedTuple):
-    """A run: its number, the indices of its building, sample and record, scale factor and time
-    steps.
+    """One of many runs.
+
+    Attributes
+    ----------
+    number : int
+        Number of the run, which is its row in the results.
+    model, draw, record : int
+        Indices of its building, of the sample of its varied parameters, and of its record.
+    scale : float
+        Factor on the ground motion.
+    steps : Steps
+        Time steps.
     """
 
     number: int

@@ -259,6 +259,13 @@ class _Stories:
 
     The ordinate of mode j at floor s is sin(s theta_j), with theta_j = (2j - 1) pi / (2n + 1). The
     modes are computed on access, because the modes of all buildings together need too much memory.
+
+    Attributes
+    ----------
+    period, height : float
+        Fundamental period, s, and height, m.
+    n : int
+        Number of stories.
     """
 
     period: float
@@ -300,8 +307,16 @@ class _Stories:
 
 @dataclass(frozen=True)
 class _Beam:
-    """Shear beam with the modes sin((2j - 1) pi x / 2H); its responses are the drift at the base
-    and the roof displacement."""
+    """Shear beam with the modes sin((2j - 1) pi x / 2H) at the height x; its responses are the
+    drift ratio at the base and the roof drift ratio.
+
+    Attributes
+    ----------
+    period, height : float
+        Fundamental period, s, and height H, m.
+    modes : int
+        Number of included modes.
+    """
 
     period: float
     height: float

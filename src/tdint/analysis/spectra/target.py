@@ -574,7 +574,7 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
         for name, quantity, unit in columns
         if quantity in _PERIOD_NAMES and unit in ("", "s", "sec")
     )
-    period = next(in_seconds, "period_s")
+    period = next(in_seconds, "period_s")  # a missing column is reported by its default name
     values = [
         name
         for name, quantity, unit in columns
@@ -602,6 +602,7 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
     not_increasing = np.flatnonzero(np.diff(periods, prepend=-1.0) <= 0.0)
     if not_increasing.size or periods[0] < 0.0:
         row = int(not_increasing[0]) if not_increasing.size else 0
+        # The first item of a row of the table is its line number in the file.
         raise ModelError(
             f"{table.source}:{table.rows[row][0]}: the periods of a spectrum must be 0 or "
             f"positive, and increase, got {periods[row]:g} s"
