@@ -462,8 +462,10 @@ def read_drift_path(source: str) -> list[float]:
 # ---- Pushover
 
 MAX_PUSHOVER_POINTS = 100_000  # maximum number of rows; larger tables are hard to open
-_FORCE_TOLERANCE = 1e-11  # tolerance of a force, over the maximum force of the story so far
-_MAX_ITERATIONS = 60  # maximum; Newton needs up to ten, and 60 bisections reach rounding errors
+_FORCE_TOLERANCE = 1e-11  # tolerance of a force, divided by the maximum force of the story so far
+# Maximum number of iterations. Newton's method needs up to ten, and 60 bisections of an interval
+# reach the rounding errors
+_MAX_ITERATIONS = 60
 # The usual drift step of the controlling story is the difference of the roof displacement between
 # two rows, divided by this number
 _STEPS_PER_ROW = 8
@@ -473,9 +475,14 @@ _MAX_STEPS_PER_ROW = 4000
 # Maximum error of the area below the curve in one step, over the area of a rectangle that encloses
 # the curve; a curve with ten yield points then has seven correct digits
 _AREA_TOLERANCE = 1e-8
-_MIN_STEP_FRACTION = 1e-5  # minimum step over the usual step: at kinks of a law and at reversals
-_MAX_ROWS_PER_POINT = 20  # maximum number of rows per requested point, for a path with snap-back
-_SNAP_BACK = 1e-9  # decrease of the roof displacement over its maximum that counts as snap-back
+# Minimum drift step divided by the usual step, which limits halving at kinks of a law and reversals
+_MIN_STEP_FRACTION = 1e-5
+# Maximum number of rows divided by the number of requested points. A path with snap-back has more
+# rows than requested, and may never reach the target
+_MAX_ROWS_PER_POINT = 20
+# Decrease of the roof displacement divided by its maximum, from which it is a snap-back and not a
+# rounding error
+_SNAP_BACK = 1e-9
 
 
 Excess = Callable[[Array, float], float]
@@ -744,7 +751,8 @@ class _Chain:
                 if area_error > _AREA_TOLERANCE * maximum_shear * drift.sum():
                     drift_step *= 0.5
                     continue
-            # The path ends exactly at the state in which the base shear is zero.
+            # A negative base shear is not meaningful: the path ends at the state in which the base
+            # shear is zero.
             if base_shear <= 0.0:
                 drift, _ = self._find_state(
                     lambda _, base_shear: -base_shear / self.largest[0],
@@ -843,9 +851,9 @@ class _Chain:
         for _ in range(_MAX_ITERATIONS):
             if abs(excess(drift, base_shear)) <= _FORCE_TOLERANCE:
                 break
-            # Secant between both endpoints. The value at the endpoint that is retained is halved.
-            # Otherwise the same endpoint could be retained in all iterations, which converges
-            # slowly.
+            # Compute the zero of the secant between both endpoints. After each iteration, the value
+            # at the endpoint that is retained is halved. Otherwise the same endpoint could be
+            # retained in all iterations, which converges slowly.
             middle = lower + (upper - lower) * lower_excess / (lower_excess - upper_excess)
             trial = self._trial(controlling, middle)
             if trial is None or not lower < middle < upper:
@@ -989,7 +997,7 @@ class _Story:
             residual = force - trial_force
             if abs(residual) <= tolerance:
                 return drift
-            # True if the force is not reached yet, in the direction of motion
+            # The condition is true if the force is not reached yet, in the direction of motion.
             if (residual > 0.0) == is_loading:
                 if tangent <= 0.0:
                     return None

@@ -29,20 +29,24 @@ from tdint.units import STANDARD_GRAVITY, DriftSize
 SITE_FACTORS = {"A": 130.0, "B": 130.0, "C": 90.0, "D": 60.0, "E": 60.0, "F": 60.0}
 """Factor a of C1 by site class (ASCE 41-17, 7.4.3.3.2)."""
 
-_MAX_DISPLACEMENT_RATIO = 3.0  # maximum ratio to the elastic displacement (EN 1998-1, B.5)
+# Maximum ratio of the target displacement to the elastic displacement (EN 1998-1, B.5)
+_MAX_DISPLACEMENT_RATIO = 3.0
 # Fraction of the yield force at which the effective stiffness intersects the curve (ASCE 41-17,
 # 7.4.3.2.4)
 _SECANT = 0.6
 # Spectral acceleration at a period of 1 s, g, from which a site is a near-fault site (ASCE 41-17,
 # 7.4.3.3.2)
 _NEAR_FAULT_AT_1_S = 0.6
-# Required range of the curve over the target displacement (EN 1998-1, 4.3.3.4.2.3)
+# Ratio of the maximum displacement of the curve to the target displacement, required by EN 1998-1,
+# 4.3.3.4.2.3
 _REQUIRED_RANGE = 1.5
-# Relative deviation of the force from the first straight line that counts as yield. Residuals of
-# equilibrium are a millionth of it; the first yield deviates by a thousand times more.
+# Relative deviation of the force from the first straight line, from which the building yields. It
+# is a million times the residuals of equilibrium, and a thousandth of the deviation at first yield.
 _YIELD_TOLERANCE = 1e-6
-_ROUNDING = 1e-9  # relative difference of forces; residuals of the curve are a hundredth of it
-_MAX_BISECTIONS = 100  # maximum number of bisections; more than the number of digits of a float
+# Relative difference up to which forces are considered equal; residuals of equilibrium are a
+# hundredth of it
+_ROUNDING = 1e-9
+_MAX_BISECTIONS = 100  # more than the number of binary digits of a floating-point number
 
 
 @dataclass(frozen=True, repr=False)

@@ -365,8 +365,8 @@ EXACT_UP_TO = 100
 """Maximum number of stories for the exact method; the cost of its time step is quadratic in the
 number of stories."""
 
-# Relative differences between two solutions at which no finer reference is computed: with the
-# exact method, and with smooth and kinked hysteresis models
+# Relative differences between two solutions, up to which no finer reference is computed: for linear
+# buildings (exact method), and for hysteresis models with smooth and with kinked force curves
 _EXACT_GOAL, _SMOOTH_GOAL, _KINKED_GOAL = 1e-10, 1e-9, 1e-8
 _REFINEMENT_SECONDS = 20.0  # s; no finer solution is started if it would end later
 _FIRST_COST = 0.5  # s; approximate cost of the first solution
@@ -529,7 +529,8 @@ def _solve(problem: Problem, samples: int) -> Reference:
     AnalysisError
         One of the solutions cannot be computed.
     """
-    # Select the methods. Kinks of the force increase the gap between two solutions.
+    # Select the methods and the target of the gap, which is larger for kinked force curves, because
+    # kinks increase the difference between two solutions.
     building = problem.building
     if building.linear and not len(problem.forces) and building.stories <= EXACT_UP_TO:
         method, confirming_method, target_gap = "exact", "impulse4", _EXACT_GOAL
@@ -540,7 +541,7 @@ def _solve(problem: Problem, samples: int) -> Reference:
         )
     problem.prepared.compile(map(parse, (method, confirming_method)))
     # Start with the smallest step (an interval divided by 8, 16, 32 or 64) that costs at most
-    # about 0.5 s, so that few buildings need a second step.
+    # about 0.5 s, so that few buildings need a second solution with half the step.
     steps_per_interval = 8
     while (
         steps_per_interval < 64
@@ -549,7 +550,8 @@ def _solve(problem: Problem, samples: int) -> Reference:
         steps_per_interval *= 2
     start_time = time.monotonic()
     best = _solve_once(problem, samples, method, confirming_method, steps_per_interval)
-    # The next solution has half the step, so it takes about two times the time spent so far.
+    # The next solution has half the step, so it takes about two times the time spent so far, and
+    # would end at three times this time.
     while (
         best.gap.worst > target_gap and 3.0 * (time.monotonic() - start_time) < _REFINEMENT_SECONDS
     ):

@@ -123,11 +123,13 @@ LINEAR_OSCILLATORS = Variant(laws=("linear",), modal=False, forces=False, dashpo
 STABLE = 1e-9
 """Dimensionless. Excess of a spectral radius above 1 that is attributed to rounding."""
 
-_COMPLETED_STEPS = 100.0  # number of completed steps, after which every start procedure has ended
+# Number of completed steps that is stored in the state of a method before its step is measured.
+# After this number, the start procedure of every method has ended
+_COMPLETED_STEPS = 100.0
 
 # Maximum number of oscillators in one building if the coefficients of the step belong to the
-# complete building. Its matrix is dense, and LAPACK mixes the modes of uncoupled oscillators from
-# 26 oscillators.
+# complete building. Its matrix is dense, and from 26 oscillators LAPACK returns mixed modes of
+# uncoupled oscillators.
 _MAX_COUPLED = 16
 
 

@@ -54,9 +54,10 @@ from tdint.model.definition import Model
 # considered to resolve all modes.
 _MAX_RESOLVED_OMEGA_DT = 2.5
 _CALL_SECONDS = 0.1  # s; approximate duration of one call of the time loop
-# Size of the first call: number of steps times stories times (1 + number of modally damped modes)
+# Work of the first call of the time loop: number of steps times number of stories times (1 + number
+# of modally damped modes). The following calls are adapted to `_CALL_SECONDS`
 _FIRST_CALL_SIZE = 100_000
-_CHUNK_BYTES = 2**23  # maximum size of a chunk of a history in memory
+_CHUNK_BYTES = 2**23  # maximum size of a chunk of a response history in memory, bytes
 # Number of sets of coefficients in memory: two for a run and its error estimate, and two for the
 # next time step of a search.
 _MAX_COEFFICIENT_SETS = 4

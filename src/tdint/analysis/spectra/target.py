@@ -796,7 +796,8 @@ def read_published(
         )
     quantity, values = _values(table, column)
     periods = SECONDS[units] * table.numbers(index)
-    # Select the rows with the damping ratio, sorted by period.
+    # Select the rows with the required damping ratio. Sort them by period, because interpolation
+    # requires increasing periods.
     rows = np.argsort(periods, kind="stable")
     if "damping" in table.names:
         ratios = table.numbers(table.column_index("damping"))
