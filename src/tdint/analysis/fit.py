@@ -435,9 +435,9 @@ def _start_values(
 ) -> list[Array]:
     """Return several start values from which the spectra are fitted.
 
-    The first are the values of the model. In the others, the stiffnesses of all stories are
-    multiplied by a common factor. Up to three factors that are local minima of the spectral
-    difference are used.
+    The first start values are the values of the model. In the following, the stiffnesses of all
+    stories are multiplied by a common factor. Up to three factors that are local minima of the
+    spectral difference are used.
 
     Parameters
     ----------

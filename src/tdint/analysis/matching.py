@@ -288,7 +288,7 @@ def match_suite(
     motions : sequence
         Seeds, as in `match`.
     target, periods, damping, progress
-        As in `match`; the stages are those of all motions.
+        As in `match`; `progress` receives the stages of all motions.
     factors : sequence of float, optional
         Scale factor of each seed, as returned by `tdint.scale`; default by least squares of ln Sa.
 
@@ -326,7 +326,7 @@ def match_suite(
     with progress_reporter(progress, len(seeds) * stages, "stage") as report_progress:
 
         def report_stage(completed: int) -> None:
-            """Report the completed stages of this motion plus those of all previous motions."""
+            """Report the completed stages of this motion and of all previous motions."""
             report_progress(len(matches) * stages + completed, len(seeds) * stages)
 
         for seed, psa_of_seed, unscaled_psa in zip(seeds, scaled_psa, seed_psa, strict=True):

@@ -337,7 +337,7 @@ class MatchingProblem:
 
         sample_count = scaled_seed.shape[1]
         # Recursion of the oscillators. The extremes of one component require omega h <= 0.5, at
-        # least 4 pi substeps in a period; those of two components require half this substep.
+        # least 4 pi substeps in a period; the extremes of two components require half this substep.
         omega = 2.0 * np.pi / periods
         substeps = len(scaled_seed) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
         table = recursion_table(omega, dt / substeps, damping, 2)

@@ -37,7 +37,7 @@ class RunsRequest:
     records : tuple of Record
         Ground motions.
     dt, duration : float or None
-        Requested time step and duration, s; None for those of the model or the record.
+        Requested time step and duration, s. None: the values of the model or the record.
     check : bool
         Estimate the errors of the peaks.
     vary : dict of str to ndarray, shape (samples,)

@@ -732,7 +732,7 @@ class _Chain:
         drift_step = default_step
         for _ in range(_MAX_STEPS_PER_ROW):
             # The controlling story is the softest relative to its shear: its drift increases most
-            # with the base shear, or it softens. If another story cannot carry its shear, each
+            # with the base shear, or it softens. If another story cannot resist its shear, each
             # other story is tried as the controlling story.
             tangents = np.array([story.tangent for story in self.stories])
             story_indices = np.arange(tangents.size)
@@ -987,8 +987,8 @@ class _Story:
             return self.drift
         is_loading = force_change > 0.0
         # Newton's method, bracketed by a drift at which the force is not reached yet (`near_drift`)
-        # and a drift beyond it (`far_drift`). A story that softens before it reaches the force
-        # cannot reach it.
+        # and a drift at which it is exceeded (`far_drift`). A story that softens before it reaches
+        # the force cannot reach it.
         near_drift, far_drift = self.drift, None
         stiffness = self.tangent if self.tangent > 0.0 and is_loading else self.initial_tangent
         drift = near_drift + force_change / stiffness

@@ -302,8 +302,8 @@ def _n2(
         Roof displacement up to which the curve is idealized, m.
     """
     roof = curve.idealized_to(roof)
-    # Forces and displacements of the equivalent oscillator are those of the building divided by the
-    # participation factor. Equation numbers are those of annex B of EN 1998-1.
+    # Forces and displacements of the building are divided by the participation factor to obtain
+    # those of the equivalent oscillator. Equation numbers refer to annex B of EN 1998-1.
     yield_strength = curve.maximum_shear(roof) / participation
     oscillator_displacement = roof / participation
     _, area_of_building = curve.response_at(roof)

@@ -687,7 +687,7 @@ def failures(
 
 
 def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) -> None:
-    """Load the compiled time loops of all trials, and compile those that are not in the cache.
+    """Load the compiled time loops of all trials; loops that are not in the cache are compiled.
 
     They are compiled together, so that progress is reported once.
 

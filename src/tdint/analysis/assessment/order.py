@@ -597,7 +597,7 @@ def check_law(model: Model, story: int) -> list[str]:
 
 
 def _branch_faults(model: Model, story: int) -> list[str]:
-    """Compare the branches and the curvature that a hysteresis model declares with those of its
+    """Compare the declared branches and the declared curvature of a hysteresis model with its
     force.
 
     The model is executed in plain Python with checks of array bounds (`path_faults`).

@@ -315,7 +315,7 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
 
 
 def stretched(model: Model, count: int) -> Model:
-    """Return a building with `count` stories that have the same pattern as those of the model.
+    """Return a building with `count` stories in the same pattern as in the model.
 
     If the number of stories increases, stories are repeated; if it decreases, stories are omitted.
     The coefficients of Rayleigh damping do not change. Modal damping keeps the ratios of the first

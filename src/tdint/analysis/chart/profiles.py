@@ -401,7 +401,7 @@ class FieldChart(Tabular):
             )
 
         def failures(line: str) -> tuple[int, float]:
-            """Return the number of unsolved problems, and the maximum cost ratio of the others."""
+            """Return the number of unsolved problems, and the maximum ratio of solved problems."""
             of_line = [p for p in profiles if p.method == line]
             return sum(p.problems - p.solved for p in of_line), max(
                 (p.worst for p in of_line if p.solved), default=math.inf

@@ -312,7 +312,7 @@ def halved_steps(problem: Problem, halvings: int) -> tuple[float, ...]:
 
 
 def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrator]:
-    """Return those of the methods `integrators` that support the building of a problem.
+    """Return the methods of `integrators` that support the building of a problem.
 
     Raises
     ------

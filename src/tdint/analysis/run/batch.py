@@ -171,7 +171,7 @@ class Outcomes:
         self._put(i, None, np.nan, 0)
 
     def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
-        """Replace the results of run `i` by those of an individual run.
+        """Replace the results of run `i` by the results of an individual run.
 
         Parameters
         ----------

@@ -139,7 +139,7 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     # stiffness instead.
     is_usable = (slope > 0.0) & (slope < initial_stiffness)
     present_stiffness = np.where(is_usable, slope, initial_stiffness)
-    # The force that pulls a story to its position of rest is that of its law plus that of P-delta.
+    # A story is pulled to its position of rest by the force of its law plus the force of P-delta.
     distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present_stiffness
     rate = _drift_rates(building, space.state[rows.VELOCITY])
     displacement, velocity = (

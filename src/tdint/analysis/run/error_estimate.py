@@ -231,9 +231,9 @@ def default_reference(case: Case) -> Case:
 def reference_steps(case: Case, steps: Steps) -> Steps:
     """Return the time steps of the run that estimates the errors of a run over `steps`.
 
-    With a record they are those of `shorter_steps`. Without a record they are half as long, or
-    about 1/`_SHORT_OF_PERIOD` of the first period if a step is longer than 1/`_LONG_OF_PERIOD` of
-    this period.
+    With a record, `shorter_steps` computes them. Without a record they are half as long, or about
+    1/`_SHORT_OF_PERIOD` of the first period if a step is longer than 1/`_LONG_OF_PERIOD` of this
+    period.
 
     Parameters
     ----------
@@ -337,7 +337,7 @@ def factors(method: Integrator) -> EstimateFactors:
 def start_peaks(case: Case, steps: Steps) -> StoryPeaks | None:
     """Return the peaks in the first steps of a building that moves at the start.
 
-    The method is that of the additional run, with sixteen times shorter steps.
+    The peaks are computed by the method of the additional run with sixteen times shorter steps.
 
     Parameters
     ----------

@@ -40,8 +40,8 @@ distance these values are 4e-4 and 0.7 %.
 def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
     """Compute derivatives with respect to parameters from the results at two neighboring values.
 
-    The derivative is that of the parabola through the result at the parameter value and the results
-    at the two neighbors.
+    The derivative is the slope of the parabola through the result at the parameter value and the
+    results at the two neighbors.
 
     Parameters
     ----------

@@ -275,7 +275,7 @@ def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
 def history_arrays(
     shape: tuple[int, int, int], kept: tuple[str, ...], out: Any
 ) -> dict[str, NDArray[np.floating[Any]]]:
-    """Return the arrays for the histories: those of the caller, or new arrays of nan.
+    """Return the arrays for the histories: the arrays of the caller, or new arrays of nan.
 
     Parameters
     ----------
@@ -356,8 +356,8 @@ def store_values(
 def store_history(result: Runs, number: int, history: History | None) -> None:
     """Write the history of an individual run to the row `number` of each history array.
 
-    The rest of the row, after the end of the run and above the roof, is nan; all of it if `history`
-    is None.
+    The rest of the row, after the end of the run and above the roof, is nan; the complete row if
+    `history` is None.
     """
     for name, array in result.history.items():
         array[number] = math.nan

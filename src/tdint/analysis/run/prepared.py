@@ -851,8 +851,8 @@ class PreparedBuilding:
 
 
 def kernels_of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
-    """Return the kernels of a run of a model with all tables of its results, and those of a cyclic
-    test of its stories, each with the variant for the model.
+    """Return the kernels of a run of a model with all tables of its results, and of a cyclic test
+    of its stories, each with the variant for the model.
     """
     prepared = PreparedBuilding.of(model)
     return [*kernels(integrator, prepared.variant), *_other_kernels(prepared, integrator)]

@@ -690,7 +690,7 @@ def _gradient(
     """Return the derivatives of completed runs, with error estimates if `request.check` is true.
 
     The errors are estimated by computing the derivatives again from a second set of runs with half
-    the time step. The method of these runs is that of `default_reference`.
+    the time step. `default_reference` selects the method of these runs.
 
     Parameters
     ----------

@@ -235,8 +235,8 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
 
 
 def _steps(case: Case, record: Record, dt: float | None) -> Steps:
-    """Return the time steps over a complete record, with the time step dt (s) or, for None, that of
-    the model or of the record.
+    """Return the time steps over a complete record. If dt (s) is None, the model or the record
+    determines the time step.
 
     The duration in the model's analysis section is not used, because it does not apply to a
     sequence.

@@ -77,7 +77,7 @@ def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -
     h : ndarray, shape (k,)
         Time steps, s.
     damping : float or ndarray, shape (k,)
-        Damping ratio, of all oscillators or of each.
+        Damping ratio: one value, or one for each oscillator.
     more : int
         Number of additional rows to allocate.
 
@@ -724,7 +724,7 @@ def first_mode(building: Building, record: Record | None) -> FirstMode:
     Parameters
     ----------
     building : Building
-        Building; the mode is that of its initial stiffness.
+        Building, with its initial stiffness.
     record : Record or None
         Ground motion; None without ground motion.
     """

@@ -171,8 +171,8 @@ def _ec8(parameters: Texts) -> DesignSpectrum:
         t = np.maximum(periods, tb)  # avoids a division by 0
         # Branches of constant acceleration, velocity and displacement, relative to ag S.
         shape = plateau * np.where(t <= tc, 1.0, np.where(t <= td, tc / t, tc * td / t**2))
-        # Displacement of eq. A.2 relative to ag S: it decreases between TE and TF to that of the
-        # ground.
+        # Displacement of eq. A.2 relative to ag S: it decreases between TE and TF to the ground
+        # displacement.
         displacement = (
             0.025 * tc * td * (plateau + np.clip((t - te) / (_TF - te), 0.0, 1.0) * (1.0 - plateau))
         )
