@@ -909,12 +909,11 @@ class _Chain:
         """
         # The maximum base shear of the step is at its end, or at the maximum force of the
         # controlling story. If the tangent of this story changes its sign within the step, its
-        # maximum force is found by bisection. `response_at` returns force and tangent.
+        # maximum force is found by bisection. Item 1 of the result of `response_at` is the tangent.
         story = self.stories[controlling]
         step_to_maximum = float(drift[controlling] - self.drift[controlling])
         maximum_state = (base_shear, drift)
-        _, end_tangent = story.response_at(float(drift[controlling]))
-        if story.tangent > 0.0 and end_tangent <= 0.0:
+        if story.tangent > 0.0 and story.response_at(float(drift[controlling]))[1] <= 0.0:
             start = self.drift[controlling]
             _, step_to_maximum = bisect_interval(
                 lambda step: story.response_at(start + step)[1] > 0.0,
