@@ -228,7 +228,7 @@ class Profiles:
         )
 
     def _lost_motions_text(self, profile: Profile) -> str:
-        """Return a sentence about the motions that the means of a building exclude.
+        """Return a sentence about the collapsed and failed runs, which the means exclude.
 
         The text is empty if no run collapsed or failed.
 
@@ -565,10 +565,11 @@ def warn_of_plan(plan: Plan) -> None:
 
 
 def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
-    """Return the additional output files of a call, such as the figure and the report.
+    """Check that the additional output files of a call can be written, and return their paths.
 
-    The check takes place before the runs. If the directory contains a campaign, existing files pass
-    this check, because the store will check later whether an earlier call has written them.
+    These are files such as the figure and the report. The check is made before the runs. If the
+    directory contains a campaign, existing files are accepted here, because the store will check
+    later whether an earlier call has written them.
 
     Parameters
     ----------
@@ -794,9 +795,10 @@ def _suite_contents(
 
 
 def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapRequest) -> None:
-    """Rewrite all tables of a store, and write Parquet files if pyarrow is installed.
+    """Write all tables of a campaign again from its store (`tdint campaign export`).
 
-    Parquet files and the SimCenter file use SI units.
+    Parquet files are written also if pyarrow is installed. They and the SimCenter file use SI
+    units.
 
     Parameters
     ----------
@@ -857,7 +859,7 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
 def _exports(
     profiles: Profiles, names: Collection[str], maps: MapRequest | None = None
 ) -> dict[str, Writer | None]:
-    """Return the writer of each named optional file, or None if the file cannot be written here.
+    """Return the writer of each named optional file, or None if this call cannot write the file.
 
     Parameters
     ----------

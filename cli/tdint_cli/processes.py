@@ -138,7 +138,7 @@ class Workers(Generic[Result]):
 
 
 class _Worker:
-    """Worker process of this process.
+    """Worker process that this process has started, with the pipe between them.
 
     Attributes
     ----------

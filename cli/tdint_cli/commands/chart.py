@@ -416,8 +416,7 @@ def _problems(request: Request) -> list[FieldProblem]:
 
 
 def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:
-    """Return the methods of a chart; raise UsageError if --highlight is not one of them and cannot
-    be a line of another program.
+    """Return the methods of a chart.
 
     Parameters
     ----------
@@ -425,6 +424,11 @@ def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:
         Options of the command line.
     default : sequence of str
         Methods that are used if the command line specifies no method.
+
+    Raises
+    ------
+    UsageError
+        --highlight is not one of the methods and cannot be the label of another program.
     """
     integrators = options.analysis.integrators(request.methods or default)
     labels = [integrator.label for integrator in integrators]
@@ -574,9 +578,10 @@ def _add_other_programs(
 
 
 def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
-    """Return, for each limit of `LIMITS`, the cheapest method and time step with an error of
-    --target-error below the limit. Each advice also contains the error of the peak drifts that
-    `tdint run` would estimate for this method and time step.
+    """Return the cheapest method and time step for each error limit of `LIMITS`.
+
+    The limits apply to the error that --target-error selects. Each advice also contains the error
+    of the peak drifts that `tdint run` would estimate for this method and time step.
 
     Parameters
     ----------

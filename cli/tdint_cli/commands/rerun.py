@@ -503,7 +503,7 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
 
 
 def _files(command: click.Command, values: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the values on a command line for files that are read.
+    """Yield the names of the input files on a command line.
 
     Parameters
     ----------
@@ -571,7 +571,7 @@ class _NewOutputs:
     others: list[tuple[str, str]] = field(default_factory=list)
 
     def __call__(self, parameter: str, name: str, folder: bool) -> str:
-        """Return the replacement for the name of an output.
+        """Return the new path that replaces the path of an output.
 
         Parameters
         ----------
@@ -606,7 +606,7 @@ class _NewOutputs:
 
     @property
     def now(self) -> Path:
-        """The directory that now contains the files that were next to the JSON file."""
+        """New directory of the outputs that the recorded command wrote next to the JSON file."""
         if self.recorded.is_folder:
             return self.new_folder / _last_part(self.recorded.output)
         return self.new_folder

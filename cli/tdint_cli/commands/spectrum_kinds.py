@@ -194,7 +194,7 @@ class TablesRequest(RecordsRequest):
         }
 
     def chosen_periods(self) -> NDArray[np.float64]:
-        """Return the periods, s."""
+        """Return the requested or the default periods of the spectra, s, as an array."""
         return options.spectra.chosen_periods(self.periods, self.DEFAULT_PERIODS)
 
 
@@ -385,7 +385,8 @@ class SpectrumRequest(TablesRequest):
 
     @property
     def specified_settings(self) -> dict[str, Any]:
-        """Settings of elastic spectra on the command line; each quantity has a column."""
+        """Values of --maxima and --interpolation that are specified; each has a column of the
+        table."""
         return {
             name: value
             for name in ("maxima", "interpolation")

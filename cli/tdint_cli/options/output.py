@@ -59,7 +59,7 @@ def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> 
 def _check_output(
     context: click.Context, parameter: click.Parameter, value: str | None
 ) -> str | None:
-    """Check the value of -o and return it; None is standard output, for - as without -o.
+    """Check the value of -o and return it, or None for standard output (-, or without -o).
 
     The file of a table must have a suffix, because a name without a suffix is a directory in
     commands that write several files.
@@ -127,8 +127,9 @@ def is_folder_name(value: str) -> bool:
 
 
 def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Raise UsageError for an empty name; it results from an unset shell variable and does not
-    specify the working directory.
+    """Return the name of a file or directory; raise UsageError if it is empty.
+
+    An empty name is usually an unset shell variable. It does not mean the working directory.
 
     Parameters
     ----------
