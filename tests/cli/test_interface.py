@@ -290,7 +290,7 @@ def test_an_interrupted_campaign_continues(study):
         (
             lambda: package.overshoot("hht", "rest"),
             UsageError,
-            "start must be one of displacement, velocity",
+            "start must be one of the initial states displacement, velocity",
         ),
         (lambda: package.failures(problems=["hardning"]), UsageError, "hardening"),
         (lambda: package.paper_examples([4]), UsageError, "example 4 not found"),

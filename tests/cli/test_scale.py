@@ -248,7 +248,7 @@ def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
         ),
         (
             (*TARGET, "--rule", "asce7", "--at", 0.5),
-            "at least 11 pairs of components (16.2.2), got 1",
+            "at least 11 pairs of components (ASCE 7-16, 16.2.2), got 1",
         ),
         (
             (*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"),

@@ -93,11 +93,11 @@ class TestAt2:
         for units in ("CM/S", "CM", "IN/SEC"):
             refused(
                 files.at2(units=units),
-                f"must be a unit of acceleration, but its header states '{units}'",
+                f"must be a unit of acceleration, but the header states '{units}'",
             )
         refused(
             files.at2().replace("ACCELERATION", "VELOCITY"),
-            "must be a unit of velocity, but its header states 'G'",
+            "must be a unit of velocity, but the header states 'G'",
         )
 
     def test_velocity_and_displacement_are_read(self, tmp_path):
@@ -168,13 +168,13 @@ class TestCosmos:
 
     def test_invalid_files_are_refused(self):
         refused(
-            files.cosmos(quantity="velocity"), "unit of velocity, but its header states 'cm/sec2'"
+            files.cosmos(quantity="velocity"), "unit of velocity, but the header states 'cm/sec2'"
         )
         assert (
             only(files.cosmos(quantity="velocity", units="cm/sec(05)")).stats.tdint_units == "cm/s"
         )
         refused(
-            files.cosmos(units="volts(51)"), "unit of acceleration, but its header states 'volts'"
+            files.cosmos(units="volts(51)"), "unit of acceleration, but the header states 'volts'"
         )
         refused(
             files.cosmos().replace("    10.000000", "  -999.000000"),
@@ -371,7 +371,7 @@ class TestEsm:
         assert only(files.esm(data_type="VELOCITY", units="cm/s")).stats.tdint_units == "cm/s"
         refused(files.esm(data_type="SPECTRUM"), "must contain a ground motion, got 'spectrum'")
         refused(
-            files.esm(units="cm/s"), "must be a unit of acceleration, but its header states 'cm/s'"
+            files.esm(units="cm/s"), "must be a unit of acceleration, but the header states 'cm/s'"
         )
         refused(files.esm(ndata=121), "states 121 values")
         refused(files.esm(ndata=119), "line 138 follows the 119 values stated by NDATA")

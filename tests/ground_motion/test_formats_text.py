@@ -241,7 +241,7 @@ class TestTables:
         refused(self.table("time,N,E", three), "names 3 columns, but the rows have 4")
         refused(
             self.table("time,N (g),E (s),Z (g)", three),
-            "must be a unit of acceleration, but its header states 's'",
+            "must be a unit of acceleration, but the header states 's'",
         )
         refused(
             self.table("time,N,E,Z", three) + "1.2,1,2\n", r"unknown format|must contain 4 numbers"

@@ -426,8 +426,8 @@ class _OscillatorSpectra(TableType):
             )
         if request.target_spectrum and request.axes not in (None, "periods"):
             raise UsageError(
-                f"--target cannot be used with --axes {request.axes}, because it is drawn over the "
-                "period; omit --axes"
+                f"--target cannot be used with --axes {request.axes}, because a target spectrum is "
+                "drawn over the period; omit --axes"
             )
 
     def remark(self, request: SpectrumRequest, interval: float) -> str:

@@ -372,8 +372,8 @@ def check_rule(
         _check_pairs(motions, rule)
         if count < MIN_PAIRS:
             raise UsageError(
-                f"the rule asce7 requires at least {MIN_PAIRS} pairs of components (16.2.2), got "
-                f"{count}"
+                f"the rule asce7 requires at least {MIN_PAIRS} pairs of components (ASCE 7-16, "
+                f"16.2.2), got {count}"
             )
     if rule == "ec8" and target.zero is None:
         raise UsageError(

@@ -529,7 +529,9 @@ def overshoot(
     """
     method = _validated_method(method, damping)
     if start not in STARTS:
-        raise UsageError(f"start must be one of {', '.join(STARTS)}, got {start!r:.60}")
+        raise UsageError(
+            f"start must be one of the initial states {', '.join(STARTS)}, got {start!r:.60}"
+        )
     if law not in LAWS:
         raise UsageError(f"law must be one of {', '.join(LAWS)}, got {law!r:.60}")
     dt_over_t, steps = (

@@ -128,7 +128,8 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     # to all types, so it is allowed only for functions by building.
     if request.thresholds and by == TYPE:
         raise UsageError(
-            "functions by type use the damage states of the campaign: remove --threshold"
+            "--threshold cannot be used with functions by type, which use the damage states of the "
+            "campaign; omit --threshold"
         )
     if request.fit == IDA:
         raise UsageError(

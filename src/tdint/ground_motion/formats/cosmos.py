@@ -250,7 +250,7 @@ def _series(
     )
     if units is None and not is_counts:
         raise RecordError(
-            f"the units of the samples must be a unit of {quantity}, but its header states "
+            f"the units of the samples must be a unit of {quantity}, but the header states "
             f"{block[4].strip()!r}"
         )
     missing = 0 if is_counts else int(np.count_nonzero(samples == unknown))

@@ -98,7 +98,7 @@ def read_geonet(lines: Lines) -> list[Series]:
     factor = header_field(_RAW_UNITS, texts)
     if factor and not 0.0 < float(factor) < inf:
         raise RecordError(
-            f"the unit of readings must be positive and finite, but its header states {factor} "
+            f"the unit of readings must be positive and finite, but the header states {factor} "
             "mm/s/s"
         )
     units = f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"

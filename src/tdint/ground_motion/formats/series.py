@@ -267,7 +267,7 @@ def required_units(text: str, quantity: str = "acceleration") -> str:
     units = motion_units(text)
     if units is None or parse_units(units).quantity != quantity:
         raise RecordError(
-            f"the units of the samples must be a unit of {quantity}, but its header states "
+            f"the units of the samples must be a unit of {quantity}, but the header states "
             f"{text.strip()[:40]!r}"
         )
     return units

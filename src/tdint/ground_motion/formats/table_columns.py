@@ -124,7 +124,7 @@ def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
             columns[0] = first = replace(first, quantity=TIME)
         if first.quantity == TIME and first.units not in SECONDS:
             raise RecordError(
-                f"the times must be in s or ms, but its header states {first.units!r}"
+                f"the times must be in s or ms, but the header states {first.units!r}"
             )
         return tuple(columns)
     return ()
@@ -480,6 +480,6 @@ def _convert_quantity(text: str, units: dict[str, float], quantity: str) -> floa
     if not match or factor is None or not float(match[1]) > 0.0:
         names = ", ".join(filter(None, units))
         raise RecordError(
-            f"{quantity} must be a positive number in {names}, but its header states {text!r}"
+            f"{quantity} must be a positive number in {names}, but the header states {text!r}"
         )
     return float(match[1]) * factor

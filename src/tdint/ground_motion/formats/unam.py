@@ -102,7 +102,7 @@ def read_unam(lines: Lines) -> list[Series]:
             intervals.append(float(step))
         except ValueError:
             raise RecordError(
-                f"the sampling interval must be a number, but its header states {step!r}"
+                f"the sampling interval must be a number, but the header states {step!r}"
             ) from None
 
     started, event = _times(texts)

@@ -133,7 +133,8 @@ def remove_response(
     except Exception as error:
         reason = one_line(str(error))
         raise RecordError(
-            f"{label}: its response in {instruments.input.file} cannot be removed: {reason}"
+            f"{label}: the instrument response in {instruments.input.file} cannot be removed: "
+            f"{reason}"
         ) from error
     tapered = f", frequencies are faded out from {band[0]:.4g} to {band[1]:.4g} Hz" if band else ""
     notes = [mean_note, f"the instrument's response ({instruments.input.file}) is removed{tapered}"]
