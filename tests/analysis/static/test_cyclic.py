@@ -199,8 +199,8 @@ def test_amplitude_units(text, meters):
         ("0", "must be a positive number"),
         ("-2%", "must be a positive number"),
         ("1e999mm", "must be a positive number"),
-        ("2", "drift ratio ... 1 at most; ... did you mean 2%?"),
-        ("101%", "drift ratio ... 1 at most"),
+        ("2", "drift ratio ... at most 1; ... did you mean 2%?"),
+        ("101%", "drift ratio ... at most 1"),
     ],
 )
 def test_invalid_drifts_are_refused(text, message):
