@@ -179,7 +179,12 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
             "t.csv:2: censored ... got 'perhaps'",
         ),
         ("capacity\n1\n-2\n", (), 3, "t.csv:3: capacity ... got '-2'"),
-        ("capacity\n1\n2\n", ("--fit", "cloud"), 2, "this table is for --fit ida, not cloud"),
+        (
+            "capacity\n1\n2\n",
+            ("--fit", "cloud"),
+            2,
+            "the columns of this table are for --fit ida, not cloud",
+        ),
         (
             "capacity\n1\n2\n",
             ("--threshold", "1%,2%"),

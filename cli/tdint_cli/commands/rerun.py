@@ -347,7 +347,8 @@ class _RecordedCommand:
         output_type = next((item for item in output_types if item.tables), None)
         if output_type is None:
             raise UsageError(
-                f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}"
+                f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}; "
+                "only such a command can be repeated"
             )
         output = values.get("output")
         if not isinstance(output, str) or output == STDIN:

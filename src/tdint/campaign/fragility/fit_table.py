@@ -312,7 +312,10 @@ def _table_type(table: CsvTable, fit: str | None) -> _TableType:
     suitable = [table_type for table_type in types if fit in (None, *table_type.fits)]
     if not suitable:
         possible = " or ".join(dict.fromkeys(name for item in types for name in item.fits))
-        raise UsageError(f"{table.source}: this table is for --fit {possible}, not {fit}")
+        raise UsageError(
+            f"{table.source}: the columns of this table are for --fit {possible}, not {fit}; omit "
+            "--fit"
+        )
     if len(suitable) > 1:
         columns = " and ".join(",".join(item.columns) for item in suitable)
         fits = " or ".join(f"--fit {item.fits[0]}" for item in suitable)

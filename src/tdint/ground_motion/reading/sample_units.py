@@ -207,7 +207,9 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
         # A name in the table is the end of a path; its characters are not wildcards.
         name, units = f"./{glob.escape(record)}", cell.strip()
         if units and by_file.setdefault(name, units) != units:
-            raise UsageError(f"{file}:{line}: {record} has two units, {by_file[name]} and {units}")
+            raise UsageError(
+                f"{file}:{line}: {record} has two units, {by_file[name]} and {units}; keep one row"
+            )
     return by_file
 
 

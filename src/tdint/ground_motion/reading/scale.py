@@ -253,7 +253,10 @@ def declared_units(
                 "acceleration is computed as their derivative"
             )
         if sac.get("iftype", _SAC_TIME_SERIES) != _SAC_TIME_SERIES or not sac.get("leven", True):
-            raise RecordError(f"{label}: the SAC file is not an evenly sampled time series")
+            raise RecordError(
+                f"{label}: the SAC file is not an evenly sampled time series; resample it to equal "
+                "steps first"
+            )
     unit = _ascii_unit(trace)
     if unit in ("", "COUNTS", "COUNT"):
         return None
