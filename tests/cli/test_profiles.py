@@ -338,7 +338,7 @@ def test_profiles_can_be_disabled(study: Path, tdint: Command) -> None:
         (("campaign", "study.yaml", "-o", "out", "--baseline", "shakn"), "shaken"),
         (
             ("campaign", "study.yaml", "-o", "out", "--limit", "3"),
-            "the number of runs is --max-runs 3",
+            "For the number of runs, specify --max-runs 3",
         ),
     ],
 )

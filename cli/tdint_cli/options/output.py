@@ -233,16 +233,18 @@ overwrite = option("--overwrite", is_flag=True, recorded=False, help="Replace ex
 
 
 def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
-    """Declare the option --jobs.
+    """Declare the option --jobs of a command: a number of threads or processes from 1 to 1024.
 
     Parameters
     ----------
     text : str
-        The help text up to the default: the work of the threads or processes, and their number.
+        First words of the help text, which end with the default number, such as "Number of threads;
+        one per processor". The words "by default" follow.
     heading : str
-        The heading of the option in the help.
+        Heading above the option in the help of the command; by default the options of this command.
     **settings
-        Further settings of the option.
+        Further keyword arguments of `grammar.option`, such as `default`. Without a default, the
+        command receives None.
     """
     help_text = f"{text} by default. The results do not depend on it."
     return grammar.option(

@@ -131,7 +131,8 @@ class _DriftLimit(Ratio):
             return value
         if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
             self.fail(
-                f"--limit is the drift limit, such as 2%; the number of runs is --max-runs {value}",
+                f"{value} is not a drift limit; specify a ratio below 1, such as 2%, or the name "
+                f"of a performance level. For the number of runs, specify --max-runs {value}",
                 param,
                 ctx,
             )

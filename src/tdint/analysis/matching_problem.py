@@ -479,24 +479,41 @@ class MatchingProblem:
     def _factors_of_rows(
         self, oscillator: NDArray[np.int64], time_after_sample: Array
     ) -> NDArray[np.float32]:
-        """Return the factors of the parts of each row, shape (extremes, 4).
+        """Return the derivatives of extremes with respect to single samples of a ground motion.
 
-        The parts are the cosine and the sine of the free vibration, and the impulse responses of
-        the filter at the two samples around the extreme.
+        An extreme is a local maximum or minimum of the response (pseudo-acceleration) of an
+        oscillator. Sample n is the last sample before it. A unit change of sample j changes the
+        ground acceleration by a hat function: 1 at this sample, 0 at all other samples, and linear
+        in between. The resulting change of the extreme is
+
+            j < n        a free vibration that lasts for n - j sampling intervals:
+                         c(j) C - s(j) S, with c and s the real and the imaginary part of
+                         exp(exponent (n - j) dt)
+            j = n        H0, because the extreme is in the second half of the hat
+            j = n + 1    H1, because the extreme is in the first half of the hat
+            j > n + 1    0
+
+        `_row` computes these derivatives for all samples, with the band-pass filter, as the sum of
+        four stored functions (filtered cosine and sine, and the impulse response of the filter at
+        samples n and n + 1) times the four factors that are returned here.
 
         Parameters
         ----------
         oscillator : ndarray of int
             Index of the oscillator of each extreme.
         time_after_sample : ndarray
-            Time of each extreme after the sample before it, s.
+            Time of each extreme after sample n, s.
+
+        Returns
+        -------
+        ndarray, shape (extremes, 4)
+            C, -S, H0 and H1 of each extreme, dimensionless.
         """
         # Circular frequency w, damping ratio z
         w, z, dt = self.omega[oscillator], self.damping[oscillator], self.dt
         # Response x to a ramp, x'' + 2 z w x' + w^2 x = -t / dt from rest: the particular solution
         # -t / (dt w^2) + constant, minus the free vibration with the same initial displacement and
-        # velocity.
-        # The free vibration is the real part of `free_amplitude` times exp(exponent t).
+        # velocity. The free vibration is the real part of `free_amplitude` times exp(exponent t).
         exponent = w * (-z + 1j * np.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
         free_amplitude = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / exponent.imag
@@ -504,10 +521,11 @@ class MatchingProblem:
             -t / dt / w**2 + constant - (free_amplitude * np.exp(exponent * t)).real
             for t in (time_after_sample + dt, time_after_sample)
         ]
-        # A hat function is the sum of three ramps that start at successive samples, with the
-        # factors 1, -2 and 1. After the hat, only the free vibrations of the three ramps remain. At
-        # the two samples next to the extreme, only the first two ramps or the first ramp have
-        # started. All responses are multiplied by w^2, because they are pseudo-accelerations.
+        # The hat of sample j is the sum of three ramps that start at the samples j - 1, j and
+        # j + 1, with the factors 1, -2 and 1. For j < n all three have started before the extreme;
+        # their particular solutions cancel, and the free vibrations remain. For j = n the first
+        # two ramps have started, for j = n + 1 only the first. All responses are multiplied by w^2,
+        # because they are pseudo-accelerations.
         vibration_after = (
             -w
             * w
@@ -535,7 +553,9 @@ class MatchingProblem:
         oscillator : int
             Index of the oscillator.
         factors : ndarray, shape (4,)
-            Factors of the parts, see `_factors_of_rows`.
+            Result of `_factors_of_rows` for the extreme: factors of the filtered cosine and sine of
+            the free vibration, and of the impulse responses of the filter at the samples before and
+            after the extreme.
         sample_of_extreme : int
             Number of the sample before the extreme.
 

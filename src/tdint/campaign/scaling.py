@@ -585,7 +585,9 @@ def scale(
             len(measure_periods) != 1 or measure_periods == (0.0,)
         ):
             raise UsageError(
-                f"the rule p695 scales a set to a value of sa(T), got {intensity_measure.name}"
+                "the rule p695 scales a set to a value of sa(T) at one period T, got "
+                f"{intensity_measure.name}; specify, for example, sa(1) for a period of 1 s, or "
+                "omit measure and value"
             )
         return scale_p695(
             suite, measure_periods[0] if measure_periods else None, value, damping=damping

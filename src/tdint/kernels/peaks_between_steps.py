@@ -684,12 +684,18 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
 
 @outlined
 def _raise_velocity_peak(span, ends, peaks, peak_row, i):
-    """Raise the peak of a velocity or drift rate by the quartic derivative of the quintic.
+    """Raise the peak of a velocity or drift rate by its extremum inside the step.
 
     The quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5, with s from 0 to 1, has the
     displacement, velocity and acceleration of the motion at both endpoints of the step of length h.
-    The velocity is its derivative divided by h. Call this function only if the endpoint
-    accelerations have opposite signs.
+    The velocity is its derivative divided by h, a quartic. Call this function only if the endpoint
+    accelerations a0 and a1 have opposite signs.
+
+    The acceleration of the quintic deviates from the straight line between a0 and a1 by s (1 - s)
+    (B + D (1 - 2 s)), with the bulge B and the tilt D. The extremum is unreliable ("unresolved
+    motion") if (|B| + |D|) / 3 exceeds |a0| + |a1|, or if velocities and accelerations of two
+    successive steps are far from a straight line (`_is_resolved`). It is then recorded as a
+    possible peak, in a separate row, and the regular peak is not changed.
 
     Parameters
     ----------
@@ -700,7 +706,7 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     peaks : ndarray
         Table of the peaks, m/s.
     peak_row, i : int
-        Row and column of the peak. The row of possible peaks is raised for unresolved motion.
+        Row and column of the regular peak. The possible peak is PEAK_ROWS rows after it.
     """
     h = span.h
     _, v0, a0, _, _, a1, _, _ = ends
@@ -729,6 +735,11 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     is large. Therefore B and D are multiplied by the weight min(2 - |D / B|, 1), and both are
     ignored for |D| >= 2 |B|, so that the maximum is at an endpoint.
 
+    An extremum inside the step is unreliable ("unresolved motion") if (|B| + |D|) / 3 exceeds
+    |A0| + |A1|, or if velocities and accelerations of two successive steps are far from a straight
+    line (`_is_resolved`). It is then recorded as a possible peak, in a separate row, and the
+    regular peak is not changed.
+
     The total shear of a story is the sum of mass times absolute acceleration over the floors that
     it supports, minus the forces on these floors, with the opposite sign. Peaks do not depend on
     the sign. The ground acceleration is linear within the step, so it changes only A0 and A1.
@@ -744,7 +755,7 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     peaks : ndarray
         Table of the peaks, m/s^2 or N.
     peak_row, i : int
-        Row and column of the peak. The row of possible peaks is raised for unresolved motion.
+        Row and column of the regular peak. The possible peak is PEAK_ROWS rows after it.
     forces : tuple of float
         Sum of the forces on floors at the start and at the end of the step, its bulge and its
         tilt (`_add_floor_forces`), N; zeros for an acceleration.

@@ -305,13 +305,13 @@ class _ImplicitRows(NamedTuple):
     FACTORED_TANGENT: int = 2  # TANGENT in the current factorization
     FACTORED_DAMPER_TANGENT: int = 2  # DAMPER_TANGENT in the current factorization
     CORRECTION: int = 2  # copy of the last correction, which the line search may halve, m/s^2
-    # INTERNAL_FORCE, PREDICTED_FORCE and RUN_MAXIMA are used for curved laws only (`_is_curved`).
-    # INTERNAL_FORCE is load minus inertia of each floor in the last step, N; the last column of its
-    # first row contains the length of that step, s. PREDICTED_FORCE is this force extrapolated to
-    # the stages of the present step.
+    # Load minus inertia of each floor at both stages of the last step, N. The last column of the
+    # first row contains the length of that step, s. INTERNAL_FORCE, PREDICTED_FORCE and RUN_MAXIMA
+    # are used for curved laws only (`_is_curved`).
     INTERNAL_FORCE: int = 2
-    PREDICTED_FORCE: int = 2
-    # Maxima over the run in `_store_internal_forces`: mismatch (column 0) and size (column 1)
+    PREDICTED_FORCE: int = 2  # INTERNAL_FORCE extrapolated to the stages of the present step, N
+    # Maxima over the steps of the run. Column 0: sum over floors and stages of
+    # (INTERNAL_FORCE - PREDICTED_FORCE)^2 / mass. Column 1: sum of mass times acceleration^2.
     RUN_MAXIMA: int = 1
     BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization, row by row
     COUPLING: int = COUPLING_ROWS  # off-diagonal blocks of the factorization

@@ -150,10 +150,12 @@ def step(
 
 @inline
 def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, scratch):
-    """Store the load and the response at the weighted point of the step for da = 0.
+    """Store the load and the predicted response at the weighted point of the step.
 
-    With the coefficients W1 and L2W2 of the method, and the response and loads at the start (0) and
-    at the end (1) of the step,
+    The response at the weighted point is a linear function of the unknown da, the increment of the
+    acceleration over the step (equation of motion in `step`). The prediction is its value for
+    da = 0. With the coefficients W1 and L2W2 of the method, the loads p0 and p1 at the start and at
+    the end of the step, and displacement u0, velocity v0 and acceleration a0 at the start,
 
         load p = (1 - W1) p0 + W1 p1
         u = u0 + W1 h v0 + L2W2 h^2 a0,   v = v0 + W1 h a0,   a = a0

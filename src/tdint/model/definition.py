@@ -177,7 +177,8 @@ def _restore_law(
     Raises
     ------
     UsageError
-        The plug-in is missing or has changed, or the law has a different number in this process.
+        The plug-in is missing or has changed, or the law does not have the number `code` in this
+        process, because plug-ins were loaded in another order.
     """
     if name not in LAWS:
         module = module_of(same_file(file, digest))
@@ -185,7 +186,8 @@ def _restore_law(
             register_law(law, Origin(file, module.__name__))
     if CODES[name] != code:
         raise UsageError(
-            f"{file}: the law {name!r} has a different number in this process; load all plug-ins "
+            f"{file}: the law {name!r} of this plug-in is number {CODES[name]} of the laws in this "
+            f"process, but number {code} in the process that created the model; load all plug-ins "
             "in the same order in every process"
         )
     return Law(name, parameters)

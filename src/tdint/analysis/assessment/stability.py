@@ -567,7 +567,9 @@ def _growth_powers(method: Integrator, start: str, damping: float) -> list[float
         Powers of omega h in the displacement u and in h v, where v is the velocity; -inf if the
         response is 0 except for rounding.
     """
-    # Shape (levels, 2): maxima of u and h v over the factors `_SPREAD` of each level.
+    # Maxima of |u| and |h v| for each level of omega h, shape (levels, 2). Each level is multiplied
+    # by the 16 factors `_SPREAD`, from 1 to 2, because the response may be zero by chance at a
+    # single value of omega h. Index 1 on the second axis selects the end of the only time step.
     maxima = np.array(
         [
             np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)

@@ -402,13 +402,14 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
         }
     fits: list[Fragility | AnalysisError] = []
     for value, rows in rows_of_damage.items():
-        for item in _fit_capacity_rows(table, request, capacity, rows):
-            if isinstance(item, Fragility):
-                fits.append(replace(item, damage=value))
+        for fit_or_error in _fit_capacity_rows(table, request, capacity, rows):
+            if isinstance(fit_or_error, Fragility):
+                fits.append(replace(fit_or_error, damage=value))
             elif math.isnan(value):
-                fits.append(item)
+                fits.append(fit_or_error)
             else:
-                fits.append(AnalysisError(f"damage {value:g}: {item}"))
+                reason = fit_or_error
+                fits.append(AnalysisError(f"no fit for the rows with damage = {value:g}: {reason}"))
     omitted = int(np.sum(~has_capacity))
     warnings = []
     if omitted:

@@ -25,7 +25,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
-_COUNTS_REMEDY = (
+_SPECIFY_COUNT_OR_RESPONSE = (
     "specify the value of one count (`units=2.38e-6 m/s^2`), or the StationXML file of the "
     "instrument as `inventory` to remove its response"
 )
@@ -165,16 +165,17 @@ def to_motion(trace: Any, format_name: str, specified: Units | None, label: str)
         if specified:
             raise RecordError(
                 f'{label}: the samples are counts; write "1 {specified.text}" if one count is 1 '
-                f"{specified.text}, otherwise {_COUNTS_REMEDY}"
+                f"{specified.text}, otherwise {_SPECIFY_COUNT_OR_RESPONSE}"
             )
-        factor = (
+        factor_without_unit = (
             ""
             if calibration == 1.0
             else f" (the header's calibration factor {calibration:g} has no unit)"
         )
         raise RecordError(
-            f"{label}: the samples are counts of a recorder, not an acceleration{factor}; "
-            f"{_COUNTS_REMEDY}"
+            f"{label}: the samples are counts of a recorder, not an acceleration"
+            f"{factor_without_unit}; "
+            f"{_SPECIFY_COUNT_OR_RESPONSE}"
         )
     notes = (
         []

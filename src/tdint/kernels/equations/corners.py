@@ -277,18 +277,23 @@ def _store_nodes(scratch, n):
 def _store_forces(scene, h, memory, i, count):
     """Compute the force of story `i` at all nodes, including P-delta and without dampers, N.
 
-    The nodes are times within the step (fractions t, in column n of rows NODE_FORCE). Rows
-    NODE_FORCE receive the forces at the drifts of the nodes (rows NODE_DISPLACEMENT):
+    A corner is the time of a branch change or reversal of any story within the step. Nodes with an
+    even index k are the start of the step, the corners and the end of the step. Nodes with an odd
+    index are the midpoints between them. The times t of the nodes, as fractions of the step, are in
+    column n (the number of floors) of the rows NODE_FORCE. The drift d of a node follows from the
+    rows NODE_DISPLACEMENT. With the drift d0 and the force f0 at the start, the force is computed
 
-    - on a linear branch that the story does not leave, f0 + k (d - d0) with its stiffness k,
-    - for a story that leaves a linear branch, the law along the parabola of drift
-      d0 + rise t + bend (t^2 - t) / 2, from node to node,
-    - for a curved law, the parabola of s = t - 1/2 with the mean F0, the first moment F1 and
-      the initial value f0 of the force: F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2).
+    - for a story that remains on its linear branch of stiffness k: as f0 + k (d - d0),
+    - for a story that leaves a linear branch: by the law, which follows the parabola of drift
+      p(t) = d0 + rise t + bend (t^2 - t) / 2 from node to node. The node has the drift d instead of
+      p(t), so the slope of the branch times d - p(t) is added,
+    - for a curved law: as F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2) with s = t - 1/2. This
+      parabola has the mean F0, the first moment F1 and the initial value f0 of the force.
 
-    The path to a corner ends on the branch before or after the corner, depending on rounding.
-    The slope of the branch is therefore taken from the midpoint before the corner. If the drift of
-    the node exceeds that of the corner, the slope is taken from the midpoint after the corner.
+    At a corner, rounding decides which of two branches the law is on, so the slope is that of the
+    branch at the midpoint before the corner. If the drift d is already beyond the corner in the
+    direction of movement, the slope of the branch after the corner is required. It is known at the
+    next midpoint, where the force of the corner is corrected.
 
     Parameters
     ----------
@@ -298,6 +303,8 @@ def _store_forces(scene, h, memory, i, count):
         Length of the step, s.
     memory : Memory
         Law states and scratch array. Rows PATH contain F0 and F1 with P-delta and dampers, N.
+        Column i of the rows NODE_FORCE receives the forces; the trial state SECOND_TRIAL of the law
+        is overwritten.
     i : int
         Index of the story.
     count : int
@@ -352,12 +359,15 @@ def _store_forces(scene, h, memory, i, count):
             # The drift of the node differs slightly from the parabola of drift, along which the law
             # was evaluated. The slope of the branch adds the difference.
             distance = drift - law_state[rows.SECOND_TRIAL + rows.DRIFT, i]
-            if k % 2 == 1:  # a midpoint, where rounding does not decide about the branch
+            # Odd nodes are midpoints between corners, where the branch does not depend on rounding.
+            if k % 2 == 1:
                 slope_before = slope
                 slope = law_state[rows.SECOND_TRIAL + rows.SLOPE, i]
                 if previous_distance * direction > 0.0 and previous_direction * direction > 0.0:
-                    # The drift of the previous node, a corner, is already beyond the end of the
-                    # branch before the corner. The excess is on the branch after the corner.
+                    # The story passes the corner at node k - 1 without a reversal, and the drift of
+                    # this node is beyond the drift of the parabola. The excess
+                    # `previous_distance` was multiplied by the slope before the corner; it
+                    # requires the slope after the corner.
                     scratch[ROW.NODE_FORCE + k - 1, i] += (slope - slope_before) * previous_distance
             force = law_state[rows.SECOND_TRIAL + rows.FORCE, i] + slope * distance
             previous_distance = distance
@@ -695,10 +705,13 @@ def _update_peaks_at_corners(scene, h, load, memory):
 
 @inline
 def _store_first_response(h, memory, i, count):
-    """Store displacements and velocities of floor `i` at the nodes from a cubic function of time.
+    """Store displacements and velocities of floor `i` at the nodes for the first pass.
 
-    The cubic has the displacements and velocities of the step at both endpoints. With the time t
-    from 0 to 1 over the step and s = t - 1/2,
+    The nodes are the endpoints of the step, the times of branch changes and reversals of stories,
+    and the midpoints between them. An iteration improves the response at the nodes in several
+    passes (`_update_peaks_between_corners`). The first pass starts from a cubic function of time,
+    which has the displacements and velocities of the step at both endpoints. With the time t from 0
+    to 1 over the step and s = t - 1/2,
 
         u(t) - u0 = t (D + w (t - 1) / 2) - 10 s (s^2 - 1/4) c
         h v(t)    = D + s w + (5/2 - 30 s^2) c
@@ -712,8 +725,9 @@ def _store_first_response(h, memory, i, count):
     h : float
         Length of the step, s.
     memory : Memory
-        State and scratch array. Rows NODE_FORCE contain the times t of the nodes in the last
-        column. Rows NODE_DISPLACEMENT receive u - u0, rows NODE_VELOCITY h v, both in m.
+        State and scratch array. The last column of the rows NODE_FORCE, which no floor uses,
+        contains the times t of the nodes. Rows NODE_DISPLACEMENT receive u - u0, rows NODE_VELOCITY
+        h v, both in m.
     i : int
         Index of the floor.
     count : int
@@ -721,6 +735,7 @@ def _store_first_response(h, memory, i, count):
     """
     state, _, scratch, _ = memory
     n = state.shape[1] - 1
+    # Row A0 contains h^2 times the mean acceleration, which is h times the change of velocity.
     rise, velocity_change = scratch[ROW.RISE, i], scratch[ROW.A0, i]
     cubic = 0.2 * (rise - h * state[rows.VELOCITY, i]) - 0.1 * velocity_change
     for k in range(count):

@@ -213,10 +213,19 @@ def _solve_on_branches(coefficients, scene, h, memory):
     """Solve the equations under the assumption that all stories remain on their linear branches.
 
     The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
-    The equations of `solve_step` are then linear in D0 and D1, and a single solution from D0 = D1 =
-    0 is exact. On a branch with the force f0 at the start and the stiffness k, mean and moment of
-    the story force are F0 = f0 + k (D0 / 2 - D1 / 12) and F1 = k D0, with the rise and bend of the
-    drift. Rows RISE and BEND receive D0 and D1.
+    The unknowns are the rise D0 and the bend D1 of each floor. Its equations are
+
+        M a0 + h C D0 + h^2 (F0 - P0) = 0                          impulse
+        M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
+        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+
+    with h^2 times the mean acceleration, a0, and h^2 times its change over the step, a1 (both in
+    m), the velocity v0 at the start, the initial stiffness K, the coefficient r of numerical
+    dissipation (0 for none), and means and first moments of the story forces (F0, F1, below minus
+    above the floor, with P-delta) and of the load (P0, P1). On a linear branch with the force f0 at
+    the start and the stiffness k, a story whose drift has the rise D and the bend E has F0 = f0 +
+    k (D / 2 - E / 12) and F1 = k D. The equations are then linear, and one Newton correction from
+    D0 = D1 = 0 is exact.
 
     Parameters
     ----------
@@ -227,13 +236,15 @@ def _solve_on_branches(coefficients, scene, h, memory):
     h : float
         Length of the step, s.
     memory : Memory
-        State, law states and scratch array. Rows LOAD contain mean and first moment of the load, N.
+        State, law states and scratch array. Rows LOAD contain P0 and P1, N. Rows RISE, BEND and
+        CORRECTION receive D0 and D1, m. The stored factorization is replaced if it is for other
+        tangents or another length of the step.
 
     Returns
     -------
     float
-        Squared norm of the residual for zero rises and bends, as in `_residuals`; 0 if all stories
-        are linear.
+        Squared norm of the residuals for D0 = D1 = 0 (formula in `_residuals`); 0 if the code is
+        compiled for linear stories only, because the norm is then not needed.
     """
     linear_terms, modal, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -260,8 +271,9 @@ def _solve_on_branches(coefficients, scene, h, memory):
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.PATH + path.MEAN, i + 1]
             - scratch[ROW.LOAD, i]
         )
-        # Negative residuals of impulse and first moment for zero rise and bend, which means
-        # a1 = 12 h v0 / (1 + 6 r) and a0 = -r a1. `inertia` is M a1.
+        # Both residuals have the opposite sign, as the right side of the linear system. For
+        # D0 = D1 = 0 the equations of the docstring give a1 = 12 h v0 / (1 + 6 r), a0 = -r a1,
+        # F0 = f0 and F1 = 0. `mean` is F0 - P0, and `inertia` is M a1.
         inertia = linear_terms[rows.MASS, i] * coefficients[BY_RISE] * h * state[rows.VELOCITY, i]
         impulse_residual = coefficients[R] * inertia - h * h * mean
         moment_residual = h * h * scratch[ROW.LOAD + 1, i] - inertia

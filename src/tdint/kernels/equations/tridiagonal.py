@@ -347,30 +347,35 @@ def factor_combination(linear_terms, modal, law_state, row, combination, factors
 def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     """Assemble the matrix of Newton's method for the unknowns (u1 - u0, v1 - v0) of each floor.
 
-    Displacement and velocity are u0, v0 at the start and u1, v1 at the end of the step. The
-    equations of each floor are kinematics (times its mass) and momentum. With the coefficients by_v
-    and by_a, the mass m, the floor damper c and the coefficients of the stories (...),
+    Displacement, velocity and acceleration of a floor are u0, v0, a0 at the start and u1, v1, a1 at
+    the end of the step. The kinematic equation of the method is u1 - u0 = by_v v1 - by_a a1 + terms
+    of the start. It is multiplied by the mass m, and m a1 is replaced by equilibrium: load - c v1 -
+    story forces, with the floor damper c. The second equation is the balance of momentum. Row i of
+    the matrix then has the diagonal block
 
-        m (u1 - u0) - (by_v m + by_a c) (v1 - v0) + ... = ...          kinematics
-        c (u1 - u0) + m (v1 - v0) + ... = ...                          momentum
+        m        -(by_v m + by_a c)        kinematics
+        c                 m                momentum
 
-    The accelerations a1 are eliminated by equilibrium. Couplings of stories on the ground are set
-    to zero.
+    plus the blocks B_i and B_(i+1) of the stories below and above, and the blocks -B_i and -B_(i+1)
+    beside the diagonal, for the floors below and above. A story on the ground has no floor below:
+    its block is added to the diagonal, and is then set to zero in the table.
 
     Parameters
     ----------
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     factors : Factors
-        The first four rows from `coupling` on contain the 2 x 2 block of each story (restoring
-        force and dampers), entry by entry. The four rows from `pivot` on receive the diagonal
-        blocks.
+        The first four rows from `coupling` on contain the block B_i of each story, row by row: the
+        derivatives of its terms in both equations with respect to both unknowns. The four rows from
+        `pivot` on receive the diagonal blocks, row by row.
     by_v, by_a : float
-        Coefficients of v1 (s) and -a1 (s^2) in the kinematic equation u1 - u0 = ...
+        Coefficients of v1 (s) and, with the opposite sign, of a1 (s^2) in the kinematic equation.
+        by_a is positive in methods that subtract the acceleration at the end, such as h^2 / 12 in
+        u1 - u0 = h (v0 + v1) / 2 + h^2 (a0 - a1) / 12.
     n : int
         Number of floors.
     """
-    scratch, blocks, coupling, _ = factors
+    scratch, blocks, coupling, _ = factors  # `blocks` is the number of row `pivot`.
     for i in range(n):
         mass = linear_terms[rows.MASS, i]
         floor = linear_terms[rows.FLOOR_DAMPER, i]
@@ -385,27 +390,22 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
 def link_blocks(linear_terms, factors, n):
     """Add the 2 x 2 block of each story to the diagonal block of the floor below.
 
-    Story i with the block B_i connects floor i and floor i - 1. It adds B_i to the diagonal blocks
-    of both floors, and -B_i to the two blocks of the matrix between both floors. The caller has
-    already added B_i to the diagonal block of floor i. This function adds it to the diagonal block
-    of floor i - 1. The rows `coupling` contain B_i with positive sign; `factor_blocks` assumes the
-    minus sign of the matrix entries.
-
-    The four rows of a table contain the entries of a block, row by row, one column per floor or
-    story. The block of a story on the ground is set to zero before, because the story has no floor
-    below.
+    Story i, with the block B_i, connects floor i and floor i - 1. The caller has already added B_i
+    to the diagonal block of floor i. This function first sets B_i of stories on the ground to zero,
+    because they have no floor below, and then adds B_(i+1) to the diagonal block of each floor i.
 
     Parameters
     ----------
     linear_terms : ndarray
         Row LINK is used: 0 for a story on the ground, otherwise 1.
     factors : Factors
-        Table, first row of the diagonal blocks (`pivot`) and of the blocks B_i of the stories
-        (`coupling`).
+        Table with the four entries of each block, row by row: the diagonal blocks from row `pivot`
+        on, the blocks B_i from row `coupling` on. Their sign remains positive; `factor_blocks`
+        assumes the blocks -B_i between both floors.
     n : int
         Number of floors.
     """
-    scratch, blocks, coupling, _ = factors
+    scratch, blocks, coupling, _ = factors  # `blocks` is the number of row `pivot`.
     for i in range(n):
         for entry in range(4):
             scratch[coupling + entry, i] *= linear_terms[rows.LINK, i]
@@ -418,15 +418,15 @@ def link_blocks(linear_terms, factors, n):
 def factor_blocks(factors, damping, n):
     """Factorize a block tridiagonal matrix with 2 x 2 blocks plus modal damping.
 
-    The unknowns are pairs (x, y) per floor. With the diagonal block D_i and the blocks -B_i to the
-    left of the diagonal in row i and to the right of the diagonal in row i - 1, the inverse block
-    pivots are
+    Each floor has two unknowns (x, y). The matrix T without modal damping has the diagonal blocks
+    D_i, and the block -B_i both in row i, column i - 1, and in row i - 1, column i. The elimination
+    proceeds from the lowest floor upwards, with the inverse block pivots
 
         A_0 = D_0^-1,   A_i = (D_i - B_i A_(i-1) B_i)^-1
 
-    The products B_i A_(i-1) are stored for the forward substitution, and A_i B_(i+1) for the
-    backward substitution, so that only one multiplication per floor depends on the result of the
-    floor above.
+    The products B_i A_(i-1) are stored for the forward substitution (`solve_blocks`), which
+    proceeds upwards. The products A_i B_(i+1) are stored for the backward substitution, which
+    proceeds downwards; each floor then multiplies the solution of the floor above only once.
 
     If most modes are damped, the matrix with modal damping is factorized as a full matrix instead
     (`_factor_full`).
@@ -436,9 +436,10 @@ def factor_blocks(factors, damping, n):
     factors : Factors
         The four rows from `pivot` on contain the entries of D_i, row by row; they receive A_i. The
         rows from `coupling` on contain the four entries of B_i. They receive the entries of B_i
-        A_(i-1), and the next COUPLING_ROWS / 2 rows the entries of A_i B_(i+1). From `store` on:
-        four rows for each mode (both columns of T^-1 (I2 (x) W^T), x before y), the small inverse
-        in 2 modes rows, and a temporary row. If most modes are damped, these rows contain the
+        A_(i-1), and the next four rows the entries of A_i B_(i+1). For m damped modes, the rows
+        from `store` on receive the terms of the Woodbury formula: 4 m rows with the solutions of
+        T z = (w, 0) and T z = (0, w) for each mode w, 2 m rows with the inverse of a small matrix,
+        and a temporary row. If most modes are damped, the rows from `store` on receive the
         factorization of `_factor_full` instead.
     damping : ModalBlocks
         Modal damping.
@@ -448,8 +449,9 @@ def factor_blocks(factors, damping, n):
     if _MODAL and _is_full(damping.modal, n):
         _factor_full(factors, damping, n)
         return
-    scratch, blocks, coupling, _ = factors
-    upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
+    scratch, blocks, coupling, _ = factors  # `blocks` is the number of row `pivot`.
+    # The second half of the coupling rows is for the products A_i B_(i+1).
+    upper = coupling + COUPLING_ROWS // 2
     for i in range(n):
         # Diagonal block D_i = ((p, q), (r, s)). The block pivot of floor `i` is D_i minus B_i
         # A_(i-1) B_i, with the coupling block B_i to the floor below and the inverse block pivot
@@ -684,14 +686,18 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     """Factorize the tridiagonal matrix M + l C + l^2 K with a complex number l.
 
     M are the masses, C the floor and story dampers, and K contains the stiffnesses of the current
-    branches of all stories. The elimination proceeds from the ground upwards: the pivot of floor i
-    is its diagonal entry minus b^2 / (pivot of floor i - 1), where -b is the entry between both
-    floors.
+    branches of all stories with P-delta. The complex unknown of a floor, x + i y, is stored as the
+    pair of real numbers (x, y). The elimination proceeds from the ground upwards: the pivot of
+    floor i is its diagonal entry minus b^2 / (pivot of floor i - 1), where -b is the entry between
+    both floors. The terms of the Woodbury formula for modal damping are stored, too.
 
     No pivot is zero if 1 / l has a positive real part and is not real, even if stiffnesses are
-    negative. Proof: if a leading block were singular, x* block x = 0 for a vector x would make
-    s = 1 / l a root of m s^2 + c s + k with real k, m > 0 and c >= 0. Such a root has a positive
-    real part only if it is real.
+    negative.
+
+    Proof: Let z be a vector with (block z) = 0 for a singular leading block of the matrix. Then
+    z* (block z) / l^2 = m s^2 + c s + k = 0, with s = 1 / l and the real numbers m > 0, c >= 0 and
+    k, the quadratic forms of M, C and K. Roots of this equation that are not real have the real
+    part -c / (2 m), which is not positive.
 
     Parameters
     ----------
@@ -707,8 +713,8 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         `store` on receive the terms of the Woodbury formula for modal damping: four rows for each
         mode, and the small inverse in two rows for each mode.
     damping : ModalBlocks
-        Modal part of l C. With l = re + i im and the pair (x, y) of a floor, its coefficients are
-        xx = re, xy = -im, yx = im and yy = re.
+        Modal part of l C. With l = re + i im, the coefficients of the real part x and of the
+        imaginary part y of an unknown are xx = re, xy = -im, yx = im and yy = re.
     n : int
         Number of floors.
     """

@@ -197,6 +197,8 @@ def _functions() -> LawFunctions:
         """Return the force of the current backbone curve of a side at a drift, N.
 
         It is the smaller force of hardening line and capping line, but at least the residual force.
+        `plastic_line` and `capping_line` return the force of their line at zero drift and its
+        slope. The elastic part below the yield drift is not represented.
 
         Parameters
         ----------
@@ -212,7 +214,7 @@ def _functions() -> LawFunctions:
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
         drift : float
-            Drift above the yield drift, m, positive on this side.
+            Total drift of the story, m, positive on this side; not less than the yield drift.
         """
         hardening_force, hardening_slope = plastic_line(law_parameters, law_state, i, block, side)
         capping_force, capping_slope = capping_line(law_parameters, law_state, i, block, side)

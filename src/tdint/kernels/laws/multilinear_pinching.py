@@ -878,8 +878,10 @@ def _functions() -> LawFunctions:
         """Return the stored energy of the committed state, J: the energy released until the force
         is zero.
 
-        It is the area between the path and the drift axis. During unloading, the current path is
-        used, otherwise the path that would follow a reversal at the current state. Before the first
+        After a reversal the story follows a path of up to three straight lines to the point of
+        maximum drift of the other side. The energy is the area between this path, up to zero force,
+        and the drift axis. If the story is unloading, the rest of its current path is used,
+        otherwise the path that would follow a reversal at the current state. Before the first
         branch change the energy is F^2 / (2 k) with the force F and the initial stiffness k. The
         law state is not changed.
 
@@ -892,7 +894,9 @@ def _functions() -> LawFunctions:
         if law_state[rows.INTERNAL, i] == 0.0:
             return 0.5 * force * force / law_parameters[rows.STIFFNESS, i]
         first = extra_rows(law_state, 0)
-        # `side` is the side towards which the path leads; the force on this side is negative.
+        # `side` is the direction of the movement: 1 or -1. If the force has the opposite sign, the
+        # story is unloading. Its current path is then stored as six numbers: drift and force of the
+        # end of unloading, of the end of the pinched part, and of the point of maximum drift.
         side = law_state[rows.RATE_SIGN, i]
         if side * force < 0.0:
             row = first + _PATH_POINTS
@@ -905,7 +909,8 @@ def _functions() -> LawFunctions:
                 law_state[row + 5, i],
             )
         else:
-            # A reversal at the current state would start a path towards the other side.
+            # The story is loading. A reversal at the current state would start a path towards the
+            # other side; `path` returns its six numbers.
             side = -side
             max_drift = law_state[side_row(side, rows.HIGH_DRIFT), i]
             points = path(

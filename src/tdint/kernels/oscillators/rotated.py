@@ -487,8 +487,9 @@ def _integrate_interval(oscillator, interval, margin, coarse):
                 if _top(scratch, sector) * _SPREAD + excess <= lowest[sector]:
                     continue
                 for k in range(sector * _SECTOR, (sector + 1) * _SECTOR):
-                    # Compute displacement, velocity and acceleration in direction `k` at both
-                    # endpoints: u0, v0, e0 and u1, speed, e1.
+                    # Project the motion onto direction `k`, which has the components c and d. The
+                    # displacements at both endpoints of the step are u0 and u1, the velocities v0
+                    # and `speed`, the accelerations e0 and e1.
                     c, d = directions[0, k], directions[1, k]
                     u0, u1, v0 = c * x + d * y, c * x1 + d * y1, c * v + d * w
                     speed, e0, e1 = c * v1 + d * w1, c * a + d * b, c * a1 + d * b1

@@ -144,7 +144,9 @@ def observe(scene, span, slope, memory, seen):
     viscous_rate = 0.0
     viscous_per_acceleration = 0.0
     # These variables contain quantities of the story above, or sums over this floor and all floors
-    # above. They are zero if the story above is on the ground instead of this floor.
+    # above. The floors of several independent buildings can be in successive columns. The variables
+    # are then zero at the roof of each building, because the next column belongs to the lowest
+    # story of another building.
     story_force_above = 0.0
     floor_damping_above = 0.0
     inertia_above = 0.0

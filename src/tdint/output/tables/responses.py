@@ -215,13 +215,16 @@ def write_history(
 
 
 def gradient_columns(result: Gradient) -> list[Column]:
-    """Return the columns of derivatives of peak responses, with their cells, in SI units.
+    """Return the columns of a table of derivatives of peak responses, in SI units.
 
-    There is a row for each run, parameter and story; the column `run` is omitted for a single run.
+    The table has a row for each run, parameter and story. The columns are `run` (omitted for a
+    single run), `parameter`, `story`, `value` (of the parameter), and for each quantity its
+    derivative `<quantity>`, half the difference of its one-sided derivatives `<quantity>_kink`, and
+    its estimated discretization error `<quantity>_error` (omitted without error estimates).
     """
     # The arrays have the shape (runs, parameters, stories), or (parameters, stories) for a single
-    # run. `atleast_3d` adds a missing axis at the end; of the transposed array, this is the axis of
-    # the runs.
+    # run. The shape always gets the axis of the runs: `atleast_3d` adds a missing axis at the end,
+    # so the array is transposed before and after.
     shape = np.atleast_3d(result.peak_drift.T).T.shape
     runs, parameters, stories = np.indices(shape)
     names = np.array(result.parameters)[parameters.ravel()]
