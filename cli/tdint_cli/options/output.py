@@ -39,16 +39,17 @@ _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
 
 
 def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> grammar.Declaration:
-    """Declare the option -o.
+    """Declare the option -o of a command.
 
     Parameters
     ----------
     metavar : str
-        What -o specifies: FILE, DIR or FILE|DIR.
+        FILE if the command writes a file, DIR if it writes a directory, FILE|DIR if it writes
+        either of them.
     text : str
-        The help text.
+        Help text of the option.
     tables : bool
-        Whether -o contains the tables that `tdint rerun` may write again.
+        True if the output consists of tables that `tdint rerun` may write again.
     """
     file_type = FileName(folder=metavar == "DIR", written=True, tables=tables)
     return option(
@@ -148,7 +149,7 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
 def _check_report(
     context: click.Context, parameter: click.Parameter, value: str | None
 ) -> str | None:
-    """Raise UsageError for a file name of another format than HTML.
+    """Return the file name of --report; raise UsageError if it is empty or not an HTML file.
 
     Parameters
     ----------

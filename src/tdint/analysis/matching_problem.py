@@ -82,8 +82,9 @@ they would cause large ground displacements."""
 class SparseRows:
     """Matrix with one row for each equation and one column for each sample of each component.
 
-    The part of a row for a component is the product of `directions` and of the values `lines`,
-    which extend over only some of the samples.
+    A row contains the derivatives of an extreme of a response (or of the final velocity or
+    displacement of the ground) with respect to the samples. Its part for a component is the product
+    of a factor (`directions`) and of values (`lines`), which extend over only some of the samples.
 
     Attributes
     ----------
@@ -194,7 +195,11 @@ class _MotionState:
 
 @dataclass(frozen=True)
 class _QuadraticProgram:
-    """Quadratic program of one round.
+    """Quadratic program of one round: its equations and their scalar products.
+
+    Each row belongs to an extreme of a response, or to the final velocity or displacement of the
+    ground. The program determines the smallest change of the motion that changes these quantities
+    as required.
 
     Attributes
     ----------
@@ -205,7 +210,8 @@ class _QuadraticProgram:
     scales : ndarray, shape (rows,)
         Scale factor of each row.
     shortfall : ndarray, shape (rows,)
-        Difference from the target of each row.
+        Required change of each quantity, or its upper limit if `is_equality` is False. The change
+        of an extreme is relative to its target.
     is_equality : ndarray of bool, shape (rows,)
         True for equalities, False for upper limits.
     oscillator : ndarray of int
@@ -222,8 +228,8 @@ class _QuadraticProgram:
     def refine(self, damping: float) -> Array:
         """Select the extremes that must equal the target, and return the damping of each row.
 
-        Rows with a larger difference from the target have less damping. The attribute `is_equality`
-        is changed.
+        The attribute `shortfall` contains the difference of each row from its target. Rows with a
+        larger difference have less damping. The attribute `is_equality` is changed.
 
         Parameters
         ----------
@@ -253,10 +259,12 @@ class _QuadraticProgram:
     def multipliers(self, required_change: Array, damping: Array) -> NDArray[np.float32]:
         """Solve the quadratic program, and return the multipliers of the unscaled rows.
 
+        The change of the motion is the sum of the rows times these multipliers.
+
         Parameters
         ----------
         required_change : ndarray, shape (rows,)
-            Required change of each row.
+            Required change of the quantity of each row, such as an extreme relative to its target.
         damping : ndarray, shape (rows,)
             Damping of each row.
         """
@@ -726,16 +734,17 @@ class MatchingProblem:
     def _state(
         self, samples: Array, row_sum: NDArray[np.float32], is_stepwise: bool
     ) -> _MotionState:
-        """Return the extremes, the merit and the misfit of a changed motion.
+        """Return a changed motion with its extremes and the measures of its misfit.
 
         Parameters
         ----------
         samples : ndarray, shape (components, n)
             Changed samples, m/s^2.
-        row_sum : ndarray
-            Sum of rows that forms the change.
+        row_sum : ndarray, shape (components * n,)
+            Sum of the rows times multipliers that forms the change of the samples from the seed.
         is_stepwise : bool
-            True if rounds add to the change; see `merits`.
+            True if a round adds to the change of the previous rounds, False if it computes the
+            complete change again. The sum of the misfits has different exponents (`merits`).
         """
         found_extremes, maxima = self.extremes(samples, _CONTROLLED_FRACTION * self.wanted)
         merit, misfit = self.merits(maxima, is_stepwise)
@@ -748,10 +757,11 @@ class MatchingProblem:
         return np.asarray(np.kron(np.eye(len(self.scaled_seed)), self.end_derivatives))
 
     def _quadratic_program(self, state: _MotionState) -> _QuadraticProgram:
-        """Return the rows, their products and the differences from the targets for a motion.
+        """Return the quadratic program of the next change of a motion.
 
-        Two further equations per component require that the final velocity and displacement of
-        the ground equal those of the seed.
+        It contains an equation for each controlled extreme of the responses (`equations`). Two
+        further equations per component require that the final velocity and displacement of the
+        ground equal those of the seed. `state` is the motion after the previous round.
         """
         oscillator, when, directions, shortfall, is_equality = self.equations(
             state.extremes, state.maxima
@@ -775,7 +785,8 @@ class MatchingProblem:
         maxima : ndarray, shape (2, oscillators)
             Maximum of each oscillator in row 0, m/s^2.
         is_stepwise : bool
-            True if rounds add to the change, which selects the exponent from `_POWERS`.
+            True if a round adds to the change of the previous rounds, False if it computes the
+            complete change again. It selects the exponent from `_POWERS`.
 
         Returns
         -------
@@ -816,10 +827,12 @@ def _free_vibrations(
     size: int,
     sample_order: NDArray[np.int64],
 ) -> list[NDArray[np.float32]]:
-    """Return the filtered free vibration (cosine and sine) of each oscillator.
+    """Return the free vibrations of all oscillators after the band-pass filter.
 
-    The samples are in reversed order of time. Only the part that has not decayed is stored, and few
-    oscillators are computed at a time: 60 000 samples of all oscillators would need a gigabyte.
+    The free vibration of an oscillator is exp(exponent t); its real part is called cosine, its
+    imaginary part sine. The samples are in reversed order of time. Only the part that has not
+    decayed is stored, and few oscillators are computed at a time: 60 000 samples of all oscillators
+    would need a gigabyte.
 
     Parameters
     ----------
@@ -834,6 +847,11 @@ def _free_vibrations(
     sample_order : ndarray of int
         Samples from the latest back to the first, then those before the start that the filter
         reaches, as negative numbers.
+
+    Returns
+    -------
+    list of ndarray, shape (2, stored samples)
+        Cosine and sine of each oscillator.
     """
     from scipy.fft import irfft, rfft
 
@@ -848,7 +866,8 @@ def _free_vibrations(
     for first_oscillator in range(0, omega.size, _OSCILLATORS_AT_A_TIME):
         chunk = slice(first_oscillator, first_oscillator + _OSCILLATORS_AT_A_TIME)
         vibrations = np.exp(exponent[chunk, None] * dt * np.arange(sample_count))
-        vibrations[:, 0] = 0.0  # the two samples at the start are treated separately
+        # A row of derivatives treats the two samples next to the extreme separately (`_row`).
+        vibrations[:, 0] = 0.0
         cosine_and_sine = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
         filtered = irfft(rfft(cosine_and_sine, size) * band, size)[..., sample_order]
         free_vibrations += [
@@ -868,8 +887,9 @@ def _exchange_equalities(
 ) -> None:
     """Select another extreme of an oscillator as its maximum if it will be closer to the target.
 
-    The equality of an oscillator requires that one of its extremes equals the target. If the
-    solution would leave this extreme below the target, and another extreme closer to it, the
+    For each oscillator, the quadratic program requires that one extreme of its response equals the
+    target (an equality); its other extremes must not exceed the target. If the damped solution
+    leaves the selected extreme below the target, and another extreme is closer to the target, the
     equality is moved to the other extreme.
 
     Parameters

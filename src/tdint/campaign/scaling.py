@@ -373,7 +373,7 @@ def check_rule(
         if count < MIN_PAIRS:
             raise UsageError(
                 f"the rule asce7 requires at least {MIN_PAIRS} pairs of components (ASCE 7-16, "
-                f"16.2.2), got {count}"
+                f"16.2.2), got {count}; add pairs, or use the rule mean"
             )
     if rule == "ec8" and target.zero is None:
         raise UsageError(

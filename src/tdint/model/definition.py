@@ -848,8 +848,12 @@ def changes_of(model: Model, name: str) -> list[Change]:
     if changes:
         return changes
     if key == "strength_factor":
+        stories_without_strength = (
+            f"story {number} of {model.name}" if number else f"every story of {model.name}"
+        )
         raise UsageError(
-            f"{name} has no effect, because no such story of {model.name} has a strength"
+            f"{name} has no effect: the law of {stories_without_strength} has no strength; use "
+            "a law with a strength, or change another parameter"
         )
     # List the parameters that can be changed in at least one of the stories.
     available: dict[str, None] = {}
@@ -858,11 +862,11 @@ def changes_of(model: Model, name: str) -> list[Change]:
             parameter for parameter, numbers in story_changes.items() if numbers
         )
     names = list(available)
-    missing = (
+    story_has_no = (
         f"story {number} of {model.name} has no" if number else f"no story of {model.name} has a"
     )
     raise UsageError(
-        f"{name}: {missing} parameter {key!r} that can be changed{did_you_mean(key, names)} "
+        f"{name}: {story_has_no} parameter {key!r} that can be changed{did_you_mean(key, names)} "
         f"(available parameters: {', '.join(names)})"
     )
 
@@ -939,8 +943,8 @@ def damped_by(model: Model, ratio: float) -> Damping:
             return RayleighRatio((ratio, ratio), modes)
         case ModalDamping(old_ratios):
             return ModalDamping((ratio,) * len(old_ratios))
-    reason = "is undamped" if model.damping is None else "specifies damping by coefficients"
+    has_no_ratio = "is undamped" if model.damping is None else "specifies damping by coefficients"
     raise UsageError(
-        f"the damping ratio cannot be changed, because {model.name} {reason}; specify damping "
-        "ratios in the model"
+        f"the damping ratio cannot be changed, because {model.name} {has_no_ratio}; specify "
+        "damping ratios in the model"
     )

@@ -307,7 +307,8 @@ def _table_type(table: CsvTable, fit: str | None) -> _TableType:
     ]
     if not types:
         raise ModelError(
-            f"{table.source}:1: {NEEDS}; its columns are {', '.join(table.header)[:200]}"
+            f"{table.source}:1: no fit is possible with the columns "
+            f"{', '.join(table.header)[:200]}; {NEEDS}"
         )
     suitable = [table_type for table_type in types if fit in (None, *table_type.fits)]
     if not suitable:
@@ -320,8 +321,8 @@ def _table_type(table: CsvTable, fit: str | None) -> _TableType:
         columns = " and ".join(",".join(item.columns) for item in suitable)
         fits = " or ".join(f"--fit {item.fits[0]}" for item in suitable)
         raise UsageError(
-            f"{table.source}:1: the columns {columns} fit several types of fits; select one with "
-            f"{fits}"
+            f"{table.source}:1: with the columns {columns}, several types of fits are possible; "
+            f"select one with {fits}"
         )
     return suitable[0]
 

@@ -152,10 +152,9 @@ def to_motion(trace: Any, format_name: str, specified: Units | None, label: str)
     stated_quantity = trace.stats.get("tdint_quantity")
     if specified and stated_quantity and stated_quantity != specified.quantity:
         raise RecordError(
-            f"{label}: the file states that its values are of the quantity "
-            f"{stated_quantity}, but the "
-            f"specified unit {specified.text} is a unit of {specified.quantity}; specify a unit of "
-            f"{stated_quantity}"
+            f"{label}: the file states that its values are of the quantity {stated_quantity}, but "
+            f"the specified unit {specified.text} is a unit of {specified.quantity}; specify a "
+            f"unit of {stated_quantity}"
         )
     if declared:
         return _convert_by_file_units(trace, declared, specified, label)
@@ -174,8 +173,7 @@ def to_motion(trace: Any, format_name: str, specified: Units | None, label: str)
         )
         raise RecordError(
             f"{label}: the samples are counts of a recorder, not an acceleration"
-            f"{factor_without_unit}; "
-            f"{_SPECIFY_COUNT_OR_RESPONSE}"
+            f"{factor_without_unit}; {_SPECIFY_COUNT_OR_RESPONSE}"
         )
     notes = (
         []
@@ -382,7 +380,7 @@ _NEAR_GRAVITY = 0.05  # fraction of g; tolerance for gravity plus the offset of 
 _GRAVITIES = {1.0: "gravity in g", STANDARD_GRAVITY: "gravity"}
 """Means of a sensor that also records gravity, with their description in messages."""
 
-_UNITS_REMEDY = "specify the units, for example `units=g`, cm/s^2 or m/s^2"
+_SPECIFY_UNITS = "specify the units, for example `units=g`, cm/s^2 or m/s^2"
 
 
 def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]:
@@ -404,14 +402,14 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     """
     if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
         raise RecordError(
-            f"{label}: the file does not state the units of its samples; {_UNITS_REMEDY}"
+            f"{label}: the file does not state the units of its samples; {_SPECIFY_UNITS}"
         )
     code = str(trace.stats.channel).upper()
     if len(code) != 3 or code[1] != _ACCELEROMETER:
         raise RecordError(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is assumed only "
             f"for accelerometer channels (HN?, BN?), not for "
-            f"{code or 'a channel without a code'}; {_UNITS_REMEDY}"
+            f"{code or 'a channel without a code'}; {_SPECIFY_UNITS}"
         )
 
     # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
@@ -420,17 +418,17 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     gravity = next(
         (name for g, name in _GRAVITIES.items() if abs(abs(mean) - g) <= _NEAR_GRAVITY * g), ""
     )
-    doubt = ""
+    why_unlikely = ""
     if peak > _MAX_PLAUSIBLE_ACCELERATION:
-        doubt = f"the peak would be {peak:.4g} m/s^2, over 3 g"
+        why_unlikely = f"the peak would be {peak:.4g} m/s^2, over 3 g"
     elif gravity:
-        doubt = f"the mean is {mean:.5g}, probably {gravity}"
+        why_unlikely = f"the mean is {mean:.5g}, probably {gravity}"
     elif peak and not np.any(samples % 1.0):
-        doubt = "all samples are whole numbers, probably counts"
-    if doubt:
+        why_unlikely = "all samples are whole numbers, probably counts"
+    if why_unlikely:
         raise RecordError(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
-            f"{doubt}; {_UNITS_REMEDY}"
+            f"{why_unlikely}; {_SPECIFY_UNITS}"
         )
     return Units("m/s^2", 1.0, False), (
         "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which states no "

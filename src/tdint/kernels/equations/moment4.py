@@ -138,9 +138,10 @@ def solve_step(coefficients, scene, h, memory):
 
     a0 and a1 are h^2 times the mean and the change of the acceleration, v0 is the velocity at the
     start. F0 is the mean and F1 the first moment 12 int (t - 1/2) f dt of the story forces over the
-    step. P0 and P1 are the mean and the first moment of the load. The term with r, which is 0 for
-    rho_inf = 1, is the numerical dissipation; K is the stiffness. If
-    all laws are piecewise linear, the first solution assumes that all stories remain on their
+    step. P0 and P1 are the mean and the first moment of the load. The term with r and the initial
+    stiffness K is the numerical dissipation; r is 0 for the spectral radius rho_inf = 1.
+
+    If all laws are piecewise linear, the first solution assumes that all stories remain on their
     branches. In a linear building it is exact. Otherwise Newton's method follows, with the
     derivatives of the means and moments along the current paths. A correction that does not reduce
     the residual is halved. The state is not changed.
@@ -148,7 +149,8 @@ def solve_step(coefficients, scene, h, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -230,7 +232,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -341,7 +344,8 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -419,7 +423,8 @@ def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -479,7 +484,8 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -494,6 +500,7 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
     state, _, scratch, _ = memory
     # Values of the story are differences between floor `i` and the floor below. For a story on the
     # ground there is only floor `i`. All rates are multiplied by h.
+    # The rate at the end, `last_rate`, is h v0 + a0 with the change of velocity a0 / h.
     rise = first_rate = last_rate = 0.0
     floor_count = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
     for below in range(floor_count):
@@ -580,7 +587,8 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
@@ -656,7 +664,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         True if no further iteration is allowed. The largest relative residual is then stored in
         `step_status`.
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
@@ -770,7 +779,8 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
@@ -861,6 +871,9 @@ def update_state(coefficients, scene, h, memory):
         u1 = u0 + D0,   v1 = v0 + a0 / h,   acceleration = (a0 + a1 / 2) / h^2
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
+    where a0 and a1 are h^2 times the mean and the change of the acceleration over the step, m, and
+    v0 is the velocity at the start.
+
     The work of a force with the mean F0 and the first moment F1 over the step is D0 F0 + D1 F1 /
     12. A damper with the coefficient c has F0 = c D0 / h and F1 = c D1 / h. The work of the load
     and of the dampers is stored in the rows WORK_INPUT and WORK_VISCOUS of the status, J.
@@ -868,7 +881,8 @@ def update_state(coefficients, scene, h, memory):
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: r, 12 / (1 + 6 r), and the relative tolerance of the residuals.
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float

@@ -154,8 +154,9 @@ def invert(scratch, first, size):
 def factor_damped(factors, modal, scale, n):
     """Factorize T + scale W^T W for `solve_damped`, with a symmetric tridiagonal matrix T.
 
-    W has one row for each damped mode. The second term is modal damping; the Woodbury formula
-    avoids a dense matrix.
+    W has one row for each damped mode, so that scale W^T W is modal damping. This term is a dense
+    matrix. It is never assembled: only T is factorized, and the Woodbury formula corrects the
+    solutions.
 
     Parameters
     ----------
@@ -314,6 +315,7 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
             by_m * linear_terms[rows.MASS, i] + by_c * linear_terms[rows.FLOOR_DAMPER, i] + story
         )
         scratch[coupling, i] = -linear_terms[rows.LINK, i] * story
+    # Add the story above to the diagonal entry of each floor; its coupling is the negative value.
     for i in range(n - 1):
         scratch[diagonal, i] -= scratch[coupling, i + 1]
 
@@ -494,6 +496,7 @@ def factor_blocks(factors, damping, n):
         scratch[blocks + 1, i] = -q * inverse
         scratch[blocks + 2, i] = -r * inverse
         scratch[blocks + 3, i] = p * inverse
+    # There is no floor above the roof.
     for entry in range(4):
         scratch[upper + entry, n - 1] = 0.0
     if _MODAL:
@@ -736,7 +739,8 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         # which is coupled by -b on both sides of the diagonal.
         b_re = link * story_re
         b_im = link * story_im
-        # The multiplier of the elimination is b divided by the pivot of the floor below.
+        # b divided by the pivot of the floor below. The multiplier of the elimination has the
+        # opposite sign, because the entry of the matrix is -b.
         by_re = b_re * inverse_re - b_im * inverse_im
         by_im = b_re * inverse_im + b_im * inverse_re
         p = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i] + story_re
@@ -758,6 +762,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         inverse_im = -q * inverse
         scratch[pivot, i] = inverse_re
         scratch[pivot + 1, i] = inverse_im
+    # `solve_pairs` reads the multiplier of the floor above, which does not exist above the roof.
     scratch[coupling, n] = 0.0
     scratch[coupling + 1, n] = 0.0
     if _MODAL:
@@ -768,10 +773,11 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
 def solve_pairs(factors, x, y, n):
     """Solve a complex tridiagonal system with the factorization of `factor_pairs`.
 
-    A pair is the real and the imaginary part of the complex unknown of a floor. Forward
-    substitution subtracts multiplier times the result of the floor below. Backward substitution
-    computes (inverse pivot) (result) - multiplier (solution of the floor above). Modal damping is
-    not included.
+    A pair (x, y) is the real and the imaginary part of the complex unknown x + i y of a floor. With
+    the right side b, the multipliers m and the pivots p of the factorization, forward substitution
+    computes f_i = b_i - m_i f_(i-1) from the lowest floor upwards. Backward substitution computes
+    the solution z_i = f_i / p_i - m_(i+1) z_(i+1) from the roof downwards. Modal damping is not
+    included.
 
     Parameters
     ----------
@@ -835,10 +841,11 @@ def _woodbury_storing_function(solve_undamped):
     def store_woodbury(factors, damping, n):
         """Compute and store the terms of the Woodbury formula for pairs of unknowns (x, y).
 
-        With m damped modes, the 4 m rows from `factors.store` on receive the solutions of the
-        system without modal damping for 2 m right sides: each mode in x, then each mode in y (rows
-        x and y of each solution). The next 2 m rows receive the inverse of the small matrix
-        I + D W T^-1 W^T, where D are the coefficients xx, xy, yx, yy of `damping`.
+        T is the matrix without modal damping. The 2 m rows of U are the m damped modes as functions
+        of x, then the same modes as functions of y. D contains the coefficients xx, xy, yx and yy
+        of `damping`, so that modal damping is U^T D U. The 4 m scratch rows from `factors.store` on
+        receive T^-1 U^T: for each row of U a solution, with one row for x and one for y. The next
+        2 m rows receive the inverse of the small matrix I + D U T^-1 U^T.
 
         Parameters
         ----------

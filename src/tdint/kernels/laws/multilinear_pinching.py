@@ -650,6 +650,8 @@ def _functions() -> LawFunctions:
         """
         drift = side * law_state[block + rows.DRIFT, i]
         end = min(end, law_parameters[_ULTIMATE, i])
+        # If the story degrades, the branch also ends at the last drift of the backbone curve, where
+        # `switch` stores the losses that remain constant beyond this drift.
         if degrades(law_parameters, i) and drift < last_drift(law_parameters, i) * (
             1.0 - _REACHED_TOLERANCE
         ):

@@ -430,8 +430,10 @@ def _integrate_interval(oscillator, interval, margin, coarse):
 
     The interval has INTERVAL_STEPS steps, or the remaining steps after the last complete interval.
     x, v and a are displacement, velocity and relative acceleration along the first axis, y, w and b
-    along the second axis; p and q are the rates of a and b. The displacement in a direction with
-    the cosine c and the sine d is c x + d y.
+    along the second axis; p and q are the rates of a and b. f and g are the ground accelerations
+    along both axes. The numbers 0 and 1 denote the start and the end of a step. The displacement in
+    a direction with the cosine c and the sine d is c x + d y. The directions are divided into
+    sectors of adjacent directions; a sector is skipped in a step that cannot exceed its maxima.
 
     Parameters
     ----------
