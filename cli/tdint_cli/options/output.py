@@ -274,7 +274,7 @@ class Outputs:
     picture, summary, report : Path or None
         The files of the figure, of the JSON summary and of the HTML report; None if not requested.
     overwrite : bool
-        Whether existing files are replaced.
+        True if existing files are replaced.
     units : OutputUnits or None
         The units of the command line; None if it does not specify units.
     """
@@ -311,7 +311,7 @@ class Outputs:
         plot : str or None
             The value of --plot.
         overwrite : bool
-            Whether existing files may be replaced.
+            True if existing files may be replaced.
         units : OutputUnits, optional
             The value of --output-units.
         report : str, optional

@@ -494,9 +494,9 @@ class MatchingProblem:
         ground acceleration by a hat function: 1 at this sample, 0 at all other samples, and linear
         in between. The resulting change of the extreme is
 
-            j < n        a free vibration that lasts for n - j sampling intervals:
-                         c(j) C - s(j) S, with c and s the real and the imaginary part of
-                         exp(exponent (n - j) dt)
+            j < n        the free vibration after n - j sampling intervals, c C - s S with
+                         c + i s = exp((n - j) dt w (-z + i sqrt(1 - z^2))), the circular
+                         frequency w and the damping ratio z
             j = n        H0, because the extreme is in the second half of the hat
             j = n + 1    H1, because the extreme is in the first half of the hat
             j > n + 1    0

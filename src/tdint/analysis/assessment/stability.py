@@ -337,9 +337,8 @@ def false_limit(method: Integrator, measured: float) -> str:
         return ""
     limit = f"{measured:.6g}" if math.isfinite(measured) else f"no limit up to {LARGEST:g}"
     return (
-        f"{method.label}: declares the stability limit omega dt = {declared:.6g}, but the "
-        "measured limit "
-        f"is {limit}; `tdint run` uses limits that it measures at the modes of the building"
+        f"{method.label}: declares the stability limit omega dt = {declared:.6g}, but the measured "
+        f"limit is {limit}; `tdint run` uses limits that it measures at the modes of the building"
     )
 
 

@@ -221,13 +221,14 @@ def _solve_on_branches(coefficients, scene, h, memory):
         M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-    with h^2 times the mean acceleration, a0, and h^2 times its change over the step, a1 (both in
-    m), the velocity v0 at the start, the initial stiffness K, the coefficient r of numerical
-    dissipation (0 for none), and means and first moments of the story forces (F0, F1, below minus
-    above the floor, with P-delta) and of the load (P0, P1). On a linear branch with the force f0 at
-    the start and the stiffness k, a story whose drift has the rise D and the bend E has F0 = f0 +
-    k (D / 2 - E / 12) and F1 = k D. The equations are then linear, and one Newton correction from
-    D0 = D1 = 0 is exact.
+    a0 and a1 (m) are h^2 times the mean of the acceleration and h^2 times its change over the step.
+    v0 is the velocity at the start, K the initial stiffness, and r the coefficient of the numerical
+    dissipation (0 for none). F0 and P0 are the means of the story forces (below minus above the
+    floor, with P-delta) and of the load; F1 and P1 are their first moments.
+
+    A story with the rise D and the bend E of its drift, the force f0 at the start and the stiffness
+    k of its branch has F0 = f0 + k (D / 2 - E / 12) and F1 = k D. The equations are then linear,
+    and one Newton correction from D0 = D1 = 0 is exact.
 
     Parameters
     ----------

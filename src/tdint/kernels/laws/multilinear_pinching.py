@@ -596,7 +596,9 @@ def _functions() -> LawFunctions:
             # therefore the direct line.
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         elif pinched_drift < unloading_drift or pinched_force < unloading_force:
-            # The pinched part would lead backwards or fall.
+            # The pinched part would lead backwards or fall. If unloading ends on the side of the
+            # movement, its end is moved midway between the reversal and point 2. Otherwise, if
+            # point 2 is on the side of the reversal, it is moved midway between points 1 and 3.
             if unloading_drift > 0.0:
                 unloading_drift = 0.5 * (start_drift + pinched_drift)
                 unloading_force = 0.5 * (start_force + pinched_force)

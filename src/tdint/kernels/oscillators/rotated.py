@@ -342,10 +342,11 @@ def _search(oscillator, maxima, margin):
     the axes.
 
     The displacement in a direction between two adjacent axes is bounded by a sum of the maxima
-    along both axes (`_interpolate`). Intervals of steps in which no bound exceeds the smallest
-    maximum of a sector are skipped; the others are integrated again with `_integrate_interval`.
-    First, the intervals with the maxima along the axes are integrated, because few other intervals
-    can exceed their maxima.
+    along both axes (`_interpolate`). The directions are divided into sectors of adjacent
+    directions. An interval of steps can only change a maximum if its bound for a sector exceeds the
+    smallest of the maxima until now in the directions of this sector. Other intervals are skipped;
+    the remaining intervals are integrated again with `_integrate_interval`. The intervals with the
+    maxima along the axes are integrated first, because few intervals can exceed their maxima.
 
     Parameters
     ----------
