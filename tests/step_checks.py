@@ -131,7 +131,10 @@ class SingleSteps:
             enter(self.building.law_parameters, self.space.law_state, i)
 
     def take(self, ground_0, ground_1):
-        """Take one step and return its code."""
+        """Compute one step of 1 s and return its code; a negative code means a failed step.
+
+        `ground_0` and `ground_1` are the ground accelerations at the start and end, m/s^2.
+        """
         no_forces = np.zeros((0, rows.FORCE_COLUMNS))
         building, space = self.building, self.space
         scene = Scene(
@@ -155,11 +158,11 @@ class SingleSteps:
 
 def broken(threshold):
     """Return a replacement of `Case.integrate` that diverges for time steps below a threshold."""
-    march = Case.integrate
+    integrate = Case.integrate
 
     def fails(case, steps, history=False):
         if steps.h < threshold:
             raise FailedRun("broken", "diverged", case.method.label, steps.h)
-        return march(case, steps, history)
+        return integrate(case, steps, history)
 
     return fails

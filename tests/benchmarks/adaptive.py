@@ -1,10 +1,12 @@
-"""Adaptive solvers of SciPy on three standard problems: python tests/benchmarks/adaptive.py
+"""Measure adaptive solvers of SciPy for three standard problems.
+
+    python tests/benchmarks/adaptive.py
 
 DOP853 and LSODA (scipy.integrate.solve_ivp) with relative tolerances from 1e-3 to 1e-9. Branch
-changes (yielding, turns of a story, for Bouc-Wen also zeros of the hysteretic part) are located as
-events, and the solver is restarted there, so that it integrates smooth equations between them. The
+changes (yielding, reversals of a drift, for Bouc-Wen also zeros of the hysteretic part) are located
+as events. The solver is restarted at each event, so that it integrates smooth equations. The
 right-hand side is compiled with numba. Peaks are taken from the dense output at 32 times per sample
-with a parabola through the largest values. Errors are relative to impulse4 with 32 time steps per
+with a parabola through the maximum values. Errors are relative to impulse4 with 32 time steps per
 sample, times are processor times of all calls of solve_ivp. Results are written to adaptive.csv.
 """
 
@@ -38,12 +40,13 @@ AT_REST = 1e-6
 not located. A uniform ground acceleration moves only the first story at first: the drift rates of
 the other stories are exactly zero, and an event would be located at time zero after each restart.
 The branch changes the rate of the hysteretic part by the square of this ratio."""
-BEYOND = 1e-12
-"""Distance beyond its bound, over the strength or in m/s, at which a branch change is located. With
+EVENT_DISTANCE = 1e-12
+"""Distance from its bound at which a branch change is located, after the bound: divided by the
+strength, or in m/s. With
 a distance of exactly zero at a restart, solve_ivp would locate the same event again at the start of
 a step in which the story returns."""
 FINE = 32
-"""Steps of the truth and evaluations of the dense output per sampling interval."""
+"""Time steps of the reference, and evaluations of the dense output, per sampling interval."""
 HEADS = (
     *("problem", "motion", "method", "rtol", "evaluations", "events", "time_s"),
     *("peak_drift_error", "peak_absolute_acceleration_error", "peak_total_shear_error"),
@@ -109,9 +112,13 @@ def rate(t, y, mode, kind, linear, soft, parameters, mass, damping, ground, inte
 
 @njit(error_model="numpy")
 def distances(y, mode, kind, strength):
-    """Return quantities that are positive until a story changes its branch."""
+    """Return quantities that are positive until a story changes its branch, shape (2 stories,).
+
+    The first quantity of each story concerns yielding or the drift rate; the second (Bouc-Wen)
+    the sign of the hysteretic part. See `rate` for the parameters; `strength` is in N.
+    """
     n = strength.size
-    out = np.ones(2 * n)  # without `BEYOND`, which is added below
+    out = np.ones(2 * n)  # without `EVENT_DISTANCE`, which is added below
     below = 0.0
     for i in range(n):
         v = y[n + i] - below
@@ -124,7 +131,7 @@ def distances(y, mode, kind, strength):
         else:
             out[i] = mode[0, i] * v
             out[n + i] = mode[1, i] * z
-    return out + BEYOND
+    return out + EVENT_DISTANCE
 
 
 class Building:
@@ -152,15 +159,26 @@ class Building:
         self.stories = n
 
     def rate(self, mode: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
-        """Return the right-hand side for a branch of each story."""
-        given = (self.kind, self.linear, self.soft, self.parameters, self.mass, self.damping)
-        return lambda t, y: rate(t, y, mode, *given, self.ground, self.interval)
+        """Return the right-hand side, a function of time and state, for the branches `mode`."""
+        arguments = (self.kind, self.linear, self.soft, self.parameters, self.mass, self.damping)
+        return lambda t, y: rate(t, y, mode, *arguments, self.ground, self.interval)
 
     def modes(self, y: np.ndarray, earlier: np.ndarray, changed: list[int]) -> np.ndarray:
-        """Return the branches after the changes at a state; `changed` are numbers of events."""
+        """Return the branches after events at a state.
+
+        Parameters
+        ----------
+        y : ndarray
+            State.
+        earlier : ndarray, shape (2, stories)
+            Branches before the events; see `rate`.
+        changed : list of int
+            Indices of the events in the result of `distances`.
+        """
         n, mode = self.stories, earlier.copy()
         for number in changed:
-            story, second = number % n, number // n
+            # The second half of the events concerns the sign of the hysteretic part.
+            story, row = number % n, number // n
             if self.kind == 1:
                 mode[0, story] = np.sign(y[2 * n + story]) if mode[0, story] == 0.0 else 0.0
                 continue
@@ -168,7 +186,7 @@ class Building:
             if mode[1, story] == 0.0:
                 mode[:, story] = np.sign([drift_rate, y[2 * n + story]])
             else:
-                mode[second, story] *= -1.0
+                mode[row, story] *= -1.0
         return mode
 
 
@@ -182,9 +200,10 @@ def solve(building: Building, method: str, rtol: float) -> tuple[dict[str, np.nd
     method : str
         Method of solve_ivp.
     rtol : float
-        Relative tolerance; the absolute tolerance is this part of 1 cm, 0.1 m/s and the strength.
+        Relative tolerance. The absolute tolerances are this fraction of 1 cm, of 0.1 m/s and of the
+        strength.
     """
-    n, begin = building.stories, time.thread_time()
+    n, start = building.stories, time.thread_time()
     size = (2 if building.kind == 0 else 3) * n
     scale = np.concatenate([np.full(n, 0.01), np.full(n, 0.1), building.parameters[0]])[:size]
     y, t = np.zeros(size), 0.0
@@ -192,26 +211,28 @@ def solve(building: Building, method: str, rtol: float) -> tuple[dict[str, np.nd
     peaks = {name: np.zeros(n) for name in HEADS[7:10]}
     evaluations = events = 0
     while t < building.end * (1.0 - 1e-12):
-        watched = [_branch(building, mode, i, begin) for i in range(building.kind * n)]
-        watched = watched or [_deadline(begin)]
-        found = solve_ivp(
+        # One event for each bilinear story, two for each Bouc-Wen story.
+        events_to_locate = [_branch(building, mode, i, start) for i in range(building.kind * n)]
+        # A linear building has no branch changes; its only event enforces the time limit.
+        events_to_locate = events_to_locate or [_deadline(start)]
+        solution = solve_ivp(
             building.rate(mode),
             (t, building.end),
             y,
             method=method,
             rtol=rtol,
             atol=rtol * scale,
-            events=watched,
+            events=events_to_locate,
             dense_output=True,
         )
-        evaluations += found.nfev
-        update(peaks, building, mode, found.sol, t, float(found.t[-1]))
-        t, y = float(found.t[-1]), found.y[:, -1].copy()
-        if found.status != 1:
+        evaluations += solution.nfev
+        update(peaks, building, mode, solution.sol, t, float(solution.t[-1]))
+        t, y = float(solution.t[-1]), solution.y[:, -1].copy()
+        if solution.status != 1:  # the end of the motion, not an event
             break
-        changed = [i for i, times in enumerate(found.t_events) if times.size]
+        changed = [i for i, times in enumerate(solution.t_events) if times.size]
         events += len(changed)
-        y = settled(building, mode, y, changed)
+        y = with_exact_strength(building, mode, y, changed)
         mode = building.modes(y, mode, changed)
     return peaks, evaluations, events
 
@@ -241,6 +262,11 @@ def _branch(
 
 
 def _deadline(begin: float) -> Callable[[float, np.ndarray], float]:
+    """Return an event that never occurs, but raises TooLongError after the time limit.
+
+    `begin` is the start of the run by `time.thread_time`, s.
+    """
+
     def event(t: float, y: np.ndarray) -> float:
         if time.thread_time() - begin > SECONDS:
             raise TooLongError
@@ -249,10 +275,21 @@ def _deadline(begin: float) -> Callable[[float, np.ndarray], float]:
     return event
 
 
-def settled(building: Building, mode: np.ndarray, y: np.ndarray, changed: list[int]) -> np.ndarray:
-    """Return the state with the hysteretic parts of stories that yield exactly at their strength.
+def with_exact_strength(
+    building: Building, mode: np.ndarray, y: np.ndarray, changed: list[int]
+) -> np.ndarray:
+    """Return the state after stories that start to yield are set exactly to their strength.
 
-    They keep this value until the story turns.
+    The hysteretic part keeps this value until the drift rate reverses.
+
+    Parameters
+    ----------
+    building, mode : Building, ndarray
+        Building, and branches of its stories before the events.
+    y : ndarray
+        State.
+    changed : list of int
+        Indices of the events.
     """
     n, y = building.stories, y.copy()
     if building.kind == 1:
@@ -296,19 +333,22 @@ def update(
     shear = np.cumsum((building.mass * absolute)[:, ::-1], axis=1)[:, ::-1]
     drift = np.diff(states[:n].T, axis=1, prepend=0.0)
     for name, values in zip(peaks, (drift, absolute, shear), strict=True):
-        peaks[name] = np.maximum(peaks[name], largest(values))
+        peaks[name] = np.maximum(peaks[name], max_absolute(values))
 
 
-def largest(values: np.ndarray) -> np.ndarray:
-    """Return the largest absolute value of each column, with a parabola through three values."""
+def max_absolute(values: np.ndarray) -> np.ndarray:
+    """Return the maximum absolute value of each column, with a parabola through three values."""
     size = np.abs(values)
     at = np.clip(np.argmax(size, axis=0), 1, len(size) - 2)
     columns = np.arange(size.shape[1])
-    before, here, after = (values[at + k, columns] for k in (-1, 0, 1))
-    slope, bend = 0.5 * (after - before), before - 2.0 * here + after
+    before, middle, after = (values[at + k, columns] for k in (-1, 0, 1))
+    slope, bend = 0.5 * (after - before), before - 2.0 * middle + after
+    # The vertex is used only if it is between the neighbors of the middle value.
     with np.errstate(all="ignore"):
         vertex = np.where(
-            (bend != 0.0) & (np.abs(slope) < np.abs(bend)), here - slope**2 / (2.0 * bend), here
+            (bend != 0.0) & (np.abs(slope) < np.abs(bend)),
+            middle - slope**2 / (2.0 * bend),
+            middle,
         )
     return np.asarray(np.maximum(np.max(size, axis=0), np.abs(vertex)))
 
@@ -330,42 +370,52 @@ def reference_times(problem: FieldProblem) -> tuple[object, list[tuple[float, fl
 
 
 NAMES = tuple(name.removesuffix("_error") for name in HEADS[7:10])
+"""Names of the three peaks, whose errors are columns 7 to 9."""
 
 
 def run(problem: FieldProblem) -> list[list[str]]:
-    """Return the rows of a problem. impulse4 is at the longest step with a drift error as small."""
+    """Return the rows of adaptive.csv for a problem (columns `HEADS`).
+
+    The columns of impulse4 refer to its longest time step with an error of the drifts that is not
+    larger than the error of the solver.
+    """
     true, lines = reference_times(problem)
     building = Building(problem)
     solve(building, METHODS[0], 1e-2)  # compiles
-    found = []
+    table = []
     for method in METHODS:
         for rtol in TOLERANCES:
             head = [problem.name, problem.motion, f"scipy/{method}", f"{rtol:g}"]
-            begin = time.thread_time()
+            start = time.thread_time()
             try:
                 peaks, evaluations, events = solve(building, method, rtol)
             except TooLongError:
-                found.append([*head, "", "", "", "", "", "", "", "", "not-run"])
+                table.append([*head, "", "", "", "", "", "", "", "", "not-run"])
                 print(*head, f"more than {SECONDS:g} s", flush=True)
                 break
-            taken = time.thread_time() - begin
+            seconds = time.thread_time() - start
             errors = [
                 largest_relative(peaks[f"{name}_error"], getattr(true, name)) for name in NAMES
             ]
-            equal = next((one for one in lines if one[2][0] <= max(errors[0], 1e-9)), lines[-1])
-            numbers = [f"{x:.4g}" for x in (taken, *errors, equal[1], equal[0])]
-            found.append([*head, str(evaluations), str(events), *numbers, "done"])
-            print(*found[-1], flush=True)
-    return found
+            # Errors below 1e-9 may be errors of the reference.
+            dt, impulse4_seconds, _ = next(
+                (line for line in lines if line[2][0] <= max(errors[0], 1e-9)), lines[-1]
+            )
+            numbers = [f"{x:.4g}" for x in (seconds, *errors, impulse4_seconds, dt)]
+            table.append([*head, str(evaluations), str(events), *numbers, "done"])
+            print(*table[-1], flush=True)
+    return table
 
 
 def main() -> None:
     """Run all problems and write the file."""
-    asked = [one for one in read_problems(STANDARD) if (one.name, one.motion) in PROBLEMS]
+    selected = [
+        problem for problem in read_problems(STANDARD) if (problem.name, problem.motion) in PROBLEMS
+    ]
     with FILE.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(HEADS)
-        for problem in asked:
+        for problem in selected:
             writer.writerows(run(problem))
 
 

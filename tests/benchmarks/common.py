@@ -1,5 +1,4 @@
-"""What several benchmarks share: shipped motions, the same motion with more samples, least times,
-errors."""
+"""Ground motions, timing and error measures that several benchmarks share."""
 
 import math
 import sys
@@ -12,56 +11,69 @@ from tdint import read_horizontals
 from tdint.ground_motion.record import Record
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(
-    str(ROOT / "tests")
-)  # the scripts that import this one first share modules with the tests
+# The benchmarks use modules of the tests. They import this module before those modules.
+sys.path.append(str(ROOT / "tests"))
 NAMES = ("firm-soil", "near-fault", "soft-soil")
 
 
 def pairs():
-    """The horizontal components of the shipped motions, two by two."""
+    """Return the two horizontal components of each ground motion of `NAMES`."""
     return [read_horizontals(ROOT / "records" / f"{name}.mseed", units="m/s^2") for name in NAMES]
 
 
 def components():
-    """The six horizontal components of the shipped motions."""
+    """Return the six horizontal components of the ground motions of `NAMES` as a list."""
     return [record for pair in pairs() for record in (pair.first, pair.second)]
 
 
-def turned(count):
-    """Shipped motions in many directions, each with another start and another strength: no two are
-    alike."""
-    shipped, result = pairs(), []
+def rotated_motions(count):
+    """Return `count` different ground motions that are derived from the records of `NAMES`.
+
+    Motion i is the component in the direction of 23 i degrees, scaled by 0.7 + 0.03 i, after 7 i
+    samples of zeros.
+    """
+    record_pairs, motions = pairs(), []
     for i in range(count):
-        pair, angle = shipped[i % len(shipped)], math.radians(23.0 * i)
+        pair, angle = record_pairs[i % len(record_pairs)], math.radians(23.0 * i)
         samples = (
             math.cos(angle) * pair.first.acceleration + math.sin(angle) * pair.second.acceleration
         )
         shifted = np.concatenate([np.zeros(7 * i), samples]) * (0.7 + 0.03 * i)
-        result.append(
+        motions.append(
             Record(shifted, pair.first.dt, "", "", f"{(23 * i) % 360:03d}", f"{NAMES[i % 3]}-{i}")
         )
-    return result
+    return motions
 
 
-def least(works, repeats, clock=time.process_time):
-    """The least time of each work, s; they take turns, so that what else the machine does meets all
-    alike."""
-    best = [math.inf] * len(works)
+def minimum_times(functions, repeats, clock=time.process_time):
+    """Return the minimum time of each function, s.
+
+    The functions are called alternately, so that other work on the machine affects all functions.
+
+    Parameters
+    ----------
+    functions : sequence of callable
+        Functions without arguments.
+    repeats : int
+        Number of calls of each function.
+    clock : callable
+        Function that returns the time, s. Default: processor time of this process.
+    """
+    minimum = [math.inf] * len(functions)
     for _ in range(repeats):
-        for i, work in enumerate(works):
-            began = clock()
-            work()
-            best[i] = min(best[i], clock() - began)
-    return best
+        for i, function in enumerate(functions):
+            start = clock()
+            function()
+            minimum[i] = min(minimum[i], clock() - start)
+    return minimum
 
 
-def difference(u, exact):
-    """Relative L2 difference of two histories."""
-    rows = min(len(u), len(exact))
-    return np.linalg.norm(u[:rows] - exact[:rows]) / np.linalg.norm(exact[:rows])
+def l2_error(history, exact):
+    """Return the relative L2 difference of two histories over their common rows (time steps)."""
+    rows = min(len(history), len(exact))
+    return np.linalg.norm(history[:rows] - exact[:rows]) / np.linalg.norm(exact[:rows])
 
 
-def largest(values, exact):
-    """Largest relative error of some values."""
+def max_relative_error(values, exact):
+    """Return the maximum relative error of an array of values."""
     return np.max(np.abs(values / exact - 1.0))

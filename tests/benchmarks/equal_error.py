@@ -1,11 +1,13 @@
-"""What equal accuracy costs on the ten-story bilinear building: python
-tests/benchmarks/equal_error.py
+"""Compare the times that methods need for the same error of the ten-story bilinear building.
 
-Prints a table in Markdown: the time of the march for an error of the drifts (L2 of the history),
-read off the lines of `tdint chart --target-error drift` between their points (<: the largest step
-already errs less; ~: beyond the smallest step, with the slope of the last two); beside each time
-the ratio to impulse4's. OpenSeesPy is among the lines where it is installed. Least of several
-times, all marches of tdint taking turns, OpenSeesPy's behind them in the same sitting.
+    python tests/benchmarks/equal_error.py
+
+Prints a Markdown table: the time of the time loop for several errors of the drifts (L2 norm of the
+history), and in parentheses this time divided by the time of `impulse4`. The times are
+interpolated between the points of `tdint chart --target-error drift`. The mark `<` means that the
+error with the longest time step is already smaller; `~` means that the time is extrapolated beyond
+the shortest time step. OpenSeesPy is measured if it is installed. Each time is the minimum of
+`REPEATS` runs; the methods of tdint run alternately, and OpenSeesPy runs after them.
 """
 
 import math
@@ -20,53 +22,73 @@ from tdint.methods.catalogue import parse
 
 MODEL = ROOT / "configs" / "ten-story-bilinear.yaml"
 METHODS = ("impulse4", "gauss4", "bathe", "central-difference", "newmark-average")
-PARTS = (1, 2, 4, 8, 16, 32)
-PEER_PARTS = (1, 2, 4, 8)
+STEPS_PER_SAMPLE = (1, 2, 4, 8, 16, 32)
+PEER_STEPS_PER_SAMPLE = (1, 2, 4, 8)  # fewer runs of OpenSeesPy, which is slower
 LIMITS = (1e-3, 1e-4, 1e-5, 1e-6)
 REPEATS = 9
 
 
-def cost(points, limit):
-    """Time for an error on the line through the points, from large to small errors, with a mark
-    before it.
+def time_for_error(points, limit):
+    """Return the time for an error, s, and a mark.
 
-    `<`: already the first point errs less; `~`: beyond the last point, with the slope of the last
-    two.
+    The time is interpolated linearly between the logarithms of errors and times.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        Runs of a method, from the longest to the shortest time step. Points without errors are
+        ignored.
+    limit : float
+        Relative error of the drifts.
+
+    Returns
+    -------
+    time : float
+        Time, s.
+    mark : str
+        `<` if the error of the first point is already smaller (`time` is the time of this point);
+        `~` if the time is extrapolated from the last two points; empty otherwise.
     """
-    places = [
+    logarithms = [
         (math.log(point.errors.drift), math.log(point.fastest)) for point in points if point.errors
     ]
-    wanted = math.log(limit)
-    if places[0][0] <= wanted:
+    log_limit = math.log(limit)
+    if logarithms[0][0] <= log_limit:
         return points[0].fastest, "<"
-    below = next((j for j, (error, _) in enumerate(places) if error <= wanted), len(places))
-    j = min(below, len(places) - 1)
-    (e0, t0), (e1, t1) = places[j - 1], places[j]
-    return math.exp(t0 + (t1 - t0) * (wanted - e0) / (e1 - e0)), "~" * (below == len(places))
+    # Index of the first point that meets the limit; the number of points if no point does.
+    first = next(
+        (i for i, (error, _) in enumerate(logarithms) if error <= log_limit), len(logarithms)
+    )
+    is_extrapolated = first == len(logarithms)
+    second = min(first, len(logarithms) - 1)
+    (e0, t0), (e1, t1) = logarithms[second - 1], logarithms[second]
+    seconds = math.exp(t0 + (t1 - t0) * (log_limit - e0) / (e1 - e0))
+    return seconds, "~" if is_extrapolated else ""
 
 
 def main():
     """Print the table."""
     problem = pose(load_model(MODEL))
-    steps = [problem.interval / parts for parts in PARTS]
+    steps = [problem.interval / count for count in STEPS_PER_SAMPLE]
     chart = measure(problem, [parse(name) for name in METHODS], steps, repeats=REPEATS)
-    peer_steps = [problem.interval / parts for parts in PEER_PARTS]
+    peer_steps = [problem.interval / count for count in PEER_STEPS_PER_SAMPLE]
     peers, notes = openseespy_points(problem, peer_steps, chart.reference)
-    print("\n".join([f"gap of the reference: {chart.reference.gap.drift:.1e}", *notes]), end="\n\n")
-    lines = {}
+    difference = f"difference of the reference solutions: {chart.reference.gap.drift:.1e}"
+    print("\n".join([difference, *notes]), end="\n\n")
+    points_by_line = {}
     for point in (*chart.points, *peers):
-        lines.setdefault(point.line, []).append(point)
-    lines.pop(
-        "openseespy/generalized-alpha", None
-    )  # its error does not fall with order 2: nothing to extrapolate
-    print("| error of the drifts | " + " | ".join(lines) + " |")
-    print("|---" * (len(lines) + 1) + "|")
+        points_by_line.setdefault(point.line, []).append(point)
+    # Its error does not decrease with order 2, so it cannot be extrapolated
+    # (opensees_generalized_alpha.py).
+    points_by_line.pop("openseespy/generalized-alpha", None)
+    print("| error of the drifts | " + " | ".join(points_by_line) + " |")
+    print("|---" * (len(points_by_line) + 1) + "|")
     for limit in LIMITS:
-        least, _ = cost(lines["impulse4"], limit)
+        base, _ = time_for_error(points_by_line["impulse4"], limit)
         cells = []
-        for points in lines.values():
-            seconds, mark = cost(points, limit)
-            cells.append(f"{mark}{1e3 * seconds:.3g} ms ({seconds / least:.3g})")
+        for points in points_by_line.values():
+            seconds, mark = time_for_error(points, limit)
+            cells.append(f"{mark}{1e3 * seconds:.3g} ms ({seconds / base:.3g})")
         print(f"| {limit:.0e} | " + " | ".join(cells) + " |")
 
 

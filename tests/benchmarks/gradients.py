@@ -1,4 +1,6 @@
-"""Errors of derivatives compared with their estimates: python tests/benchmarks/gradients.py
+"""Compare the errors of derivatives with their estimates.
+
+    python tests/benchmarks/gradients.py [--buildings N] [--seed N]
 
 For `--buildings` random buildings (`random_buildings.any_building` from `--seed`), each method
 computes the derivatives of the peaks with respect to the record scale, a story stiffness and the
@@ -13,7 +15,7 @@ import argparse
 from collections import defaultdict
 
 import numpy as np
-from common import ROOT  # noqa: F401  sets the search path
+from common import ROOT  # noqa: F401  adds the directory of random_buildings to the search path
 
 import tdint
 from random_buildings import any_building
@@ -26,14 +28,29 @@ METHODS = (
 NAMES = ("record.scale", "stories[1].stiffness_factor", "mass_factor")
 PEAKS = ("peak_drift", "peak_total_shear", "peak_displacement", "peak_absolute_acceleration")
 FINE = 32  # time steps per sample of the reference
-RESOLUTION = 1e-5  # of the largest derivative of the stories; smaller errors are not judged
+# Minimum error that is judged, divided by the maximum derivative over the stories.
+RESOLUTION = 1e-5
 
 
 def references(model, record, duration):
-    """Return central differences of the peaks of two widths, each by name: (parameters, n)."""
-    found = []
+    """Return reference derivatives of the peaks: central differences of two widths.
+
+    Parameters
+    ----------
+    model, record : Model, Record
+        Building and ground motion.
+    duration : float
+        Duration of the runs, s.
+
+    Returns
+    -------
+    list of dict
+        For the width of `tdint.run` and for half this width: arrays by name of the peak, shape
+        (parameters of `NAMES`, stories).
+    """
+    derivatives = []
     for size in (SIZE, 0.5 * SIZE):
-        sides = {peak: [] for peak in PEAKS}
+        differences = {peak: [] for peak in PEAKS}
         for name in NAMES:
             runs = tdint.run_many(
                 model,
@@ -43,19 +60,30 @@ def references(model, record, duration):
                 duration=duration,
                 vary={name: [1.0 - size, 1.0 + size]},
             )
-            for peak, values in sides.items():
+            for peak, values in differences.items():
                 below, above = getattr(runs.stories, peak)
                 values.append((above - below) / (2.0 * size))
-        found.append({peak: np.array(values) for peak, values in sides.items()})
-    return found
+        derivatives.append({peak: np.array(values) for peak, values in differences.items()})
+    return derivatives
 
 
-def judged(seed):
-    """Yield method, peak, and rows of error, estimate and kink of the judged derivatives."""
+def judged_errors(seed):
+    """Yield the judged derivatives of a random building for each method and peak.
+
+    Methods that fail are omitted.
+
+    Yields
+    ------
+    method, peak : str
+        Name of the method, and name of the peak.
+    rows : ndarray, shape (derivatives, 3)
+        True error, estimated error and kink (half the difference of the one-sided derivatives).
+    """
     content, record = any_building(seed)
     model = tdint.load_model(content)
+    # Round down to a multiple of four sampling intervals; 1e-9 allows for rounding errors.
     duration = 4.0 * record.dt * int(record.duration / (4.0 * record.dt) + 1e-9)
-    true, half = references(model, record, duration)
+    true, with_half_width = references(model, record, duration)
     for method in METHODS:
         try:
             response = tdint.run(
@@ -66,31 +94,36 @@ def judged(seed):
         gradient = response.gradient
         for peak in PEAKS:
             size = np.max(np.abs(true[peak]), axis=1, keepdims=True)
-            off = np.abs(getattr(gradient, peak) - true[peak])
-            sure = (off > RESOLUTION * size) & (np.abs(true[peak] - half[peak]) < 0.2 * off)
+            error = np.abs(getattr(gradient, peak) - true[peak])
+            uncertainty = np.abs(true[peak] - with_half_width[peak])
+            is_certain = (error > RESOLUTION * size) & (uncertainty < 0.2 * error)
             estimate, kink = getattr(gradient.errors, peak), getattr(gradient.kink, peak)
-            rows = np.array([off, estimate, kink])[:, sure & np.isfinite(estimate)]
+            rows = np.array([error, estimate, kink])[:, is_certain & np.isfinite(estimate)]
             yield method, peak, rows.T
 
 
 def main():
-    """Print one line per method and peak."""
+    """Print a line for each method and peak, and for all methods and all peaks together."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--buildings", type=int, default=60)
     parser.add_argument("--seed", type=int, default=2_100_000)
-    given = parser.parse_args()
+    options = parser.parse_args()
     rows = defaultdict(list)
-    for seed in range(given.seed, given.seed + given.buildings):
-        for method, peak, values in judged(seed):
+    for seed in range(options.seed, options.seed + options.buildings):
+        for method, peak, values in judged_errors(seed):
             rows[method, peak].append(values)
             rows[method, "all"].append(values)
             rows["all", peak].append(values)
             rows["all", "all"].append(values)
-    print("method, peak: judged, beyond twice the estimate plus the kink, estimate over error")
+    print(
+        "method, peak: judged derivatives, share with an error above twice the estimate plus the "
+        "kink, median of estimate / error"
+    )
     for (method, peak), parts in rows.items():
-        off, estimate, kink = np.concatenate(parts).T
-        beyond = 100.0 * np.mean(off > 2.0 * estimate + kink)
-        print(f"{method}, {peak}: {off.size}, {beyond:.2f} %, {np.median(estimate / off):.2f}")
+        error, estimate, kink = np.concatenate(parts).T
+        exceeding = 100.0 * np.mean(error > 2.0 * estimate + kink)
+        ratio = np.median(estimate / error)
+        print(f"{method}, {peak}: {error.size}, {exceeding:.2f} %, {ratio:.2f}")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,15 @@
-"""Steps over several samples of a record, and peaks between the steps: python
-tests/benchmarks/long_steps.py [TABLE]...
+"""Measure the errors and the time of time steps that are longer than the sampling interval.
 
-Tables: motion (L2 error and largest error of a peak drift at 1, 2, 4 and 8 samples a step, all
-methods), peaks (peak floor accelerations, shears and drifts of 20 random bilinear buildings), speed
-(processor time of long steps over that at the record's own), tolerance (campaigns that choose their
-steps: how many runs are beyond it). All if none is named.
+    python tests/benchmarks/long_steps.py [TABLE]...
+
+Tables (default: all):
+
+motion     L2 error and maximum error of a peak drift with 1, 2, 4 and 8 samples per step, for all
+           methods
+peaks      errors of peak accelerations, shears, velocities and drifts of 20 random bilinear
+           buildings
+speed      processor time with long steps divided by the time with the sampling interval
+tolerance  campaigns that choose their time step for a tolerance: runs that exceed the tolerance
 """
 
 import sys
@@ -13,8 +18,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from common import ROOT, components, difference, largest, least
-from moment4 import reference, table
+from common import ROOT, components, l2_error, max_relative_error, minimum_times
+from moment4 import print_errors, reference
 
 from building_cases import FIVE_PERCENT, Law, model, story
 from tdint import load_model, run
@@ -32,35 +37,40 @@ MODELS = {
 }
 SAMPLES = (1, 2, 4, 8)
 REPEATS = 25
-PEAK_DRIFT = [one.name for one in STORY_QUANTITIES].index("peak_drift")
+PEAK_DRIFT = [quantity.name for quantity in STORY_QUANTITIES].index("peak_drift")
+"""Column of the peak drift in the results of a campaign."""
 PEAKS = ("peak_absolute_acceleration", "peak_shear", "peak_velocity", "peak_drift")
 
 
 def motion():
-    """The two ten-story buildings with all methods."""
+    """Print the errors of all methods for the two ten-story buildings."""
     for name, building in MODELS.items():
-        truth, other = (reference(building, method, 64) for method in ("impulse4", "gauss4"))
-        sure = difference(other[0], truth[0])
+        exact, second = (reference(building, method, 64) for method in ("impulse4", "gauss4"))
+        difference = l2_error(second[0], exact[0])
         print(
-            f"{name}: L2 error / largest error of a peak drift; gauss4 at dt/64 differs by "
-            f"{sure:.0e}"
+            f"{name}: L2 error / maximum error of a peak drift; gauss4 with dt/64 differs from the "
+            f"reference by {difference:.0e}"
         )
         methods = [
             text
             for text, method in catalogue().items()
             if name == "ten-story" or not method.family.linear_only
         ]
-        table(building, methods, truth, SAMPLES)
+        print_errors(building, methods, exact, SAMPLES)
         print()
 
 
 def random_bilinear(rng):
-    """A building of three to twelve stories that yield, 5 % damped."""
+    """Return a random building with three to twelve bilinear stories and 5 % damping.
+
+    The base yields at 0.08 to 0.25 of the weight. `rng` is a generator of NumPy.
+    """
     n = int(rng.integers(3, 13))
     masses = 2e5 * rng.uniform(0.6, 1.5, n)
     springs = 3.5e8 * rng.uniform(0.5, 1.5, n) * np.linspace(1.3, 0.7, n)
-    weights = np.cumsum(np.arange(1, n + 1)[::-1])[::-1] * 2.0 / (n * (n + 1))
-    yields = rng.uniform(0.08, 0.25) * masses.sum() * 9.81 * weights * rng.uniform(0.85, 1.15, n)
+    # Share of the base shear in each story, for forces that increase linearly with the height.
+    shares = np.cumsum(np.arange(1, n + 1)[::-1])[::-1] * 2.0 / (n * (n + 1))
+    yields = rng.uniform(0.08, 0.25) * masses.sum() * 9.81 * shares * rng.uniform(0.85, 1.15, n)
     laws = (Law("bilinear", (float(force), rng.uniform(0.01, 0.1))) for force in yields)
     return model(
         [story(m, k, law) for m, k, law in zip(masses, springs, laws, strict=True)],
@@ -69,79 +79,99 @@ def random_bilinear(rng):
 
 
 def peaks():
-    """Random bilinear buildings at steps of 0.01 and 0.02 s, the latter of a record at 0.01 and at
-    0.02 s."""
+    """Print the errors of the peaks of random bilinear buildings.
+
+    The time steps are 0.01 s, and 0.02 s with sampling intervals of 0.01 and 0.02 s.
+    """
     record = model_record(MODELS["ten-story"])
     coarse = replace(record, acceleration=record.acceleration[::2].copy(), dt=2.0 * record.dt)
     rng = np.random.default_rng(5)
     buildings = [random_bilinear(rng) for _ in range(20)]
     cases = ((record, 0.01), (record, 0.02), (coarse, 0.02))
-    print("largest error of a peak in a building: median, largest of 20 buildings")
+    print("maximum error of a peak in a building: median and maximum of 20 buildings")
     print(f"{'method':18s}{'record':>8s}{'dt':>6s}" + "".join(f"{name[5:]:>20s}" for name in PEAKS))
     for method in ("impulse4", "moment4", "newmark-average"):
-        for motion_of, dt in cases:
+        for ground_motion, dt in cases:
             errors = []
             for building in buildings:
-                truth = _truth(building, motion_of)
-                got = run(building, motion_of, method=method, dt=dt).stories
-                errors.append([largest(getattr(got, name), truth[name]) for name in PEAKS])
-            cells = (f"{np.median(one):.1e} {np.max(one):.1e}" for one in np.transpose(errors))
+                exact = _exact_peaks(building, ground_motion)
+                stories = run(building, ground_motion, method=method, dt=dt).stories
+                errors.append(
+                    [max_relative_error(getattr(stories, name), exact[name]) for name in PEAKS]
+                )
+            cells = (
+                f"{np.median(column):.1e} {np.max(column):.1e}" for column in np.transpose(errors)
+            )
             print(
-                f"{method:18s}{motion_of.dt:8.2f}{dt:6.2f}"
+                f"{method:18s}{ground_motion.dt:8.2f}{dt:6.2f}"
                 + "".join(f"{cell:>20s}" for cell in cells)
             )
 
 
-_TRUTHS: dict = {}
+_STORED_PEAKS: dict = {}
 
 
-def _truth(building, record, parts=64):
-    """Peaks of a fine run."""
+def _exact_peaks(building, record, parts=64):
+    """Return the peaks of `PEAKS` by name from a run of impulse4 with `parts` steps per sample.
+
+    The results are stored in `_STORED_PEAKS` by building and sampling interval.
+    """
     key = (id(building), record.dt)
-    if key not in _TRUTHS:
+    if key not in _STORED_PEAKS:
         stories = run(building, record, method="impulse4", dt=record.dt / parts).stories
-        _TRUTHS[key] = {name: getattr(stories, name) for name in PEAKS}
-    return _TRUTHS[key]
+        _STORED_PEAKS[key] = {name: getattr(stories, name) for name in PEAKS}
+    return _STORED_PEAKS[key]
 
 
-def five_times(prepared, integrator, steps, ground):
-    """Five marches: one takes a millisecond, which clocks do not tell well."""
+def integrate_five_times(prepared, integrator, steps, ground):
+    """Integrate a building five times, because one run of a millisecond is too short for the
+    clock."""
     for _ in range(5):
         prepared.integrate(integrator, steps, ground)
 
 
 def speed():
-    """Processor time of the march."""
-    print("processor time of a run over that at the record's own step, impulse4, and that, ms")
+    """Print the processor times of impulse4 with long steps."""
+    print(
+        f"processor time of impulse4 with {', '.join(map(str, SAMPLES))} samples per step, divided "
+        "by the time with one sample per step; this time, ms"
+    )
     for name, building in MODELS.items():
         record = model_record(building)
         prepared, integrator = PreparedBuilding.of(building), parse("impulse4")
-        works = []
+        calls = []
         for k in SAMPLES:
             steps = choose_steps(k * record.dt, None, record.dt, record.duration)
-            works.append(
-                partial(five_times, prepared, integrator, steps, record.acceleration.copy())
+            calls.append(
+                partial(
+                    integrate_five_times, prepared, integrator, steps, record.acceleration.copy()
+                )
             )
-        times = [seconds / 5 for seconds in least(works, REPEATS)]
+        times = [seconds / 5 for seconds in minimum_times(calls, REPEATS)]
         print(
             f"{name:20s}"
-            + "".join(f"{each / times[0]:8.3f}" for each in times)
+            + "".join(f"{seconds / times[0]:8.3f}" for seconds in times)
             + f"{1e3 * times[0]:10.3f}"
         )
 
 
 def tolerance():
-    """Campaigns of 12 random bilinear buildings under the shipped motions at four scales, with
-    steps that are chosen under the strongest run without collapse alone, and under some that are
-    spread."""
+    """Print the results of campaigns that choose the time step of a building for a tolerance.
+
+    12 random bilinear buildings are analyzed under six ground motions with four scale factors. The
+    time step is chosen by the strongest run without collapse, or by several runs of different
+    strength.
+    """
     records = dict(enumerate(components()))
     motions = Motions(records)
-    runs = [Run(motion_of, scale) for motion_of in records for scale in (0.25, 0.5, 1.0, 1.5)]
-    ranked = sorted(runs, key=lambda one: -one.scale * records[one.motion].pga)
+    runs = [Run(number, scale) for number in records for scale in (0.25, 0.5, 1.0, 1.5)]
+    # From the strongest to the weakest run.
+    ranked = sorted(runs, key=lambda run: -run.scale * records[run.motion].pga)
     rng = np.random.default_rng(7)
     buildings = [random_bilinear(rng) for _ in range(12)]
 
-    def drifts(building, method, step):
+    def peak_drifts(building, method, step):
+        """Return the peak drifts of all runs with a time step in s, shape (runs, stories), in m."""
         batch = Batch(
             0, Subject(building, method), motions, dict.fromkeys(records), RunSettings(stories=True)
         )
@@ -149,40 +179,42 @@ def tolerance():
             [row.values[PEAK_DRIFT] for row in batch.results(runs, step).stories]
         ).reshape(len(runs), -1)
 
-    truths = [drifts(building, "impulse4", 0.01 / 16) for building in buildings]
+    exact_drifts = [peak_drifts(building, "impulse4", 0.01 / 16) for building in buildings]
     print(
-        "runs beyond the tolerance, % / largest error of a peak drift / processor time of choice "
-        "and runs, s"
+        "runs that exceed the tolerance, % / maximum error of a peak drift / processor time of the "
+        "choice + of the runs, s"
     )
-    print(f"{'':30s}{'the strongest':>28s}{'spread':>28s}")
+    print(f"{'':30s}{'strongest run':>28s}{'several runs':>28s}")
     for method in ("impulse4", "moment4", "newmark-average"):
         for within in (0.01, 0.001):
             cells = []
-            for parts in ([[one] for one in ranked], [runs]):
-                errors, choosing, running = [], 0.0, 0.0
-                for building, truth in zip(buildings, truths, strict=True):
-                    begin = time.process_time()
+            # `building_step` returns None if all runs of a group collapse. In this case the next
+            # group is used.
+            for groups in ([[strongest] for strongest in ranked], [runs]):
+                errors, choice_time, run_time = [], 0.0, 0.0
+                for building, exact in zip(buildings, exact_drifts, strict=True):
+                    start = time.process_time()
                     subject = Subject(building, method)
                     steps = (
-                        building_step(subject, records, part, RunSettings(), within)
-                        for part in parts
+                        building_step(subject, records, group, RunSettings(), within)
+                        for group in groups
                     )
                     step = next(step for step in steps if step is not None)
-                    chosen = time.process_time()
-                    found = drifts(building, method, step)
-                    choosing, running = (
-                        choosing + chosen - begin,
-                        running + time.process_time() - chosen,
-                    )
-                    errors += list(np.max(np.abs(found / truth - 1.0), axis=1))
-                beyond = 100.0 * np.mean(np.array(errors) > within)
-                cells.append(f"{beyond:.1f} / {max(errors):.1e} / {choosing:.1f} + {running:.1f}")
+                    end_of_choice = time.process_time()
+                    drifts = peak_drifts(building, method, step)
+                    choice_time += end_of_choice - start
+                    run_time += time.process_time() - end_of_choice
+                    errors += list(np.max(np.abs(drifts / exact - 1.0), axis=1))
+                exceeding = 100.0 * np.mean(np.array(errors) > within)
+                cells.append(
+                    f"{exceeding:.1f} / {max(errors):.1e} / {choice_time:.1f} + {run_time:.1f}"
+                )
             print(
                 f"{method:20s}{100.0 * within:8.1f} %" + "".join(f"{cell:>28s}" for cell in cells)
             )
 
 
-TABLES = {one.__name__: one for one in (motion, peaks, speed, tolerance)}
+TABLES = {function.__name__: function for function in (motion, peaks, speed, tolerance)}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or TABLES:

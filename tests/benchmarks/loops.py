@@ -1,14 +1,16 @@
-"""Time of loops for all laws over loops for the laws of the building: python
-tests/benchmarks/loops.py
+"""Compare time loops for all laws with time loops for the laws of a building.
+
+    python tests/benchmarks/loops.py [--wheel]
 
 `tdint compile --all` and wheels contain time loops for all laws; a first run without them compiles
 loops for the laws of the building. Methods and laws of plug-ins always run in loops for the laws of
-the building. The script integrates each model of `configs` with both loops in turns, in one
-process, by processor time of the thread; the minimum counts. Results are the same to the bit.
+the building. The script integrates each model of `configs` alternately with both loops in one
+process, and stores the minimum processor times of the thread. It checks that the peaks of both
+loops are equal to the bit.
 
 `--wheel` uses the loops for all laws of a wheel: those for the oldest processor of its platform,
 compiled into TDINT_KERNELS_DIR by `tdint compile --all --target linux-x86-64-v3 -o DIR`. Results
-are written to loops.csv, from which run.py makes a table.
+are written to loops.csv, and run.py writes a table from this file.
 """
 
 from __future__ import annotations
@@ -39,10 +41,10 @@ REPEATS = 25
 MAX_STORIES = 30
 
 
-def prepared_with(model: Model, for_all: bool) -> PreparedBuilding:
-    """Return the building, with loops for all laws or for its laws."""
+def prepare_building(model: Model, for_all_laws: bool) -> PreparedBuilding:
+    """Return the prepared building with loops for all laws, or with loops for its laws."""
     prepared = PreparedBuilding.of(model)
-    if for_all:
+    if for_all_laws:
         vars(prepared)["variant"] = EVERYTHING  # the value of the cached property
     return prepared
 
@@ -55,11 +57,11 @@ def times(model: Model, method: str) -> tuple[float, float] | None:
     integrator, record = parse(method), model_record(model)
     assert record is not None
     steps = choose_steps(None, None, record.dt, record.duration)
-    both = [prepared_with(model, for_all) for for_all in (False, True)]
-    both[0].compile([integrator], own_loops=True)
+    buildings = [prepare_building(model, for_all_laws) for for_all_laws in (False, True)]
+    buildings[0].compile([integrator], own_loops=True)
     best, peaks = [math.inf, math.inf], [None, None]
     for _ in range(REPEATS):
-        for i, prepared in enumerate(both):
+        for i, prepared in enumerate(buildings):
             result = prepared.integrate(integrator, steps, record.acceleration.copy())
             if result.code < 0:
                 return None
@@ -69,30 +71,34 @@ def times(model: Model, method: str) -> tuple[float, float] | None:
     return best[0], best[1]
 
 
-def main(asked: Sequence[str]) -> None:
-    """Measure and write the file; rows of the other kind of loops are kept."""
-    kind = "wheel" if "--wheel" in asked else "compile --all"
-    kept = []
+def main(arguments: Sequence[str]) -> None:
+    """Measure all models and methods and write loops.csv.
+
+    Rows of the loops from the other source (`compile --all` or a wheel) are kept in the file.
+    """
+    source = "wheel" if "--wheel" in arguments else "compile --all"
+    other_rows = []
     if FILE.exists():
         with FILE.open(encoding="utf-8", newline="") as stream:
-            kept = [row for row in csv.reader(stream) if row[0] not in (kind, HEADS[0])]
-    found = []
+            other_rows = [row for row in csv.reader(stream) if row[0] not in (source, HEADS[0])]
+    rows = []
     for file in sorted((ROOT / "configs").glob("*.yaml")):
         model = load_model(file)
         if not model.excitation.record or len(model.stories) > MAX_STORIES:
             continue
         for method in METHODS:
             try:
-                own = times(model, method)
-            except TdintError as error:  # the method refuses the building
+                step_times = times(model, method)
+            except TdintError as error:  # the method does not support the building
                 print(file.stem, method, error)
                 continue
-            if own is not None:
-                found.append(
-                    [kind, file.stem, method, f"{1e6 * own[0]:.4g}", f"{own[1] / own[0]:.3f}"]
+            if step_times is not None:
+                own, all_laws = step_times
+                rows.append(
+                    [source, file.stem, method, f"{1e6 * own:.4g}", f"{all_laws / own:.3f}"]
                 )
-                print(*found[-1], flush=True)
-    raw_points.write(FILE, HEADS, sorted([*kept, *found]))
+                print(*rows[-1], flush=True)
+    raw_points.write(FILE, HEADS, sorted([*other_rows, *rows]))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Mutants of modules: does a test fail if one operator or number is changed?
+"""Change operators and numbers of modules one at a time, and check that a test fails.
 
     python tests/benchmarks/mutants.py [--seed N] [--count N] MODULE.py ... -- TESTS ...
     python tests/benchmarks/mutants.py [--seed N] [--count N] --reached DATA MODULE.py ...
@@ -53,6 +53,7 @@ OTHER = {
     ast.In: ast.NotIn,
     ast.NotIn: ast.In,
 }
+"""Operator that replaces each operator."""
 
 
 def places(source: str) -> list[int]:
@@ -69,8 +70,8 @@ def places(source: str) -> list[int]:
 def mutant(source: str, place: int) -> tuple[int, str]:
     """Return the line number of a node, and the source text with this node changed.
 
-    An operator is replaced by that of `OTHER`. A number with decimals is doubled; 1 is added to an
-    integer and to 0.0.
+    An operator is replaced as listed in `OTHER`. A number with decimals is doubled; 1 is added to
+    an integer and to 0.0. `place` is an index of `places`.
     """
     tree = ast.parse(source)
     node = list(ast.walk(tree))[place]
@@ -86,7 +87,19 @@ def mutant(source: str, place: int) -> tuple[int, str]:
 
 
 def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
-    """Return True if all tests pass with the text of a mutant as the source of the module."""
+    """Return True if all tests pass with the text of a mutant as the source of the module.
+
+    Parameters
+    ----------
+    package : Path
+        Directory with the copy of the package `tdint`. The module in it is replaced temporarily.
+    module : Path
+        Module in src/tdint of this repository.
+    text : str
+        Source text of the mutant.
+    tests : list of str
+        Arguments of pytest.
+    """
     file = package / "tdint" / module.relative_to(ROOT / "src" / "tdint")
     before = file.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
@@ -96,8 +109,24 @@ def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
         "PYTHONPYCACHEPREFIX": str(package / "bytecode"),
     }
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
-    hangs = ("-o", f"faulthandler_timeout={SECONDS}", "-o", "faulthandler_exit_on_timeout=true")
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *hangs, *tests]
+    # A test that exceeds the time limit ends the process, which counts as a failure.
+    time_limit = (
+        "-o",
+        f"faulthandler_timeout={SECONDS}",
+        "-o",
+        "faulthandler_exit_on_timeout=true",
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-x",
+        "-p",
+        "no:cacheprovider",
+        *time_limit,
+        *tests,
+    ]
     try:
         return not subprocess.run(
             command, cwd=ROOT, env=environment, capture_output=True
@@ -120,7 +149,9 @@ class Reach:
                 self._lines.update(contexts)
 
     def tests(self, module: Path, line: int) -> list[str]:
-        """Return the tests that reach a module; those that reach the line are first.
+        """Return the tests that reach a module, by their names for pytest.
+
+        Tests that reach the line are first, ordered by the number of lines that they reach.
 
         The other tests of the module are needed, because the code of a cached value is executed
         only in the first test that uses the value.
@@ -128,7 +159,7 @@ class Reach:
         by_line = self._data.contexts_by_lineno(str(module))
         of_line = set(by_line.get(line, ()))
         of_module = set[str]().union(*by_line.values())
-        # Contexts of functions of hypothesis that are also called "test" are left out.
+        # Contexts of functions of hypothesis that are also called "test" are ignored.
         ours = [context for context in of_module if context.startswith("tests.")]
         return [
             _node(test)
@@ -152,6 +183,7 @@ def _node(context: str) -> str:
 
 
 def main() -> None:
+    """Try a random sample of mutants, and print the survivors and the number of killed mutants."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -163,7 +195,7 @@ def main() -> None:
     options = parser.parse_args(sys.argv[1:split])
     tests = sys.argv[split + 1 :]
     if bool(tests) == bool(options.reached):
-        parser.error("give either tests, behind --, or the data of --reached")
+        parser.error("either tests (after --) or --reached DATA is required, but not both")
     reach = Reach(options.reached) if options.reached else None
     population = [
         (module.resolve(), place)
@@ -181,33 +213,37 @@ def main() -> None:
             ROOT / "src" / "tdint", package / "tdint", ignore=shutil.ignore_patterns("__pycache__")
         )
         # Tests that fail or do not exist would seem to kill each mutant: check them first.
-        plain = options.modules[0].resolve()
-        asked = [reach.tests(module, line) if reach else tests for module, line, _ in mutants]
+        first_module = options.modules[0].resolve()
+        tests_by_mutant = [
+            reach.tests(module, line) if reach else tests for module, line, _ in mutants
+        ]
         # The tests of DATA passed when it was made. Only check that they still exist.
-        all_of_them = ["--collect-only", *sorted(set().union(*asked))] if reach else tests
-        if not survives(package, plain, plain.read_text(encoding="utf-8"), all_of_them):
-            sys.exit("the tests are not there, or do not pass with the modules as they stand")
-        for (module, line, text), of_mutant in zip(mutants, asked, strict=True):
-            lives = not of_mutant or survives(package, module, text, of_mutant)
-            killed += not lives
-            if lives:
-                was = module.read_text(encoding="utf-8").splitlines()[line - 1].strip()
-                here = next(
+        all_tests = ["--collect-only", *sorted(set().union(*tests_by_mutant))] if reach else tests
+        original = first_module.read_text(encoding="utf-8")
+        if not survives(package, first_module, original, all_tests):
+            sys.exit("tests not found, or tests fail with the unchanged modules")
+        for (module, line, text), selected in zip(mutants, tests_by_mutant, strict=True):
+            is_survivor = not selected or survives(package, module, text, selected)
+            killed += not is_survivor
+            if is_survivor:
+                old_line = module.read_text(encoding="utf-8").splitlines()[line - 1].strip()
+                new_line = next(
                     (
                         new
-                        for old, new in zip(_plain(module), text.splitlines(), strict=False)
+                        for old, new in zip(_formatted(module), text.splitlines(), strict=False)
                         if old != new
                     ),
                     "",
                 )
                 print(
-                    f"survives: {module.relative_to(ROOT)}:{line}: {was}\n    as {here.strip()}",
+                    f"survives: {module.relative_to(ROOT)}:{line}: {old_line}\n"
+                    f"    as {new_line.strip()}",
                     flush=True,
                 )
     print(f"{killed} of {len(mutants)} killed")
 
 
-def _plain(module: Path) -> list[str]:
+def _formatted(module: Path) -> list[str]:
     """Return the lines of a module, formatted like the text of a mutant."""
     return ast.unparse(ast.parse(module.read_text(encoding="utf-8"))).splitlines()
 

@@ -1,6 +1,6 @@
 """Tables of the benchmark page that are made from stored points and measurements.
 
-Each function returns Markdown. `run.py` puts them into sections. Nothing is measured here.
+Each function returns Markdown, and `run.py` inserts it into a section. No function measures.
 """
 
 from __future__ import annotations

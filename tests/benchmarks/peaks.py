@@ -1,13 +1,17 @@
-"""Reported peaks, beside the largest values at the steps and the method's own error: python
-tests/benchmarks/peaks.py [TABLE]...
+"""Measure the errors of reported peaks, which include the response between the time steps.
 
-Tables: runs (every method of `tdint methods` on four configurations and 20 random buildings, at dt
-to dt/8: how far off the peaks of five quantities are, the share of runs within the limit, the
-observed order), beyond (the runs that are not within it). Both if none is named.
+    python tests/benchmarks/peaks.py [TABLE]...
 
-A run of a quantity is within the limit if no story's peak errs by more than 1.1 times the larger of
-the error of the largest value at the steps and the method's own error in time, the largest of the
-history over the peak, plus 1e-4. The truth is impulse4 at dt/64, confirmed by gauss4.
+Tables (default: both):
+
+runs    errors of the peaks of five quantities, observed orders, and number of runs within the
+        limit, for every method of `tdint methods` with dt to dt/8; the buildings are four models of
+        configs and 20 random buildings
+beyond  runs that exceed the limit
+
+A quantity of a run is within the limit if the relative error of the peak of each story is at most
+1.1 max(E, H) + 1e-4. E is the error of the maximum value at the time steps. H is the maximum error
+of the history divided by the peak. The reference is impulse4 with dt/64, confirmed by gauss4.
 """
 
 import sys
@@ -28,29 +32,50 @@ MORE = ("hht:alpha=-0.3", "newmark:gamma=0.6", "impulse4:rho_inf=0.5", "moment4:
 QUANTITIES = ("drift", "displacement", "velocity", "absolute_acceleration", "shear")
 PARTS = (1, 2, 4, 8)
 FINE = 64
-SURE = 2e-5
+MAX_DIFFERENCE = 2e-5  # maximum relative difference of the peaks of the two references
 
 
-class Truth:
-    """A building under a motion: its peaks, and its history at dt/8."""
+class Reference:
+    """Reference solution of a building under a ground motion.
+
+    Attributes
+    ----------
+    name, building, record
+        Name, model and ground motion of the case.
+    done : bool
+        True if the run reached its end without collapse.
+    peaks : dict of str to ndarray
+        Peaks over the stories by quantity.
+    difference : float
+        Maximum relative difference of the peaks from a second reference solution.
+    history : dict of str to ndarray
+        Histories with dt/8 by quantity, shape (times, stories).
+    """
 
     def __init__(self, name, building, record):
         self.name, self.building, self.record = name, building, record
         fine = run(building, record, method="impulse4", dt=record.dt / FINE, history=True)
-        other = run(building, record, method="gauss4", dt=record.dt / FINE).stories
+        second = run(building, record, method="gauss4", dt=record.dt / FINE).stories
         self.done = fine.status == "done"
-        self.peaks = {one: getattr(fine.stories, f"peak_{one}") for one in QUANTITIES}
-        self.doubt = max(
-            np.max(np.abs(getattr(other, f"peak_{one}") / self.peaks[one] - 1.0))
-            for one in QUANTITIES
+        self.peaks = {name: getattr(fine.stories, f"peak_{name}") for name in QUANTITIES}
+        self.difference = max(
+            np.max(np.abs(getattr(second, f"peak_{name}") / self.peaks[name] - 1.0))
+            for name in QUANTITIES
         )
         self.history = {
-            one: getattr(fine.history, one)[:: FINE // max(PARTS)].copy() for one in QUANTITIES
+            name: getattr(fine.history, name)[:: FINE // max(PARTS)].copy() for name in QUANTITIES
         }
 
     def errors(self, method, parts):
-        """For each quantity three arrays over the stories: errors of the reported peak, of the
-        largest value at the steps, and of the history; None where the method does not run."""
+        """Return the relative errors of a run with `parts` time steps per sampling interval.
+
+        Returns
+        -------
+        dict of str to tuple of ndarray, or None
+            For each quantity three arrays over the stories, divided by the peaks: errors of the
+            reported peak, of the maximum value at the time steps, and of the history. None if the
+            run fails or collapses.
+        """
         try:
             response = run(
                 self.building, self.record, method=method, dt=self.record.dt / parts, history=True
@@ -59,109 +84,136 @@ class Truth:
             return None
         if response.status != "done":
             return None
-        found = {}
-        for one in QUANTITIES:
-            history = getattr(response.history, one)
-            peak = self.peaks[one]
-            far = np.max(
-                np.abs(history - self.history[one][:: max(PARTS) // parts][: len(history)]), axis=0
+        errors = {}
+        for name in QUANTITIES:
+            history = getattr(response.history, name)
+            peak = self.peaks[name]
+            exact_history = self.history[name][:: max(PARTS) // parts][: len(history)]
+            history_error = np.max(np.abs(history - exact_history), axis=0)
+            maximum_at_steps = np.max(np.abs(history), axis=0)
+            reported = getattr(response.stories, f"peak_{name}")
+            errors[name] = (
+                np.abs(reported - peak) / peak,
+                np.abs(maximum_at_steps - peak) / peak,
+                history_error / peak,
             )
-            at_steps = np.max(np.abs(history), axis=0)
-            reported = getattr(response.stories, f"peak_{one}")
-            found[one] = np.abs(reported - peak) / peak, np.abs(at_steps - peak) / peak, far / peak
-        return found
+        return errors
 
 
-def truths():
-    """The four configurations, ten buildings with kinks and ten without."""
+def references():
+    """Yield the references of the four models, of ten buildings with kinks and of ten without."""
     for name in NAMED:
         building = load_model(ROOT / "configs" / f"{name}.yaml")
-        yield Truth(name, building, model_record(building))
-    for kind, draw in (("kinks", piecewise_building), ("smooth", shaken_building)):
+        yield Reference(name, building, model_record(building))
+    for group_name, random_case in (("kinks", piecewise_building), ("smooth", shaken_building)):
         rng, count = np.random.default_rng(23), 0
         while count < 10:
-            truth = Truth(f"{kind} {count + 1}", *draw(rng))
-            # What collapses, or amplifies rounding to something seen, has no peaks to compare with.
-            if truth.done and truth.doubt <= SURE:
+            reference = Reference(f"{group_name} {count + 1}", *random_case(rng))
+            # Buildings that collapse or amplify rounding errors have no accurate reference peaks.
+            if reference.done and reference.difference <= MAX_DIFFERENCE:
                 count += 1
-                yield truth
+                yield reference
 
 
 def measure():
-    """Errors of all runs by building, method, part of the step and quantity."""
-    found = {}
-    for truth in truths():
-        print(f"{truth.name}: gauss4 differs by {truth.doubt:.0e}", file=sys.stderr)
+    """Return the errors of all runs, and print the difference of the references to stderr.
+
+    Returns
+    -------
+    dict
+        Result of `Reference.errors` for a quantity by (building, method, steps per sampling
+        interval, quantity).
+    """
+    all_errors = {}
+    for reference in references():
+        print(f"{reference.name}: gauss4 differs by {reference.difference:.0e}", file=sys.stderr)
         for method in (*catalogue(), *MORE):
             for parts in PARTS:
-                errors = truth.errors(method, parts)
-                if errors is not None:
-                    found |= {
-                        (truth.name, method, parts, one): value for one, value in errors.items()
-                    }
-    return found
+                errors = reference.errors(method, parts) or {}
+                for quantity, value in errors.items():
+                    all_errors[reference.name, method, parts, quantity] = value
+    return all_errors
 
 
-def within(errors):
-    """Whether a run is within the limit."""
-    reported, at_steps, own = errors
-    return bool(np.all(reported <= 1.1 * np.maximum(at_steps, own) + 1e-4))
+def limits(errors):
+    """Return the limits of the errors of reported peaks, by story; the module docstring defines
+    them."""
+    _, at_steps, history = errors
+    return 1.1 * np.maximum(at_steps, history) + 1e-4
+
+
+def is_within(errors):
+    """Return True if the errors of the reported peaks of a run are within the limits."""
+    return bool(np.all(errors[0] <= limits(errors)))
 
 
 def group(name, method):
-    """Which line of the table a run belongs to."""
+    """Return the row of the table for a building and a method, for example `2, kinks`."""
     order = parse(method).order
-    kind = (
-        "linear"
-        if name == "ten-story"
-        else "smooth"
-        if name.startswith(("smooth", "fluid"))
-        else "kinks"
-    )
-    return f"{'4, 5, exact' if order > 3 or method == 'exact' else order}, {kind}"
+    if name == "ten-story":
+        smoothness = "linear"
+    elif name.startswith(("smooth", "fluid")):
+        smoothness = "smooth"
+    else:
+        smoothness = "kinks"
+    return f"{'4, 5, exact' if order > 3 or method == 'exact' else order}, {smoothness}"
 
 
-def _runs(found):
+def print_runs(all_errors):
+    """Print mean errors, observed orders and the number of runs within the limit by group."""
+    # By group, and by quantity and steps per sampling interval: maximum error of the reported
+    # peaks, maximum error of the values at the steps, and True if the run is within the limit.
     groups = defaultdict(lambda: defaultdict(list))
-    for (name, method, parts, one), errors in found.items():
-        groups[group(name, method)][one, parts].append(
-            (np.max(errors[0]), np.max(errors[1]), within(errors))
+    for (name, method, parts, quantity), errors in all_errors.items():
+        groups[group(name, method)][quantity, parts].append(
+            (np.max(errors[0]), np.max(errors[1]), is_within(errors))
         )
     print(
-        "errors at dt (of the largest value at the steps), order from dt to dt/8; geometric means\n"
+        "errors with dt (of the maximum value at the steps), order from dt to dt/8; geometric "
+        "means\n"
     )
     print(f"| order, building | {' | '.join(QUANTITIES)} | within |")
     print("|---|" + "---|" * (len(QUANTITIES) + 1))
     for name in sorted(groups):
         runs, cells = groups[name], []
-        for one in QUANTITIES:
+        for quantity in QUANTITIES:
+            # Geometric means of the first two values of each run, with dt and with dt/8.
             (coarse, at_steps), (fine, _) = (
                 np.exp(
-                    np.mean(np.log(np.maximum([run[:2] for run in runs[one, k]], 1e-12)), axis=0)
+                    np.mean(
+                        np.log(np.maximum([run[:2] for run in runs[quantity, parts]], 1e-12)),
+                        axis=0,
+                    )
                 )
-                for k in (1, 8)
+                for parts in (1, 8)
             )
-            cells.append(f"{coarse:.1e} ({at_steps:.1e}), {np.log2(coarse / fine) / 3.0:.1f}")
-        every = [run[2] for part in runs.values() for run in part]
-        print(f"| {name} | {' | '.join(cells)} | {sum(every)} of {len(every)} |")
-    good = [within(errors) for errors in found.values()]
-    print(f"\n{sum(good)} of {len(good)} runs within the limit, {100.0 * np.mean(good):.2f} %")
+            # The time step is halved three times.
+            order = np.log2(coarse / fine) / 3.0
+            cells.append(f"{coarse:.1e} ({at_steps:.1e}), {order:.1f}")
+        are_within = [run[2] for runs_of_part in runs.values() for run in runs_of_part]
+        print(f"| {name} | {' | '.join(cells)} | {sum(are_within)} of {len(are_within)} |")
+    are_within = [is_within(errors) for errors in all_errors.values()]
+    print(
+        f"\n{sum(are_within)} of {len(are_within)} runs within the limit, "
+        f"{100.0 * np.mean(are_within):.2f} %"
+    )
 
 
-def _beyond(found):
-    for (name, method, parts, one), errors in found.items():
-        if not within(errors):
-            limit = 1.1 * np.maximum(errors[1], errors[2]) + 1e-4
-            i = int(np.argmax(errors[0] / limit))
+def print_beyond(all_errors):
+    """Print the runs that exceed the limit: the story with the largest excess, and its errors."""
+    for (name, method, parts, quantity), errors in all_errors.items():
+        if not is_within(errors):
+            ratios = errors[0] / limits(errors)
+            i = int(np.argmax(ratios))
             sizes = ", ".join(f"{error[i]:.2e}" for error in errors)
             print(
-                f"{name}, {method}, dt/{parts}, {one} {i + 1}: {sizes} "
-                f"({errors[0][i] / limit[i]:.2f} of the limit)"
+                f"{name}, {method}, dt/{parts}, {quantity} of story {i + 1}: {sizes} "
+                f"({ratios[i]:.2f} of the limit)"
             )
 
 
 if __name__ == "__main__":
-    FOUND = measure()
+    ERRORS = measure()
     for table in sys.argv[1:] or ("runs", "beyond"):
-        {"runs": _runs, "beyond": _beyond}[table](FOUND)
+        {"runs": print_runs, "beyond": print_beyond}[table](ERRORS)
         print()

@@ -1,13 +1,14 @@
-"""Whole processes against the imports of their packages, as a table: python
-tests/benchmarks/processes.py [--first]
+"""Measure the time of complete processes.
 
-1. Commands with their kernels there, beside `python -c "import numpy, click, yaml"`. They take
-  turns, the shortest time
-   of each counts; processor time, wall time and the ratio of the latter.
-2. Tall buildings: what is set up before the march, and the march.
+    python tests/benchmarks/processes.py [--first]
 
-With --first instead: the same commands with no compiled kernels anywhere, once each; this takes
-some minutes.
+The first part is a Markdown table of commands with compiled kernels. Their wall and processor times
+are divided by the times of `python -c "import numpy, click, yaml"`. All commands run alternately,
+and the minimum times count. The second part compares the set-up of tall buildings with the time
+integration.
+
+With `--first`, some of the commands are measured once without compiled kernels instead. This takes
+several minutes.
 """
 
 import os
@@ -45,11 +46,20 @@ COMMANDS = {
     ),
     "--help": ("--help",),
 }
+# Commands that are measured by `--first`.
 FIRST = ("run ten-story.yaml", "run ten-story-bilinear.yaml", "spectrum near-fault.mseed")
 
 
-def measured(command, **environment):
-    """Wall and processor time of a process and its children, s."""
+def measure(command, **environment):
+    """Run a command and return its wall and processor time with its children, s, as an array.
+
+    Parameters
+    ----------
+    command : sequence of str or Path
+        Program and arguments.
+    **environment : str
+        Additional environment variables.
+    """
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run(
         list(map(str, command)), check=True, capture_output=True, env={**os.environ, **environment}
@@ -58,51 +68,69 @@ def measured(command, **environment):
     return np.array([wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime])
 
 
-def shortest(commands, turns):
-    """Shortest wall and processor time of each command, s, the commands taken in turns."""
+def minimum_times(commands, repeats):
+    """Return the minimum wall and processor times, s, shape (commands, 2); the commands run
+    alternately."""
     best = np.full((len(commands), 2), np.inf)
-    for _ in range(turns):
+    for _ in range(repeats):
         for i, command in enumerate(commands):
-            best[i] = np.minimum(best[i], measured(command))
+            best[i] = np.minimum(best[i], measure(command))
     return best
 
 
-def print_commands(commands, turns=15):
-    """The table of commands, given by name, whose kernels are compiled before a clock starts."""
+def print_commands(commands, repeats=15):
+    """Print the table of commands with compiled kernels.
+
+    Parameters
+    ----------
+    commands : dict
+        Arguments of `tdint` by the name of the row.
+    repeats : int
+        Number of measurements of each command.
+    """
+    # Compile the kernels before the measurement.
     for command in commands.values():
-        measured((*TDINT, *command))
-    imports, *times = shortest(
-        [IMPORTS, *((*TDINT, *command) for command in commands.values())], turns
+        measure((*TDINT, *command))
+    imports, *times = minimum_times(
+        [IMPORTS, *((*TDINT, *command) for command in commands.values())], repeats
     )
     print(
-        "| process | wall ms | processor ms | over the imports, wall | processor "
+        "| process | wall ms | processor ms | wall / imports | processor / imports "
         "|\n|---|---|---|---|---|"
     )
     print(
         f"| import numpy, click, yaml | {imports[0] * 1e3:.0f} | {imports[1] * 1e3:.0f} | 1 | 1 |"
     )
-    for name, both in zip(commands, times, strict=True):
-        ratio = both / imports
+    for name, (wall, processor) in zip(commands, times, strict=True):
         print(
-            f"| {name} | {both[0] * 1e3:.0f} | {both[1] * 1e3:.0f} | {ratio[0]:.2f} | "
-            f"{ratio[1]:.2f} |"
+            f"| {name} | {wall * 1e3:.0f} | {processor * 1e3:.0f} | {wall / imports[0]:.2f} | "
+            f"{processor / imports[1]:.2f} |"
         )
 
 
-def print_first(targets=FIRST):
-    """The table of first runs: no kernels are found, none are left."""
+def print_first_runs(names=FIRST):
+    """Print the times of commands that compile their kernels, with an empty temporary cache.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Keys of `COMMANDS`.
+    """
     print("| first run | wall s | processor s |\n|---|---|---|")
-    for name in targets:
-        with tempfile.TemporaryDirectory() as folder:
-            wall, processor = measured(
-                (*TDINT, *COMMANDS[name]), TDINT_CACHE_DIR=folder, TDINT_KERNELS_DIR=""
+    for name in names:
+        with tempfile.TemporaryDirectory() as directory:
+            wall, processor = measure(
+                (*TDINT, *COMMANDS[name]), TDINT_CACHE_DIR=directory, TDINT_KERNELS_DIR=""
             )
         print(f"| {name} | {wall:.1f} | {processor:.1f} |", flush=True)
 
 
-def tall(folder, stories):
-    """A model file of equal stories with Rayleigh damping."""
-    file = folder / f"{stories}-stories.yaml"
+def write_tall_model(directory, stories):
+    """Write a model file of equal stories with Rayleigh damping, and return its path.
+
+    The story stiffness is proportional to the number of stories.
+    """
+    file = directory / f"{stories}-stories.yaml"
     file.write_text(
         f"name: {stories} stories\n"
         f"stories:\n  - {{repeat: {stories}, mass: 2e5, height: 3.5, stiffness: "
@@ -115,30 +143,41 @@ def tall(folder, stories):
     return file
 
 
-def print_setting_up(file, samples):
-    """What a tall building costs before the march, and the march over the whole record (from some
-    samples of it)."""
+def print_set_up(file, samples):
+    """Print the processor times of the set-up and of the time integration of a tall building.
+
+    Parameters
+    ----------
+    file : Path
+        Model file.
+    samples : int
+        Number of sampling intervals that are integrated. The time is extrapolated to the complete
+        record.
+    """
     times = []
 
-    def timed(function, *arguments):
-        begin = time.process_time()
+    def call_timed(function, *arguments):
+        """Call a function, append its processor time to `times`, and return its result."""
+        start = time.process_time()
         result = function(*arguments)
-        times.append(time.process_time() - begin)
+        times.append(time.process_time() - start)
         return result
 
-    model = timed(load_model, file)
+    model = call_timed(load_model, file)
     record = model_record(model)
-    few, many = (
+    # A run of one step measures the set-up.
+    one_step, many_steps = (
         replace(record, acceleration=record.acceleration[: count + 1]) for count in (1, samples + 1)
     )
-    case = timed(prepare, model, few)
-    timed(run_case, case)
-    setting_up = sum(times)
-    timed(run_case, case.under(many))
-    march = (times[-1] - times[-2]) * (record.acceleration.size - 1) / samples
+    case = call_timed(prepare, model, one_step)
+    call_timed(run_case, case)
+    set_up = sum(times)
+    call_timed(run_case, case.under(many_steps))
+    # The difference of the last two runs, without the set-up that both contain.
+    integration = (times[-1] - times[-2]) * (record.acceleration.size - 1) / samples
     print(
-        f"{file.stem}: set-up {setting_up:.2f} s, march {march:.1f} s, {setting_up / march:.3f} of "
-        "it",
+        f"{file.stem}: set-up {set_up:.2f} s, time integration {integration:.1f} s, ratio "
+        f"{set_up / integration:.3f}",
         flush=True,
     )
 
@@ -146,14 +185,15 @@ def print_setting_up(file, samples):
 def main():
     """Print the tables."""
     if "--first" in sys.argv:
-        print_first()
+        print_first_runs()
         return
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        print_commands({**COMMANDS, "run 1000 stories": ("run", tall(folder, 1000))})
+        directory = Path(name)
+        tall_model = write_tall_model(directory, 1000)
+        print_commands({**COMMANDS, "run 1000 stories": ("run", tall_model)})
         print()
         for stories, samples in ((1000, 4000), (20_000, 200), (100_000, 40)):
-            print_setting_up(tall(folder, stories), samples)
+            print_set_up(write_tall_model(directory, stories), samples)
 
 
 if __name__ == "__main__":

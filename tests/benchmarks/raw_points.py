@@ -24,7 +24,7 @@ POINTS, PROBLEMS, CONDITIONS = (
 DIGITS = 5
 """Significant digits of numbers. Times scatter by 10 %."""
 
-OF_POINTS = (
+POINT_COLUMNS = (
     "problem",
     "motion",
     "method",
@@ -37,7 +37,7 @@ OF_POINTS = (
     "times",
     "status",
 )
-OF_PROBLEMS = (
+PROBLEM_COLUMNS = (
     "problem",
     "motion",
     "stories",
@@ -97,48 +97,59 @@ def parse(text: str) -> float:
     return float(text) if text else math.nan
 
 
-def point_row(one: Measured, point: Point) -> list[str]:
-    """Return the row of a point."""
+def point_row(problem: Measured, point: Point) -> list[str]:
+    """Return the row of points.csv for a run of a problem; see `POINT_COLUMNS`."""
     errors = [number(point.error(name)) for name in PEAKS]
     counts = ["" if count is None else str(count) for count in (point.steps, point.iterations)]
     return [
-        *(one.name, one.motion, point.method, point.line, number(point.dt), *counts, *errors),
+        *(
+            problem.name,
+            problem.motion,
+            point.method,
+            point.line,
+            number(point.dt),
+            *counts,
+            *errors,
+        ),
         *(number(point.fastest), str(len(point.times)), point.outcome),
     ]
 
 
 def problem_row(entry: Entry) -> list[str]:
-    """Return the row of a problem."""
-    one = entry.measured
+    """Return the row of problems.csv for a problem; see `PROBLEM_COLUMNS`."""
+    problem = entry.measured
     return [
-        *(one.name, one.motion, str(one.stories), number(one.interval), number(one.duration)),
-        *(number(one.ductility), str(one.changes), one.confirmed_by),
-        *(number(one.gap.of(name)) for name in PEAKS),
-        *(number(one.peer_gap), one.peer_note, entry.day, number(entry.load)),
+        *(problem.name, problem.motion, str(problem.stories)),
+        *(number(problem.interval), number(problem.duration), number(problem.ductility)),
+        *(str(problem.changes), problem.confirmed_by),
+        *(number(problem.gap.of(name)) for name in PEAKS),
+        *(number(problem.peer_gap), problem.peer_note, entry.day, number(entry.load)),
         number(entry.seconds),
     ]
 
 
 def write(file: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Write a CSV file."""
+    """Write a CSV file with a header and rows."""
     with file.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerows([heads, *rows])
 
 
 def read(file: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV file."""
+    """Return the rows of a CSV file as texts by column."""
     with file.open(encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
 
 
-def store(entries: Sequence[Entry], conditions: Conditions, folder: Path = HERE) -> None:
-    """Write the three files."""
-    rows = [point_row(one.measured, point) for one in entries for point in one.measured.points]
-    write(folder / POINTS.name, OF_POINTS, rows)
-    write(folder / PROBLEMS.name, OF_PROBLEMS, map(problem_row, entries))
+def store(entries: Sequence[Entry], conditions: Conditions, directory: Path = HERE) -> None:
+    """Write points.csv, problems.csv and conditions.csv to a directory."""
+    rows = [
+        point_row(entry.measured, point) for entry in entries for point in entry.measured.points
+    ]
+    write(directory / POINTS.name, POINT_COLUMNS, rows)
+    write(directory / PROBLEMS.name, PROBLEM_COLUMNS, map(problem_row, entries))
     timing = conditions.timing
-    named = {
+    values = {
         "versions": conditions.versions,
         "system": conditions.system,
         "clock": timing.clock,
@@ -147,43 +158,47 @@ def store(entries: Sequence[Entry], conditions: Conditions, folder: Path = HERE)
         "processors": str(timing.processors),
     }
     for peer in conditions.peers:
-        named |= {
+        values |= {
             f"{peer.name} {key}": getattr(peer, key) for key in ("version", "settings", "timed")
         }
-    write(folder / CONDITIONS.name, ("condition", "value"), named.items())
+    write(directory / CONDITIONS.name, ("condition", "value"), values.items())
 
 
-def load(folder: Path = HERE) -> tuple[list[Entry], Conditions]:
-    """Return the results and the conditions of the three files."""
+def load(directory: Path = HERE) -> tuple[list[Entry], Conditions]:
+    """Return the results and the conditions from the three files in a directory."""
     points: dict[tuple[str, str], list[Point]] = {}
-    for row in read(folder / POINTS.name):
+    for row in read(directory / POINTS.name):
         points.setdefault((row["problem"], row["motion"]), []).append(point_of(row))
-    reasons = {(one.name, one.motion): one.reason for one in read_problems(STANDARD)}
+    reasons = {
+        (problem.name, problem.motion): problem.reason for problem in read_problems(STANDARD)
+    }
     entries = []
-    for row in read(folder / PROBLEMS.name):
+    for row in read(directory / PROBLEMS.name):
         name = row["problem"], row["motion"]
         entries.append(entry_of(row, reasons[name], tuple(points[name])))
-    named = {row["condition"]: row["value"] for row in read(folder / CONDITIONS.name)}
-    counts = [len(point.times) for of_one in points.values() for point in of_one if point.times]
+    values = {row["condition"]: row["value"] for row in read(directory / CONDITIONS.name)}
+    counts = [len(point.times) for runs in points.values() for point in runs if point.times]
     timing = Timing(
-        named["clock"],
+        values["clock"],
         (min(counts), max(counts)),
-        parse(named["load"]) if named["load"] else None,
-        named["processor"],
-        int(named["processors"]),
+        parse(values["load"]) if values["load"] else None,
+        values["processor"],
+        int(values["processors"]),
         None,
     )
-    programs = [key.removesuffix(" version") for key in named if key.endswith(" version")]
-    peers = [Peer(name, *_of(named, name)) for name in programs]
-    return entries, Conditions(named["versions"], named["system"], timing, tuple(peers))
+    programs = [key.removesuffix(" version") for key in values if key.endswith(" version")]
+    peers = [Peer(name, *_peer_values(values, name)) for name in programs]
+    return entries, Conditions(values["versions"], values["system"], timing, tuple(peers))
 
 
-def _of(named: Mapping[str, str], name: str) -> list[str]:
-    return [named[f"{name} {key}"] for key in ("version", "settings", "timed")]
+def _peer_values(values: Mapping[str, str], name: str) -> list[str]:
+    """Return version, settings and measured part of another program from the conditions."""
+    return [values[f"{name} {key}"] for key in ("version", "settings", "timed")]
 
 
 def point_of(row: Mapping[str, str]) -> Point:
-    """Return the point of a row. All its times are the minimum."""
+    """Return the run of a row of points.csv. The file contains only the minimum time and the number
+    of times, so all times of the result are equal to the minimum."""
     errors = [parse(row[f"{name}_error"]) for name in PEAKS]
     return Point(
         row["method"],
@@ -198,7 +213,17 @@ def point_of(row: Mapping[str, str]) -> Point:
 
 
 def entry_of(row: Mapping[str, str], reason: str, points: tuple[Point, ...]) -> Entry:
-    """Return the results of a problem from its row and its points."""
+    """Return the results of a problem from its row of problems.csv and its runs.
+
+    Parameters
+    ----------
+    row : mapping
+        Row of problems.csv.
+    reason : str
+        Reason for which the problem is one of the standard problems.
+    points : tuple of Point
+        Runs of all methods.
+    """
     measured = Measured(
         name=row["problem"],
         motion=row["motion"],

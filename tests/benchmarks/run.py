@@ -1,13 +1,13 @@
 """Write the benchmark page: python tests/benchmarks/run.py
 
-The page is README.md beside this file, with its figures: the cost of each method for an error in
+The page is README.md in this directory, with its figures: the cost of each method for an error in
 many problems. The results of all runs are stored in points.csv, problems.csv and conditions.csv.
 All tables and figures are made from these files and from adaptive.csv.
-`--page` writes the page from the files and measures nothing. Finished problems are kept
+`--page` writes the page from the files without a measurement. Finished problems are kept
 (TDINT_CACHE_DIR or the user's cache) until methods or problems change, so that a command that was
 interrupted continues. `--tolerances` measures only the lines `by tolerance` again.
-`--second-machine` stores the results in the directory `second_machine`, with which the page
-compares its verdicts.
+`--second-machine` stores the results in the directory `second_machine`. The page compares its
+verdicts with these results.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 
-# Modules of the tests, and those of this directory.
+# Directories of the modules of the tests and of the benchmarks.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).parent))
 import page_tables
@@ -170,7 +170,7 @@ def measure_standard_problem(number: int, file: Path, methods: Sequence[str], pe
 
 
 def measure_tolerance_lines(number: int, file: Path, methods: Sequence[str]) -> str:
-    """Measure the lines `by tolerance` of a standard problem again, and replace the stored ones.
+    """Measure the lines `by tolerance` of a standard problem again, and replace the stored lines.
 
     The machine may be slower now than in the first measurement. The times are therefore multiplied
     by the ratio of the former to the present time of a run that both measurements contain: impulse4
@@ -183,7 +183,8 @@ def measure_tolerance_lines(number: int, file: Path, methods: Sequence[str]) -> 
     file : Path
         File with the results of the problem; it is replaced.
     methods : sequence of str
-        Names of the methods. Only those whose step can be chosen by a tolerance are measured.
+        Names of the methods. Only methods with a choice of the time step by a tolerance are
+        measured.
 
     Returns
     -------
@@ -245,7 +246,7 @@ def measure(todo: Sequence[Callable[[], str]], processes: int, minutes: float) -
 def complete_chart(entries: Sequence[Entry], conditions: Conditions | None = None) -> FieldChart:
     """Return the chart of all problems, with the largest load during the measurement.
 
-    The conditions are the stored conditions; without them the conditions are those of now.
+    `conditions` are the stored conditions. None: the present conditions of this machine.
     """
     chart = field_chart([entry.measured for entry in entries])
     load = max((entry.load for entry in entries if entry.load is not None), default=None)
@@ -268,7 +269,8 @@ def cell(profile: PerformanceProfile | None) -> str:
 
     Its numbers, separated by slashes, are: problems solved within twice the minimum cost, median
     and largest ratio of the cost to the minimum cost, and problems that are not solved (in
-    parentheses those that were not run). It is empty for a method without a profile.
+    parentheses the number of problems that were not run). It is empty for a method without a
+    profile.
     """
     if profile is None:
         return ""
@@ -404,7 +406,7 @@ def failures(chart: FieldChart) -> str:
 
     It has a row for each method and a column for each building.
     """
-    buildings = list(dict.fromkeys(one.name for one in chart.measured))
+    buildings = list(dict.fromkeys(problem.name for problem in chart.measured))
     rows = []
     for line in chart.lines:
         cells = []
@@ -521,7 +523,7 @@ def machine(entries: Sequence[Entry], chart: FieldChart, conditions: Conditions)
 
 
 def separate_lines(chart: FieldChart) -> str:
-    """Return a table of the lines that are not among the profiles, and the reason."""
+    """Return a table of the lines that the profiles do not contain, and the reason."""
     text = ""
     for line in profiles.APART:
         measured = [m for m in chart.measured if any(p.line == line for p in m.points)]
@@ -529,7 +531,7 @@ def separate_lines(chart: FieldChart) -> str:
         for quantity in PEAKS:
             cells = []
             for tolerance in TOLERANCES:
-                # Problems whose reference is exact enough for the tolerance.
+                # Problems with a reference solution that is accurate enough for the tolerance.
                 judged = [m for m in measured if m.judges(quantity, tolerance)]
                 solved = sum(math.isfinite(m.costs(quantity, tolerance)[line]) for m in judged)
                 not_run = sum(m.is_unknown(line, quantity, tolerance) for m in judged)
@@ -629,7 +631,7 @@ def second_machine(
     other_chart: FieldChart,
     other_conditions: Conditions,
 ) -> str:
-    """Return the comparison of the verdicts of this page with those of another machine.
+    """Return the comparison of the verdicts of this page with the verdicts of another machine.
 
     Parameters
     ----------
@@ -854,7 +856,7 @@ def main() -> int:
             sys.exit("no problem was measured completely; run the command again")
         results = SECOND_MACHINE if arguments.second_machine else HERE
         raw_points.store(entries, conditions_of(entries), results)
-    # The page is made from the stored files alone.
+    # The page is written only from the stored files.
     entries, conditions = raw_points.load()
     shown = pictures(complete_chart(entries, conditions))
     for name, _, figure in shown:

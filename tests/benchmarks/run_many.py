@@ -1,8 +1,11 @@
-"""What `tdint.run_many` costs beside its compiled loops: python tests/benchmarks/run_many.py [RUNS]
+"""Compare the wall time of `tdint.run_many` with the time of its compiled time loops.
 
-One story, 1000 steps, histories of drift and absolute acceleration. Wall time on two threads, over
-that of nothing but the loops of the same runs with a history on two threads; both in turns, the
-least of five.
+    python tests/benchmarks/run_many.py [RUNS]
+
+The building has one story; each run (default 10 000 runs) has 1000 steps and stores the histories
+of drift and absolute acceleration. Two threads are used. The reference is the time of the
+time loops of the same runs with a history on two threads. Both run alternately, and the minimum of
+`REPEATS` times counts.
 """
 
 import sys
@@ -16,7 +19,11 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.time_steps import Steps
 from tdint.methods.catalogue import parse
 
-RECORDS, DT, STEPS, JOBS, TURNS = 100, 0.01, 1000, 2, 5
+RECORDS = 100
+DT = 0.01  # s
+STEPS = 1000
+JOBS = 2
+REPEATS = 5
 LAW = {"type": "bilinear", "yield_force": 5e4, "hardening": 0.03}
 BUILDING = {
     "stories": [{"mass": 1e5, "stiffness": 4e6, "law": LAW}],
@@ -29,41 +36,51 @@ def main():
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     generator = np.random.default_rng(1)
     noise = 2.0 * generator.standard_normal((RECORDS, STEPS + 1))
-    records = [tdint.make_record(one, dt=DT, units="m/s^2") for one in noise]
+    records = [tdint.make_record(samples, dt=DT, units="m/s^2") for samples in noise]
     scales = np.linspace(0.1, 1.5, count // RECORDS)
     model = tdint.load_model(BUILDING)
     prepared, integrator, steps = PreparedBuilding.of(model), parse("impulse4"), Steps(DT, STEPS)
 
-    def loops(part):
-        marched = (
-            prepared.integrate(integrator, steps, scale * one.acceleration, history_rows=STEPS)
-            for one in part
+    def loop_time(some_records):
+        """Return the sum of the times of the time loops for all scales of some records, s."""
+        return sum(
+            prepared.integrate(
+                integrator, steps, scale * record.acceleration, history_rows=STEPS
+            ).seconds
+            for record in some_records
             for scale in scales
         )
-        return sum(one.seconds for one in marched)
 
-    def alone():
+    def loop_time_per_job():
+        """Return the time of all time loops, distributed over the threads, s."""
+        # Eight parts, so that both threads finish at about the same time.
+        parts = [records[i::8] for i in range(8)]
         with ThreadPoolExecutor(JOBS) as pool:
-            return sum(pool.map(loops, [records[i::8] for i in range(8)])) / JOBS
+            return sum(pool.map(loop_time, parts)) / JOBS
 
-    def clocked(**more):
-        began = time.perf_counter()
-        tdint.run_many(model, records, scales=scales, jobs=JOBS, **more)
-        return time.perf_counter() - began
+    def run_many_time(**options):
+        """Return the wall time of `run_many`, s."""
+        start = time.perf_counter()
+        tdint.run_many(model, records, scales=scales, jobs=JOBS, **options)
+        return time.perf_counter() - start
 
-    kept = ("drift", "absolute_acceleration")
-    out = {name: np.zeros((len(scales) * RECORDS, STEPS + 1, 1), np.float32) for name in kept}
-    works = {
-        "the loops": alone,
-        "run_many": lambda: clocked(history=kept),
-        "into given float32": lambda: clocked(history=kept, out=out),
+    quantities = ("drift", "absolute_acceleration")
+    arrays = {
+        name: np.zeros((len(scales) * RECORDS, STEPS + 1, 1), np.float32) for name in quantities
     }
-    found = np.min([[work() for work in works.values()] for _ in range(TURNS)], axis=0)
-    for name, seconds in zip(works, found, strict=True):
-        each = 1e3 * seconds / (len(scales) * RECORDS)
+    measurements = {
+        "time loops": loop_time_per_job,
+        "run_many": lambda: run_many_time(history=quantities),
+        "with float32 arrays": lambda: run_many_time(history=quantities, out=arrays),
+    }
+    times = np.min(
+        [[measure() for measure in measurements.values()] for _ in range(REPEATS)], axis=0
+    )
+    for name, seconds in zip(measurements, times, strict=True):
+        per_run = 1e3 * seconds / (len(scales) * RECORDS)
         print(
-            f"{name:20s} {seconds:6.2f} s, {each:.3f} ms a run, {seconds / found[0]:.2f} times the "
-            "loops"
+            f"{name:20s} {seconds:6.2f} s, {per_run:.3f} ms per run, {seconds / times[0]:.2f} "
+            "times the time loops"
         )
 
 

@@ -15,7 +15,7 @@ For each case, the exit code, standard output, standard error and every written 
 (`MASKS`, `MASKED_KEYS`, `MASKED_COLUMNS`, `TIME_COLUMNS`). Each tree uses separate kernels, which
 are compiled as one variant for all features, as in the tests.
 
-NAME runs only the cases whose names start with NAME. `--kept` stores the outcomes of BEFORE in a
+NAME selects the cases by the start of their names. `--kept` stores the outcomes of BEFORE in a
 file, so that the next call runs only the missing cases of BEFORE. `--shared` ignores columns of
 tables, keys of JSON files and arrays that only one tree provides. The exit code is 1 if an outcome
 differs.

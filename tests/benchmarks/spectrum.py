@@ -1,13 +1,15 @@
-"""Elastic and rotated spectra against other tools, in one run: python tests/benchmarks/spectrum.py
+"""Compare elastic and rotated response spectra with other programs.
 
-200 periods from 0.01 to 10 s, 5 % damping, 4001 samples at 0.01 s (records/firm-soil.mseed).
-Besides tdint, eqsig and pyrotd are measured by their public functions if they are installed. All
-take turns, and the least processor time of the repeats counts.
+    python tests/benchmarks/spectrum.py
 
-Errors are those of the pseudo-acceleration by ranges of periods. The truth is a second
-implementation (tests/references.py): matrix exponentials of the motion that is linear between its
-samples, and Brent's method for the maxima between the samples. Rotated spectra of pyrotd are
-compared with those of tdint: the difference is no error of tdint.
+200 periods from 0.01 to 10 s, 5 % damping, 4001 samples at 0.01 s (records/firm-soil.mseed). eqsig
+and pyrotd are measured by their public functions if they are installed. All programs run
+alternately, and the minimum processor time of the repeats counts.
+
+The errors of the pseudo-acceleration are printed for ranges of periods. The reference is a second
+implementation (tests/references.py): matrix exponentials for a ground motion that is linear between
+its samples, and Brent's method for the maxima between the samples. Rotated spectra of pyrotd are
+compared with rotated spectra of tdint, because the second implementation does not compute them.
 """
 
 from collections.abc import Callable
@@ -15,7 +17,7 @@ from importlib import import_module
 from importlib.util import find_spec
 
 import numpy as np
-from common import ROOT, least
+from common import ROOT, minimum_times
 
 from references import OscillatorResponse
 from tdint import read_record, spectrum
@@ -27,36 +29,36 @@ from tdint.number_parsing import parse_grid
 REPEATS = 15
 RECORD = ROOT / "records" / "firm-soil.mseed"
 DAMPING = 0.05
-
-
 RANGES = ((0.0, 0.02), (0.02, 0.04), (0.04, 0.1), (0.1, 10.0))
-"""Periods, s, the first excluded: 2, 4 and 10 sampling intervals are the bounds."""
+"""Ranges of periods, s, without their lower bounds. Bounds are 2, 4 and 10 sampling intervals."""
 
 
-def truth(record, periods):
-    """Pseudo-accelerations, m/s^2, by matrix exponentials and Brent's method."""
+def reference_spectrum(record, periods):
+    """Return pseudo-accelerations, m/s^2, by matrix exponentials and Brent's method."""
     omegas = 2.0 * np.pi / periods
     responses = [OscillatorResponse(record, omega, DAMPING) for omega in omegas]
     return omegas**2 * np.array([response.largest()[0] for response in responses])
 
 
 def eqsig(record, periods):
-    """Pseudo-accelerations by the class of eqsig, None if it is not installed."""
+    """Return a function that computes pseudo-accelerations, m/s^2, with eqsig; None if eqsig is not
+    installed."""
     if not find_spec("eqsig"):
         return None
     signal = import_module("eqsig").AccSignal
 
-    def work():
+    def compute():
         motion = signal(record.acceleration, record.dt)
         motion.generate_response_spectrum(response_times=periods, xi=DAMPING)
-        # It has displacements and accelerations; the pseudo-acceleration follows.
+        # eqsig provides the spectral displacement s_d; the pseudo-acceleration is omega^2 s_d.
         return (2.0 * np.pi / periods) ** 2 * motion.s_d
 
-    return work
+    return compute
 
 
 def pyrotd(record, periods):
-    """Pseudo-accelerations by pyrotd, None if it is not installed."""
+    """Return a function that computes pseudo-accelerations with pyrotd, in the unit of the record;
+    None if pyrotd is not installed."""
     if not find_spec("pyrotd"):
         return None
     module = import_module("pyrotd")
@@ -67,41 +69,55 @@ def pyrotd(record, periods):
 
 
 def pyrotd_rotated(first, second, periods):
-    """RotD0, 50 and 100 by pyrotd, shape (3, k), None if it is not installed."""
+    """Return a function that computes RotD0, RotD50 and RotD100 with pyrotd, shape (3, periods);
+    None if pyrotd is not installed."""
     if not find_spec("pyrotd"):
         return None
     module = import_module("pyrotd")
     module.processes = 1
 
-    def work():
-        found = module.calc_rotated_spec_accels(
-            record_dt,
+    def compute():
+        table = module.calc_rotated_spec_accels(
+            first.dt,
             first.acceleration,
             second.acceleration,
             1.0 / periods,
             DAMPING,
             percentiles=[0, 50, 100],
         )
-        return np.array([found[found.percentile == p].spec_accel for p in (0, 50, 100)])
+        return np.array([table[table.percentile == p].spec_accel for p in (0, 50, 100)])
 
-    record_dt = first.dt
-    return work
-
-
-def fastest(works: dict[str, Callable | None], repeats):
-    """Fastest times, s, and the results."""
-    works = {name: work for name, work in works.items() if work}
-    results = {name: work() for name, work in works.items()}
-    return dict(zip(works, least(list(works.values()), repeats), strict=True)), results
+    return compute
 
 
-def show(times, results, exact, periods, base):
-    """Print time and largest error in each range of periods for each tool."""
+def measure(functions: dict[str, Callable | None], repeats):
+    """Return minimum processor times, s, and results by name; functions that are None are
+    ignored."""
+    available = {name: function for name, function in functions.items() if function}
+    results = {name: function() for name, function in available.items()}
+    times = minimum_times(list(available.values()), repeats)
+    return dict(zip(available, times, strict=True)), results
+
+
+def print_comparison(times, results, exact, periods, base):
+    """Print the time and the maximum error in each range of periods for each program.
+
+    Parameters
+    ----------
+    times, results : dict
+        Time, s, and spectrum by name of the program.
+    exact : ndarray
+        Reference spectrum; the periods are the last axis.
+    periods : ndarray
+        Periods, s.
+    base : str
+        Name of the program by which the times are divided.
+    """
     for name, seconds in times.items():
         error = np.abs(results[name] / exact - 1.0)
-        worst = [np.max(error[..., (low < periods) & (periods <= high)]) for low, high in RANGES]
+        maxima = [np.max(error[..., (low < periods) & (periods <= high)]) for low, high in RANGES]
         parts = ", ".join(
-            f"{high:g} s: {value:.1e}" for (_, high), value in zip(RANGES, worst, strict=True)
+            f"{high:g} s: {value:.1e}" for (_, high), value in zip(RANGES, maxima, strict=True)
         )
         print(f"{name:24s} {seconds * 1e3:9.3f} ms {seconds / times[base]:8.2f} x   up to {parts}")
 
@@ -110,7 +126,7 @@ def main():
     """Print the tables."""
     first, second = (read_record(RECORD, component=name, units="m/s^2") for name in ("HN1", "HN2"))
     periods = parse_grid(PERIODS).values()
-    times, results = fastest(
+    times, results = measure(
         {
             "tdint": lambda: spectrum(first, periods, DAMPING).psa,
             "eqsig": eqsig(first, periods),
@@ -118,20 +134,22 @@ def main():
         },
         REPEATS,
     )
-    show(times, results, truth(first, periods), periods, "tdint")
+    print_comparison(times, results, reference_spectrum(first, periods), periods, "tdint")
     print()
 
     motion = find_horizontals([first, second])
-    times, results = fastest(
+    times, results = measure(
         {
             "tdint --rotd 0,50,100": lambda: rotated_spectrum(motion, periods, DAMPING).psa,
             "pyrotd": pyrotd_rotated(first, second, periods),
         },
         7,
     )
-    # The difference from tdint, not an error of tdint: tests/analysis/spectra/test_rotated.py
-    # compares its rotated spectra with those of 180 turned motions.
-    show(times, results, results["tdint --rotd 0,50,100"], periods, "tdint --rotd 0,50,100")
+    # The differences from tdint are printed. tests/analysis/spectra/test_rotated.py compares the
+    # rotated spectra of tdint with the spectra of 180 rotated motions.
+    print_comparison(
+        times, results, results["tdint --rotd 0,50,100"], periods, "tdint --rotd 0,50,100"
+    )
 
 
 if __name__ == "__main__":

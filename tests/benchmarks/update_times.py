@@ -1,13 +1,13 @@
-"""Update rows of points.csv after a change of the code of some methods:
+"""Update rows of points.csv after a change of the code of some methods.
 
-python tests/benchmarks/update_times.py FORMER METHODS PROBLEMS [ROUNDS]
+    python tests/benchmarks/update_times.py FORMER METHODS PROBLEMS [ROUNDS]
 
 FORMER is a checkout of the former version. METHODS and PROBLEMS are names separated by commas, for
 example `gauss4 tanh,stiffening`. Both versions run alternately, each in its own process, with loops
 for the laws of the building. Times are multiplied by the ratio of the present to the former minimum
 processor time of the same run. The machine may therefore be busier than in the measurement of the
-page. Iterations and errors are those of the present version; the reference is that of the former
-version. `python tests/benchmarks/run.py --page` then writes the page.
+page. Iterations and errors are measured with the present version; the reference solution is
+computed with the former version. `python tests/benchmarks/run.py --page` then writes the page.
 """
 
 from __future__ import annotations
@@ -111,10 +111,10 @@ def measure_alternately(former: Path, arguments: Sequence[str], rounds: int) -> 
     rounds : int
         Number of processes of each version.
     """
-    both: list[Results] = [{}, {}]
+    results_by_version: list[Results] = [{}, {}]  # former, present
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(rounds):
-            for results, root in zip(both, (former, ROOT), strict=True):
+            for results, root in zip(results_by_version, (former, ROOT), strict=True):
                 path = os.pathsep.join([str(root / "src"), str(root / "cli")])
                 output = subprocess.run(
                     [sys.executable, __file__, "--worker", folder, *arguments],
@@ -123,9 +123,9 @@ def measure_alternately(former: Path, arguments: Sequence[str], rounds: int) -> 
                     check=True,
                 ).stdout
                 for key, (seconds, *others) in json.loads(output).items():
-                    least = min(seconds, results[key][0] if key in results else math.inf)
-                    results[key] = (least, *others)
-    return both
+                    former_minimum = results[key][0] if key in results else math.inf
+                    results[key] = (min(seconds, former_minimum), *others)
+    return results_by_version
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -146,7 +146,7 @@ def main(arguments: Sequence[str]) -> None:
             row["iterations"] = "" if iterations is None else str(iterations)
             for name, error in zip(PEAKS, errors, strict=True):
                 row[f"{name}_error"] = raw_points.number(error)
-    raw_points.write(raw_points.POINTS, raw_points.OF_POINTS, [[*row.values()] for row in rows])
+    raw_points.write(raw_points.POINTS, raw_points.POINT_COLUMNS, [[*row.values()] for row in rows])
     for line, values in ratios.items():
         print(
             f"{line}: {len(values)} rows, present over former time "
