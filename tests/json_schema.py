@@ -36,6 +36,17 @@ def valid(value: Any, schema: dict[str, Any]) -> bool:
 
 
 def _holds(word: str, expected: Any, value: Any, schema: dict[str, Any]) -> bool:
+    """Return True if a value satisfies a keyword of a schema.
+
+    Parameters
+    ----------
+    word, expected : str, object
+        Keyword of the schema, and its value.
+    value : object
+        Value to be validated.
+    schema : dict
+        Complete schema, because some keywords depend on other keywords.
+    """
     number = TYPES["number"](value)
     match word:
         case "type":

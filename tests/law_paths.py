@@ -9,13 +9,22 @@ from tdint.kernels.stories import law_state
 from tdint.model.building import assemble
 from tdint.model.definition import CODES, simple_model, simple_story
 
-K, FY, HARDENING = 1000.0, 20.0, 0.05
+K, FY, HARDENING = 1000.0, 20.0, 0.05  # N/m, N, and stiffness after yielding divided by K
 CYCLE = np.concatenate(
     [np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))]
 )
 
 
 def law_table(name, *parameters):
+    """Return the table `law_parameters` of a story with the initial stiffness K.
+
+    Parameters
+    ----------
+    name : str
+        Name of the law.
+    *parameters : float
+        Other parameters in the order of the law, in SI units.
+    """
     table = np.zeros((layout.FIRST_PARAMETER + len(parameters), 2))
     table[layout.CODE, 0] = CODES[name]
     table[layout.STIFFNESS, 0] = K
@@ -24,8 +33,22 @@ def law_table(name, *parameters):
 
 
 def follow(law_parameters, path):
-    """Return the forces along a path that starts at zero, and the strain energy and dissipated
-    energy at its end."""
+    """Return the forces along a path of drifts, and the energies at its end.
+
+    Parameters
+    ----------
+    law_parameters : ndarray
+        Result of `law_table`.
+    path : array_like
+        Drifts, m, after the start at zero.
+
+    Returns
+    -------
+    forces : ndarray
+        Force at each drift of the path, N.
+    strain_energy, hysteretic_energy : float
+        Energies at the end, J.
+    """
     drifts = np.array([0.0, *path])
     result = np.zeros((drifts.size, law_state.RESULT_COLUMNS))
     law_state.follow.compiled(law_parameters, 0, drifts, law_state_table(law_parameters), result)
@@ -37,6 +60,16 @@ def follow(law_parameters, path):
 
 
 def along(law, drifts, **story):
-    """Return the path of a single story from rest."""
+    """Return the result of `follow_path` for a single story from rest.
+
+    Parameters
+    ----------
+    law : Law
+        Law of the story.
+    drifts : array_like
+        Drifts, m.
+    **story
+        Other arguments of `simple_story`.
+    """
     building = assemble(simple_model("one", [simple_story(1.0, law, **story)]))
     return follow_path(building, 1, np.asarray(drifts, float))

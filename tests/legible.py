@@ -1,4 +1,4 @@
-"""Checks of every figure that a test draws: page size, font sizes and labels of panels."""
+"""Checks of every figure that a test creates: page size, font sizes and labels of panels."""
 
 from typing import Any
 
@@ -10,7 +10,8 @@ from matplotlib.ticker import FixedLocator
 
 
 def check(figure: Figure) -> None:
-    """Raise AssertionError if a figure is not legible."""
+    """Raise AssertionError if a figure does not fit a page, or if font sizes or labels of axes are
+    unsuitable."""
     width, height = figure.get_size_inches()
     panels = [
         axes
@@ -18,12 +19,11 @@ def check(figure: Figure) -> None:
         if axes.get_visible() and axes.axison and axes.get_subplotspec()
     ]
     columns = max((column_span.stop for *_, column_span in map(_place, panels)), default=1)
-    assert width <= max(11.0, 5.0 * columns), "wider than a page on its side"
-    lines = [
-        axes for axes in panels if not _has_names(axes.xaxis)
-    ]  # other figures are tables that are read by cell
+    assert width <= max(11.0, 5.0 * columns), "the figure is wider than a page in landscape format"
+    # Panels with names on the horizontal axis are tables, which may be wider.
+    lines = [axes for axes in panels if not _has_names(axes.xaxis)]
     assert all(axes.get_position().width * width <= 6.3 for axes in lines), (
-        "a panel wider than the eye follows a line"
+        "a panel is wider than 6.3 inches, which makes lines hard to follow"
     )
     # A4 has a height of 11.69 inches; 10.5 inches leave margins of 15 mm.
     fits_a_page = 0.25 * width <= height <= 1.5 * width and height <= 10.5
@@ -34,7 +34,9 @@ def check(figure: Figure) -> None:
         if text.get_visible() and text.get_text().strip()
     ]
     sizes += [size for axes in panels for size in _sizes_of_tick_labels(axes)]
-    assert min(sizes) >= 6.0 and max(sizes) <= 11.0, "letters of another size than those of a page"
+    assert min(sizes) >= 6.0 and max(sizes) <= 11.0, (
+        "the font sizes are not between 6 and 11 points"
+    )
     # The lowest panel of each column must have a label of the horizontal axis, and the first panel
     # of each row a label of the vertical axis.
     for axes in panels:
@@ -44,30 +46,30 @@ def check(figure: Figure) -> None:
             below.start >= rows.stop and set(columns_of_panel) & set(beside)
             for below, beside in others
         ):
-            assert axes.get_xlabel() or _has_names(axes.xaxis), "nothing says what is across"
+            assert axes.get_xlabel() or _has_names(axes.xaxis), "the horizontal axis has no label"
         if not any(
             beside.stop <= columns_of_panel.start and set(rows) & set(below)
             for below, beside in others
         ):
             assert axes.get_ylabel() or axes.get_title() or _has_names(axes.yaxis), (
-                "nothing says what is along"
+                "the vertical axis has no label"
             )
 
 
 def texts(figure: Figure) -> list[Text]:
     """Return all texts of a figure except tick labels.
 
-    `Figure.findobj` would also return tick labels, but it creates the ticks of all axes, which
-    takes most of the time of a figure that is not rendered.
+    `Figure.findobj` would also return tick labels, but it creates the ticks of all axes. This is
+    slow compared with a figure that is not rendered.
     """
     panels = [panel for axes in figure.axes for panel in (axes, *axes.child_axes)]
-    found = [*figure.texts]
+    result = [*figure.texts]
     for panel in panels:
-        found += [panel.xaxis.label, panel.yaxis.label]
-        found += [child for child in panel.get_children() if isinstance(child, Text)]
+        result += [panel.xaxis.label, panel.yaxis.label]
+        result += [child for child in panel.get_children() if isinstance(child, Text)]
     for legend in [*figure.legends, *filter(None, (panel.get_legend() for panel in panels))]:
-        found += [*legend.get_texts(), legend.get_title()]
-    return found
+        result += [*legend.get_texts(), legend.get_title()]
+    return result
 
 
 def _sizes_of_tick_labels(axes: Any) -> list[float]:
@@ -88,4 +90,5 @@ def _place(axes: Any) -> tuple[Any, range, range]:
 
 
 def _has_names(axis: Any) -> bool:
+    """Return True if the tick labels of an axis are names at fixed positions."""
     return isinstance(axis.get_major_locator(), FixedLocator)

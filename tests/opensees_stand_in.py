@@ -160,21 +160,29 @@ class Domain:
         self.inner = self.springs(self.drifts @ self.motion[0], 0.0 * self.m, 0.0 * self.m)[1]
 
     def springs(self, drift, before, inner):
-        """Return forces, inelastic forces and tangents of the springs."""
-        soft, most = (1.0 - self.hardening) * self.k, (1.0 - self.hardening) * self.yields
+        """Return forces, N, inelastic forces, N, and tangents, N/m, of the springs.
+
+        Parameters
+        ----------
+        drift, before : ndarray
+            Drifts now and at the start of the step, m.
+        inner : ndarray
+            Inelastic forces at the start of the step, N.
+        """
+        soft, limit = (1.0 - self.hardening) * self.k, (1.0 - self.hardening) * self.yields
         tried = inner + soft * (drift - before)
-        inner = np.clip(tried, -most, most)
+        inner = np.clip(tried, -limit, limit)
         return (
             self.hardening * self.k * drift + inner,
             inner,
-            self.hardening * self.k + soft * (abs(tried) < most),
+            self.hardening * self.k + soft * (abs(tried) < limit),
         )
 
     def analyze(self, count, h):
         return next((code for code in (self.step(h) for _ in range(count)) if code), 0)
 
     def step(self, h):
-        """Take a step with the formulas of Newmark; equilibrium holds at weighted times."""
+        """Compute a step of h seconds by Newmark, with equilibrium at weighted times."""
         inertia, other_weight, beta, gamma = self.scheme
         u0, v0, a0 = self.motion
         at = self.time + other_weight * h

@@ -29,8 +29,22 @@ def read_at2(path):
 
 
 def displacement(acceleration, dt, period, damping=0.05):
-    """Return the relative displacement of an oscillator, which is exact for a linear acceleration
-    between samples (discretization of the state equation with a first-order hold)."""
+    """Return the relative displacement of an oscillator at the samples, m.
+
+    The discretization of the state equation is exact for an acceleration that is linear between the
+    samples (first-order hold).
+
+    Parameters
+    ----------
+    acceleration : ndarray
+        Ground acceleration at the samples, m/s^2.
+    dt : float
+        Sampling interval, s.
+    period : float
+        Period of the oscillator, s.
+    damping : float
+        Damping ratio.
+    """
     omega = 2.0 * math.pi / period
     state = np.array([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]])
     system = (state, np.array([[0.0], [-1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
@@ -43,8 +57,11 @@ def displacement(acceleration, dt, period, damping=0.05):
 
 
 def rotd100(first, second, period):
-    """Return the pseudo-acceleration in the direction of its maximum, from the maximum distance of
-    the displacement from the origin."""
+    """Return RotD100 at a period, m/s^2: the maximum pseudo-acceleration of all directions.
+
+    It is computed from the maximum distance of the displacement from the origin. `first` and
+    `second` are AT2 files of the two components.
+    """
     (first_motion, dt), (second_motion, _) = read_at2(first), read_at2(second)
     size = min(first_motion.size, second_motion.size)
     paths = [displacement(motion[:size], dt, period) for motion in (first_motion, second_motion)]
@@ -58,12 +75,17 @@ def table(path):
 
 
 def pairs_of(runs, *keys):
-    """Return the runs of both components of each pair, which are adjacent in a table of runs."""
+    """Return a list of (values of the columns `keys`, runs of both components) for each pair.
+
+    The two runs of a pair follow each other in the rows with the same values.
+    """
     groups = {}
     for run in runs:
         groups.setdefault(tuple(run[key] for key in keys), []).append(run)
     return [
-        (key, of[start : start + 2]) for key, of in groups.items() for start in range(0, len(of), 2)
+        (key, group[start : start + 2])
+        for key, group in groups.items()
+        for start in range(0, len(group), 2)
     ]
 
 
@@ -85,19 +107,33 @@ def mean_drift(runs, rule):
 
 
 def loss_ratio(drift, states):
-    """Return the mean loss ratio of a demand: the sum over the states of the probability that it is
-    reached or exceeded times the increase of the loss."""
-    reached = [
+    """Return the mean loss ratio for a drift ratio.
+
+    It is the sum over the damage states of the probability that the state is reached or exceeded
+    times the increase of the loss ratio. `states` has the keys `medians` and `losses` (values by
+    state) and `dispersion`.
+    """
+    probabilities = [
         float(norm.cdf(math.log(drift / median) / states["dispersion"]))
         for median in states["medians"]
     ]
-    return float(np.dot(reached, np.diff([0.0, *states["losses"][: len(reached)]])))
+    return float(np.dot(probabilities, np.diff([0.0, *states["losses"][: len(probabilities)]])))
 
 
 def annual_losses(damage, rule, rates, states, worth):
-    """Return the average annual loss of each building: rates times mean losses of the events.
-    `damage` has a row per run, `rates` and `worth` the annual rate of each event and the value of
-    each building, and `states` medians, dispersion and losses of the damage states."""
+    """Return the average annual loss of each building: sum of annual rates times mean losses.
+
+    Parameters
+    ----------
+    damage : list of dict
+        Row of each run with building, event, status and drift_ratio.
+    rule : str
+        Rule for the demand of a pair, one of `RULES`.
+    rates, worth : dict
+        Annual rate of each event, and value of each building.
+    states : dict
+        Damage states; see `loss_ratio`.
+    """
     losses = {}
     for (building, event), pair in pairs_of(damage, "building", "event"):
         # A pair with a collapse has the loss of a collapse.
@@ -114,6 +150,7 @@ def annual_losses(damage, rule, rates, states, worth):
 
 
 def main(motions, out):
+    """Print RotD100 of each pair and the mean drift ratios; see the module docstring."""
     files = sorted(Path(motions).glob("*.at2")) or sorted(Path(motions).glob("*.AT2"))
     for first, second in zip(files[::2], files[1::2], strict=True):
         values = ", ".join(f"{rotd100(first, second, period) / GRAVITY:.4f}" for period in PERIODS)

@@ -71,6 +71,7 @@ def random_building(rng, laws):
 
 
 def _imk(rng, k, strength):
+    """Return a random imk law with the stiffness k, N/m, and the yield force `strength`, N."""
     drift = strength / k
     hardening = (
         drift * rng.uniform(2.0, 6.0),
@@ -84,6 +85,8 @@ def _imk(rng, k, strength):
 
 
 def _trilinear(rng, k, strength):
+    """Return a random trilinear-pinching law with the stiffness k, N/m, and the yield force
+    `strength`, N."""
     ultimate = (strength * rng.uniform(1.0, 2.0), strength / k * rng.uniform(4.0, 12.0))
     return Law(
         "trilinear-pinching", (strength, *ultimate, rng.uniform(0.2, 1.0), rng.uniform(0.0, 0.4))
@@ -109,7 +112,8 @@ SMOOTH = {
     ),
     "bouc-wen": lambda rng, k, f: Law("bouc-wen", (f, rng.uniform(0.02, 0.2), 2.0, 0.5)),
 }
-"""Of a story of stiffness k and about the strength f."""
+"""Functions by the name of a law that return a random law from a generator, a stiffness k, N/m, and
+an approximate strength f, N. `PIECEWISE` has the same structure."""
 
 
 def _frame(rng, n):
@@ -123,7 +127,19 @@ def _frame(rng, n):
 
 
 def _shaken(rng, masses, springs, strengths, laws, samples):
-    """Return stories with laws sampled from `laws`, and a motion."""
+    """Return a random building and a ground motion.
+
+    Parameters
+    ----------
+    rng : Generator
+        Random generator of NumPy.
+    masses, springs, strengths : ndarray
+        Masses, kg, stiffnesses, N/m, and strengths, N, of the stories.
+    laws : dict
+        Laws that are sampled; `PIECEWISE` or `SMOOTH`.
+    samples : int
+        Number of samples of the ground motion.
+    """
     names = rng.choice(list(laws), len(springs))
     stories = [
         story(
@@ -181,7 +197,17 @@ LAWS = ("linear", "bilinear", "peak-oriented", "tanh", "polynomial", "bouc-wen")
 
 
 def random_law(name, generator, stiffness, strength):
-    """Return a law by name with parameters that affect the response for the strength, N."""
+    """Return a law with random parameters.
+
+    Parameters
+    ----------
+    name : str
+        Name of the law, one of `LAWS`.
+    generator : Generator
+        Random generator of NumPy.
+    stiffness, strength : float
+        Initial stiffness, N/m, and approximate strength, N.
+    """
     hardening = float(generator.uniform(0.01, 0.1))
     return {
         "linear": LINEAR,
@@ -198,8 +224,12 @@ def random_law(name, generator, stiffness, strength):
 
 
 def checked_building(seed, samples=501, step=0.01):
-    """Return one to eight stories with one law or all laws, a smooth or irregular motion, and a
-    method."""
+    """Return a random building, a ground motion and the name of a method for a seed.
+
+    The building has one to eight stories, with the same law or with different laws. The ground
+    motion is smooth for even seeds and irregular for odd seeds. `samples` and `step` (s) are its
+    number of samples and its sampling interval.
+    """
     generator = np.random.default_rng(seed)
     n = int(generator.integers(1, 9))
     mass = 2e5
@@ -240,8 +270,20 @@ DEGRADING = ("imk", "multilinear-pinching")
 
 
 def _shaking(rng, dt, duration, peak):
-    """Return two hundred harmonics through a filter of the ground, with a rise and a decay,
-    m/s^2."""
+    """Return the samples of a random ground motion, m/s^2.
+
+    It consists of two hundred harmonics that are amplified near a random frequency of the ground,
+    with an envelope that increases and decays.
+
+    Parameters
+    ----------
+    rng : Generator
+        Random generator of NumPy.
+    dt, duration : float
+        Sampling interval and duration, s.
+    peak : float
+        Peak acceleration, m/s^2.
+    """
     t = np.arange(round(duration / dt) + 1) * dt
     ground = rng.uniform(1.0, 5.0)
     frequency = rng.uniform(0.2, min(15.0, 0.4 / dt), 200)
@@ -255,27 +297,30 @@ def _shaking(rng, dt, duration, peak):
     return motion * peak / np.abs(motion).max()
 
 
-def _law_to_drawn_strength(rng, name, strength, k):
+def _law_entry(rng, name, strength, k):
     """Return the entry of a model file for a law that yields at about the given strength, N, with
     stiffness k, N/m."""
     drift = strength / k
 
     def times_drift(low, high):
+        """Return a random multiple of the yield drift, m."""
         return drift * float(rng.uniform(low, high))
 
-    def of(*values):
+    def choice(*values):
+        """Return one of some values at random."""
         return float(rng.choice(values))
 
     def between(low, high):
+        """Return a random value of an interval."""
         return float(rng.uniform(low, high))
 
     if name == "bilinear":
-        return {"yield_force": strength, "hardening": of(0, 0.02, 0.05, 0.1)}
+        return {"yield_force": strength, "hardening": choice(0, 0.02, 0.05, 0.1)}
     if name == "bouc-wen":
         curve = {
-            "hardening": of(0, 0.03, 0.1),
-            "exponent": of(1, 1.5, 2, 5),
-            "beta": of(0.5, 0.7, 1.0),
+            "hardening": choice(0, 0.03, 0.1),
+            "exponent": choice(1, 1.5, 2, 5),
+            "beta": choice(0.5, 0.7, 1.0),
         }
         return {"yield_force": strength, **curve}
     if name == "tanh":
@@ -287,16 +332,16 @@ def _law_to_drawn_strength(rng, name, strength, k):
     if name == "peak-oriented":
         return {
             "yield_force": strength,
-            "hardening": of(0, 0.02, 0.05),
-            "unloading": of(0, 0.3, 0.5),
+            "hardening": choice(0, 0.02, 0.05),
+            "unloading": choice(0, 0.3, 0.5),
         }
     if name == "trilinear-pinching":
         backbone = {"ultimate_force": 1.5 * strength, "ultimate_drift": times_drift(4, 10)}
         return {
             "yield_force": strength,
             **backbone,
-            "pinching": of(0.2, 0.5, 0.8, 1),
-            "unloading": of(0, 0.2, 0.4),
+            "pinching": choice(0.2, 0.5, 0.8, 1),
+            "unloading": choice(0, 0.2, 0.4),
         }
     if name == "imk":
         law = {
@@ -376,7 +421,7 @@ def any_building(seed, laws=None):
         strength = float(
             base * weights[i] * (1.0 + 0.5 * i / max(n - 1, 1)) * rng.uniform(0.8, 1.2)
         )
-        law = _law_to_drawn_strength(rng, name, strength, k)
+        law = _law_entry(rng, name, strength, k)
         story_entry = {"mass": float(masses[i]), "height": float(heights[i]), "stiffness": k}
         if law:
             story_entry["law"] = {"type": name, **law}

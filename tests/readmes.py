@@ -88,6 +88,7 @@ def method_table():
 
 
 def _dimension(parameter: LawParameter):
+    """Return the dimension of a parameter as text, such as force/length; empty without one."""
     if parameter.many:
         return "a list: force/length, force/length^2, ..."
     if parameter.points:
@@ -462,6 +463,7 @@ def played(text):
     followed by its messages."""
 
     def play(match):
+        """Return the text of a session with its present output."""
         lines = []
         with checkout() as (folder, environment):
             for command, shown in sessions(match[0])[0]:

@@ -112,25 +112,53 @@ class OscillatorResponse:
         return result
 
     def _refined(self, quantity, position, width):
-        """Return the largest absolute value within a width of a place, both in intervals."""
+        """Return the maximum absolute value of a quantity near a position.
+
+        Parameters
+        ----------
+        quantity : int
+            Row of `_quantities`.
+        position, width : float
+            Center and half width of the searched range, sampling intervals from the first sample.
+        """
 
         def negative(x):
+            """Return the negative absolute value after x sampling intervals."""
             i = min(int(x), len(self.states) - 1)
             state = expm(self.matrix * ((x - i) * self.h)) @ self.states[i]
             return -abs(self._quantities(state[None])[quantity, 0])
 
         bounds = (max(position - width, 0.0), min(position + width, len(self.states)))
-        found = minimize_scalar(negative, bounds=bounds, method="bounded", options={"xatol": 1e-9})
-        return -found.fun
+        minimum = minimize_scalar(
+            negative, bounds=bounds, method="bounded", options={"xatol": 1e-9}
+        )
+        return -minimum.fun
 
     def _quantities(self, states):
+        """Return displacement, velocity and absolute acceleration of states, shape (3, n)."""
         u, v = states[:, 0], states[:, 1]
         return np.array([u, v, self.omega**2 * u + 2.0 * self.xi * self.omega * v])
 
 
 def smooth(acceleration, u0, v0, times, rtol=1e-13, max_step=0.02):
-    """Integrate u'' = acceleration(t, u, v) with DOP853; return displacement and velocity at
-    `times`."""
+    """Integrate u'' = acceleration(t, u, v) with DOP853.
+
+    Parameters
+    ----------
+    acceleration : callable
+        Function of time, displacement and velocity.
+    u0, v0 : float
+        Displacement and velocity at the first time.
+    times : ndarray
+        Times of the results, s.
+    rtol, max_step : float
+        Relative tolerance and maximum time step, s.
+
+    Returns
+    -------
+    ndarray, shape (2, times)
+        Displacement and velocity.
+    """
     tolerances = {"rtol": rtol, "atol": 1e-2 * rtol, "max_step": max_step}
 
     def rate(t, y):

@@ -35,6 +35,12 @@ FINE = 64
 MAX_DIFFERENCE = 2e-5  # maximum relative difference of the peaks of the two references
 
 
+def history_of(response, quantity):
+    """Return the history of a quantity of `QUANTITIES`, shape (times, stories)."""
+    # The accelerations of a history are absolute; their name does not state it.
+    return getattr(response.history, quantity.removeprefix("absolute_"))
+
+
 class Reference:
     """Reference solution of a building under a ground motion.
 
@@ -63,7 +69,7 @@ class Reference:
             for name in QUANTITIES
         )
         self.history = {
-            name: getattr(fine.history, name)[:: FINE // max(PARTS)].copy() for name in QUANTITIES
+            name: history_of(fine, name)[:: FINE // max(PARTS)].copy() for name in QUANTITIES
         }
 
     def errors(self, method, parts):
@@ -86,7 +92,7 @@ class Reference:
             return None
         errors = {}
         for name in QUANTITIES:
-            history = getattr(response.history, name)
+            history = history_of(response, name)
             peak = self.peaks[name]
             exact_history = self.history[name][:: max(PARTS) // parts][: len(history)]
             history_error = np.max(np.abs(history - exact_history), axis=0)

@@ -26,7 +26,7 @@ LOSSES = {"slight": 0.05, "moderate": 0.2, "extensive": 0.6, "complete": 1.0}
 LEVELS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)  # g
 REGION = f"""\
 buildings: {{inventory: buildings.csv, rules: capacity, classes: {TABLE}, units: {{length: m}}}}
-records: {{files: [{ROOT}/records/], units: m/s^2}}
+records: {{files: [{ROOT}/records/], units: m/s^2, pair_demand: separate}}
 intensity: {{measure: pga, levels: [{", ".join(f"{level} g" for level in LEVELS)}]}}
 damage:
   thresholds: capacity
