@@ -335,7 +335,9 @@ def false_limit(method: Integrator, measured: float) -> str:
     is_unlimited = declared > LARGEST and measured == math.inf
     if math.isnan(declared) or is_unlimited or math.isclose(declared, measured, rel_tol=_AGREEMENT):
         return ""
-    limit = f"{measured:.6g}" if math.isfinite(measured) else f"no limit up to {LARGEST:g}"
+    limit = (
+        f"{measured:.6g}" if math.isfinite(measured) else f"infinite (no limit up to {LARGEST:g})"
+    )
     return (
         f"{method.label}: declares the stability limit omega dt = {declared:.6g}, but the measured "
         f"limit is {limit}; `tdint run` uses limits that it measures at the modes of the building"
