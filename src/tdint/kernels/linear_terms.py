@@ -284,7 +284,7 @@ def _add_means(forces, t, h, r, scratch, row):
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     row : int
-        Row of the mean; the next row is that of the first moment.
+        Row of the mean; the next row contains the first moment.
     """
     for j in range(forces.shape[0]):
         floor = int(forces[j, rows.FLOOR])
@@ -306,7 +306,7 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
     W^T W.
 
     W has one row for each damped mode. With a velocity x and the factor 1, the result is the modal
-    damping force, N. Nothing is added for a building without modal damping.
+    damping force, N. The result is unchanged for a building without modal damping.
 
     Parameters
     ----------

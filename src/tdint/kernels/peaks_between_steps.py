@@ -61,7 +61,7 @@ An interior maximum is unreliable in three cases:
 The maximum is then recorded as a possible peak, PEAK_ROWS rows after the row of the peak
 (`tdint.kernels.layout`). For displacements and drifts, it is the maximum of the cubic Hermite
 interpolant of u0, v0, u1 and v1. If the method itself defines a parabola for the displacements
-within a step, the extremum of that parabola is recorded as a regular peak instead.
+within a step, the extremum of the parabola is recorded as a regular peak instead.
 
 References
 ----------
@@ -295,9 +295,10 @@ def _excess_at_end(h, v, a):
 def may_exceed_velocity_peak(h, by_h, ends, peak):
     """Return True if a velocity or drift rate may exceed its recorded peak in a step.
 
-    It may do so at the end of the step, or within the step if the accelerations at the endpoints
-    have opposite signs and a Bezier point of the velocity exceeds the peak. Two changes of the sign
-    within a step, which a step that resolves the motion does not have, are not considered.
+    The peak may be exceeded at the end of the step, or within the step if the accelerations at the
+    endpoints have opposite signs and a Bezier point of the velocity exceeds the peak. Two changes
+    of the sign within a step, which a step that resolves the motion does not have, are not
+    considered.
 
     Parameters
     ----------
@@ -443,8 +444,8 @@ def find_interstep_peaks(
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
             stiffness = scene.law_parameters[rows.STIFFNESS, i]
-            # Amounts by which drift and shear may exceed their values at the end of the step
-            # without a new peak. The bound of the shear uses the initial stiffness.
+            # Maximum excess of drift and shear over their values at the end of the step without a
+            # new peak. The bound of the shear uses the initial stiffness.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = _displacement_excursion(span, story)
@@ -524,7 +525,7 @@ def _story_ends(floor, floor_below, link, drift):
     endpoints of a step as `Ends`.
 
     They are the differences between the floor at the top and the floor at the base of the story.
-    The drift at the end is that of the law.
+    The drift at the end is the drift in the law state.
 
     Parameters
     ----------
@@ -999,7 +1000,7 @@ def _best_of_samples(coefficients):
     Returns
     -------
     float, float
-        Location s of the best point, and the value of the polynomial there.
+        Location s of the best point, and the value of the polynomial at this point.
     """
     s, best = 0.125, _value(0.125, coefficients)
     # p1 > 0: the largest value is the best; p1 < 0: the smallest.
@@ -1021,8 +1022,7 @@ def _value(s, coefficients):
 
 @inline
 def _cubic_extremum(p0, p1, p2, p3):
-    """Return the value with the largest absolute value among p0 and the interior extrema of a
-    cubic.
+    """Return the value with the largest absolute value: p0 or an interior extremum of a cubic.
 
     The cubic is p(s) = p0 + p1 s + p2 s^2 + p3 s^3 with 0 < s < 1. Its value at s = 1 is not
     considered, because the caller records the end of the step.

@@ -93,7 +93,8 @@ def catalogue() -> dict[str, Method]:
     """Return all methods by name: the built-in methods, then those of plug-ins.
 
     At the first call, the methods of installed packages (entry points `tdint.methods`) are
-    registered. The result is cached, and methods that are registered later are added to it.
+    registered. The result is cached, and methods that are registered later are added to the cached
+    mapping.
     """
 
     def register_methods(module: Any, origin: Origin) -> None:
@@ -120,7 +121,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     ----------
     method : Method
         Method with a new name. Its family may be a built-in family. The step of a new family must
-        be defined in a file, because it is compiled from there.
+        be defined in a file, because it is compiled from the file.
     where : str or Origin
         Origin of the method for messages, such as the file; default: its name.
 

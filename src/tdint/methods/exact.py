@@ -217,7 +217,8 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
 
         u' = v,   v' = -k u - c v + P p,   p' = p1 - p0,   (p1 - p0)' = 0
 
-    The matrix exponential of its block matrix gives the response to all of them.
+    The matrix exponential of its block matrix gives the response to the initial values of u, v, p
+    and p1 - p0.
 
     Parameters
     ----------

@@ -94,7 +94,8 @@ _BY_A = 1.0 / 12.0
 
 
 class _TangentRows(NamedTuple):
-    """Number of scratch rows for each quantity, in addition to those of the momentum equations."""
+    """Number of scratch rows for each quantity, in addition to the rows of the momentum
+    equations."""
 
     TANGENT: int = 1  # tangent stiffness at the end of the step, N/m
     FACTORED: int = 1  # tangent stiffness in the factorization, N/m

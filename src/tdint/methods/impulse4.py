@@ -157,10 +157,10 @@ def _take_substeps(coefficients, scene, h, load, memory):
 
     Each pass of the loop solves the equations for the remaining step on the current branches, by
     one linear solution if all laws are linear on their branches, otherwise by Newton's method. The
-    first branch change is located on the cubic Hermite interpolant of the drifts. If there is one,
-    the next pass solves the substep that ends at this time, the branch is changed, and the loop
-    continues with the remaining step. Reversals of curved laws with a negligible effect
-    (`keep_negligible_kinks`) are not located.
+    first branch change is located on the cubic Hermite interpolant of the drifts. If a branch
+    change is found, the next pass solves the substep that ends at this time, the branch is changed,
+    and the loop continues with the remaining step. Reversals of curved laws with a negligible
+    effect (`keep_negligible_kinks`) are not located.
 
     If the step is too large for the interpolant, the drift at the end of the substep may differ
     from the limit of the branch. A substep that ends before the limit is accepted, and the search
@@ -238,7 +238,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
                 else _BEYOND_EVENT
             )
             if outcome == _BEYOND_EVENT:
-                # Locate the first branch change. If there is one, solve again up to its time.
+                # Locate the first branch change. If a branch change is found, solve again up to its
+                # time.
                 ends_at_event = False
                 fraction, story, event = first_event(
                     linear_terms,
@@ -575,7 +576,7 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
     Parameters
     ----------
     keep_branches : bool
-        True if stories on a linear branch remain on it, as in a substep.
+        True if stories on a linear branch do not change the branch, as in a substep.
     linear_terms, law_parameters : ndarray
         Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
     state, law_state : ndarray

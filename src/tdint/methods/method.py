@@ -137,7 +137,7 @@ class Method:
         Parameter values -> coefficients of the family's step.
     rho_inf : callable
         Parameter values -> spectral radius for omega dt to infinity; nan where the method is not
-        stable there.
+        stable in this limit.
     source : str
         Publication of the method.
     order : callable

@@ -355,7 +355,7 @@ def chang_step(
         factorizations = displacement_factors, acceleration_factors
         _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n)
         step_status[rows.FACTORED_STEP] = h
-    # Solve for the displacement at the end of the step, and move the laws to it.
+    # Solve for the displacement at the end of the step, and move the laws to this displacement.
     _displacement_right_side(linear_terms, law_parameters, half_h, state, scratch, n)
     solve_damped(displacement_factors, modal, _ROW.X, n)
     u_below = 0.0

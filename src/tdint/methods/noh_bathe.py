@@ -121,7 +121,7 @@ def step(
         1, or NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
-    # The first substep computes displacement and predicted velocity from the state alone.
+    # The first substep computes displacement and predicted velocity from the state only.
     elapsed = coefficients[_P] * h
     u_below = 0.0
     for i in range(n):

@@ -442,11 +442,17 @@ def _predict_stages(coefficients, scene, h, load, memory):
     """Compute the loads p(t0 + c_i h) at both stages and the first estimate of the stage
     accelerations.
 
-    c_i are the nodes of the method. The estimate is the acceleration in the state. In a linear
-    building it is zero: one solve is exact for any estimate, and zero leads to the smallest
-    rounding errors. For curved laws (`_is_curved`) it follows from the internal forces of the last
-    step, extrapolated linearly from its stages, if both steps have the same length. The loads are
-    not extrapolated, because they have kinks at the samples.
+    c_i are the nodes of the method. The estimate depends on the building:
+
+    - Linear building: zero. One solve is exact for any estimate, and zero leads to the smallest
+      rounding errors.
+    - Curved laws (`_is_curved`), last step of the same length h: load minus internal force, divided
+      by the mass. The internal force is extrapolated linearly from the stages of the last step. The
+      loads are not extrapolated, because they have kinks at the samples.
+    - Otherwise: the acceleration at the start of the step, which the state contains.
+
+    The last column of row INTERNAL_FORCE does not contain a force but the length of the last step,
+    which is compared with h.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Peaks within a step of `moment4` in which stories change their branches or reverse.
+"""Peaks within a step of `moment4` during which stories change their branches or reverse.
 
 A branch change or a reversal is a corner: the rate of the story force is discontinuous, and so is
 the rate of the accelerations. The quintic interpolant between the endpoints of the step
@@ -30,7 +30,7 @@ _FORCE_DEVIATION = 0.125
 # pass, the error is below the error of the step.
 _PASSES = 2
 # Fraction of the step. Corners with a smaller distance from each other or from an endpoint are
-# regarded as one corner.
+# regarded as a single corner.
 _MIN_DISTANCE = 1e-6
 
 
@@ -108,7 +108,8 @@ def _skip_branch(law_state, i, block, segment, results):
 
 @inline
 def _ignore_branch_end(results, i, t, force):
-    """Do nothing at the end of a branch; `path.along_branches` calls this function there.
+    """Ignore the end of a branch; `path.along_branches` calls this function at each end of a
+    branch.
 
     It is used where only the state at the end of the path is needed (`_store_forces`). No argument
     is used.
@@ -290,10 +291,10 @@ def _store_forces(scene, h, memory, i, count):
     - for a curved law: as F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2) with s = t - 1/2. This
       parabola has the mean F0, the first moment F1 and the initial value f0 of the force.
 
-    At a corner, rounding decides which of two branches the law is on, so the slope is that of the
-    branch at the midpoint before the corner. If the drift d is already beyond the corner in the
-    direction of movement, the slope of the branch after the corner is required. It is known at the
-    next midpoint, where the force of the corner is corrected.
+    At a corner, rounding decides which of two branches the law is on. Therefore, the slope of the
+    branch at the midpoint before the corner is used. If the drift d has already passed the corner
+    in the direction of movement, the slope of the branch after the corner is required. It is known
+    at the next midpoint, where the force of the corner is corrected.
 
     Parameters
     ----------
@@ -542,8 +543,8 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
 
     The drift changes by rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. The force
     can have its maximum within the step at a reversal, where the rate rise + bend (t - 1/2) is
-    zero, or at the end of the current linear branch. Both are estimated with the stiffness of this
-    branch.
+    zero, or at the end of the current linear branch. Both are estimated with the stiffness of the
+    current branch.
 
     Parameters
     ----------

@@ -84,7 +84,8 @@ ROOT_IM = 13
 
 
 class _Rows(NamedTuple):
-    """Number of scratch rows of each quantity, in addition to those of the momentum equations."""
+    """Number of scratch rows of each quantity, in addition to the rows of the momentum
+    equations."""
 
     # Tangent stiffnesses of the laws at the inner point and at the end of the step, N/m
     TANGENT_C: int = 1
@@ -97,8 +98,8 @@ class _Rows(NamedTuple):
     # Change of the force due to the kink at a reversal of a curved law within the step, relative to
     # the force at the reversal; 0 if there is no reversal, or if it must be located
     KINK: int = 1
-    # First row of the trial state that precedes the state at the end of the step: the inner point
-    # or the reversal, whichever is later. It is used only if KINK is not 0.
+    # First row of the trial state that precedes the state at the end of the step: the later of the
+    # inner point and the reversal. It is used only if KINK is not 0.
     PREVIOUS_BLOCK: int = 1
     # Average of the dashpot force at the two endpoints minus its mean over the step, N
     DASHPOT_MISMATCH: int = 1
@@ -348,7 +349,7 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
         scratch[ROW.COMPLEX + 1, i] = root_im * momentum_residual
         force_above = link * force
         impulse_above = link * impulse
-    # The modal damping force at the end changes a1 and thereby the kinematic equation.
+    # The modal damping force at the end changes a1 and therefore the kinematic equation.
     add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.COMPLEX, n)
     return is_stale
 
@@ -713,20 +714,30 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
 def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     """Evaluate a curved law of story `i` if the drift rate changes its sign within the step.
 
-    The law is evaluated at three drifts in chronological order: at the reversal, at the inner point
-    of the quadrature (suffix `_c`) and at the end of the step. The inner point can be before or
-    after the reversal. The drift within the step is the cubic Hermite interpolant of the drifts d0,
-    d1 and drift rates at both endpoints. With the time s from 0 to 1 over the step, r = 1 - s, and
-    h times the drift rates, w0 and w1,
+    Row KINK receives 0 if the step must be divided at the reversal. This is the case if `law_state`
+    has extra rows; the law is then not evaluated. Otherwise KINK receives an error estimate (see
+    below). `keep_negligible_kinks` later replaces the estimate by 0 if the step must be divided.
+    KINK is also 0 if the story does not reverse.
+
+    The law is evaluated at three drifts in chronological order. The inner point of the quadrature
+    (suffix `_c`) can be before or after the reversal. The states of the law are stored in three
+    trial blocks of `law_state`:
+
+        FIRST_TRIAL     inner point
+        SECOND_TRIAL    end of the step
+        THIRD_TRIAL     reversal
+
+    The drift within the step is the cubic Hermite interpolant of the drifts d0, d1 and drift rates
+    at both endpoints. With the time s from 0 to 1 over the step, r = 1 - s, and h times the drift
+    rates, w0 and w1,
 
         d(s) = d0 + s^2 (3 - 2 s) (d1 - d0) + s r (r w0 - s w1)
         d'(s) = r^2 w0 + 2 s r (3 (d1 - d0) - w0 - w1) + s^2 w1 = 0 at the reversal
 
     At the reversal, the tangent stiffness changes suddenly (kink of the force). The quadrature
-    therefore has an error. Row KINK receives an estimate of this error as a fraction of the force
-    at the reversal: the change of the tangent stiffness, times the change of drift until the
-    reversal or after the reversal, whichever is smaller. A power-law dashpot adds a fraction of its
-    force.
+    therefore has an error, and row KINK receives its estimate as a fraction of the force at the
+    reversal. The estimate is the change of the tangent stiffness, times the smaller of the changes
+    of drift before and after the reversal. A power-law dashpot adds a fraction of its force.
 
     Parameters
     ----------

@@ -61,8 +61,8 @@ def update_run_maxima(scratch, row, mismatch, size):
     row : int
         Row of the maxima: of the mismatch in column 0, of the size in column 1.
     mismatch, size : float
-        Mismatch of the accelerations in the step, and the quantity to which it is relative. Both
-        have the same unit.
+        Mismatch of the accelerations in the step, and its reference quantity. Both have the same
+        unit.
     """
     scratch[row, 0] = max(mismatch, scratch[row, 0])
     scratch[row, 1] = max(size, scratch[row, 1])

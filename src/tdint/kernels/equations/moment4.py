@@ -10,9 +10,9 @@ D1 = h U1. The equations are the impulse and the first moment of the equation of
     a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
 with the velocity v0 at the start, the means F0 = int f dt and first moments F1 = 12 int (t - 1/2) f
-dt of the story forces f (`tdint.kernels.stories.path`), those of the loads, P0 and P1, the initial
-stiffness K, and the coefficient r of numerical dissipation. h^-2 times a0 and a1 are the mean and
-the change of the acceleration over the step.
+dt of the story forces f (`tdint.kernels.stories.path`), the corresponding integrals P0 and P1 of
+the loads, the initial stiffness K, and the coefficient r of numerical dissipation. h^-2 times a0
+and a1 are the mean and the change of the acceleration over the step.
 """
 
 from __future__ import annotations
@@ -378,7 +378,8 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below = scratch[ROW.RISE, i]
         bend_below = scratch[ROW.BEND, i]
-        # Compute the integrals of the restoring force, and add those of a power-law dashpot.
+        # Compute the integrals of the restoring force, and add the integrals of the force of a
+        # power-law dashpot.
         _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding)
         if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
@@ -523,8 +524,8 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
         )
     )
     direction, reversal_time, _, _, _ = locate_reversals(rise, first_rate, last_rate, initial_slope)
-    # The story has no reversal if the cubic has none in the step, and if the story initially moves
-    # in the direction of the change of drift.
+    # The story has no reversal if the cubic has no reversal in the step, and if the story initially
+    # moves in the direction of the change of drift.
     return reversal_time == 1.0 and rise * direction > 0.0
 
 

@@ -195,12 +195,12 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
     """Compute story forces and tangents for the current displacements and velocities.
 
     The force of a story (row SUM, N) is the sum of restoring force, P-delta, linear damper and
-    power-law dashpot. The tangent (row TANGENT, N/m) is that of the restoring force. A power-law
-    dashpot with the derivative s of its force with respect to the drift rate (N s/m) adds by_v /
-    by_u times s, because velocity and displacement depend on the same unknown x: u = U + by_u x, v
-    = V + by_v x. If by_u is 0, the displacements are known and stiffnesses do not contribute. The
-    row TANGENT then contains by_v s, minus the geometric stiffness that `factor_combination` adds,
-    and the factorization uses 1 instead of by_u.
+    power-law dashpot. The tangent (row TANGENT, N/m) includes the tangent stiffness of the
+    restoring force. A power-law dashpot with the derivative s of its force with respect to the
+    drift rate (N s/m) adds by_v / by_u times s, because velocity and displacement depend on the
+    same unknown x: u = U + by_u x, v = V + by_v x. If by_u is 0, the displacements are known and
+    stiffnesses do not contribute. The row TANGENT then contains by_v s, minus the geometric
+    stiffness that `factor_combination` adds, and the factorization uses 1 instead of by_u.
 
     Parameters
     ----------

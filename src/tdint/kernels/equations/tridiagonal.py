@@ -49,8 +49,7 @@ class Combination(NamedTuple):
 class ModalBlocks(NamedTuple):
     """Modal damping in a matrix with two unknowns (x, y) per floor.
 
-    The equations of x contain the terms W^T W (xx x + xy y), those of y the terms
-    W^T W (yx x + yy y).
+    The equations of x contain W^T W (xx x + xy y), and the equations of y W^T W (yx x + yy y).
 
     Attributes
     ----------
@@ -71,7 +70,7 @@ class ModalBlocks(NamedTuple):
 def factor(factors, n):
     """Compute the factorization T = L D L^T of a symmetric tridiagonal matrix in place.
 
-    L has ones on the diagonal, and D is diagonal. With the diagonal t_i and the entries c_i at
+    Each diagonal entry of L is 1, and D is diagonal. With the diagonal t_i and the entries c_i at
     (i, i - 1), L has the entries c_i / D_(i-1) and D_i = t_i - c_i^2 / D_(i-1).
 
     Parameters
@@ -134,7 +133,7 @@ def invert(scratch, first, size):
     size : int
         Order of the matrix.
     """
-    # For each pivot, the row of the pivot is divided by it, and the column of the pivot is
+    # For each pivot, the row of the pivot is divided by the pivot, and the column of the pivot is
     # eliminated from all other rows. The column that becomes a unit vector is not stored; its place
     # receives the column of the inverse.
     for pivot in range(size):
@@ -428,7 +427,7 @@ def factor_blocks(factors, damping, n):
 
     The products B_i A_(i-1) are stored for the forward substitution (`solve_blocks`), which
     proceeds upwards. The products A_i B_(i+1) are stored for the backward substitution, which
-    proceeds downwards; each floor then multiplies the solution of the floor above only once.
+    proceeds downwards; each floor then multiplies the solution of the floor above only one time.
 
     If most modes are damped, the matrix with modal damping is factorized as a full matrix instead
     (`_factor_full`).
@@ -692,15 +691,15 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     branches of all stories with P-delta. The complex unknown of a floor, x + i y, is stored as the
     pair of real numbers (x, y). The elimination proceeds from the ground upwards: the pivot of
     floor i is its diagonal entry minus b^2 / (pivot of floor i - 1), where -b is the entry between
-    both floors. The terms of the Woodbury formula for modal damping are stored, too.
+    both floors. The terms of the Woodbury formula for modal damping are also stored.
 
     No pivot is zero if 1 / l has a positive real part and is not real, even if stiffnesses are
     negative.
 
     Proof: Let z be a vector with (block z) = 0 for a singular leading block of the matrix. Then
     z* (block z) / l^2 = m s^2 + c s + k = 0, with s = 1 / l and the real numbers m > 0, c >= 0 and
-    k, the quadratic forms of M, C and K. Roots of this equation that are not real have the real
-    part -c / (2 m), which is not positive.
+    k, the quadratic forms of M, C and K. Roots s that are not real have the real part -c / (2 m),
+    which is not positive.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         multilinear_pinching,
     )
 
-# The order must not change, because the numbers of the laws depend on it.
+# The order must not change, because the position of a law is its number.
 NAMES = (
     "linear",
     "bilinear",
@@ -88,12 +88,12 @@ class Laws(MutableSequence["DriftLaw"]):
         self._items[number] = law
 
     def __delitem__(self, number: Any) -> None:
-        """Remove the law with a number; the numbers of the following laws decrease."""
+        """Remove the law with a number; the number of each following law decreases."""
         del self._items[number]
 
     def insert(self, index: int, value: DriftLaw) -> None:
-        """Insert the law `value` before the law with the number `index`; the numbers of this law
-        and of the following laws increase by 1."""
+        """Insert the law `value` before the law with the number `index`; the number of each law
+        from this position on increases by 1."""
         self._items.insert(index, value)
 
 

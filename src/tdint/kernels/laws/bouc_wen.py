@@ -9,9 +9,9 @@ Paevere (2004) show that the other parameters are redundant. The dissipation is 
 
 The equation is integrated along the drift in substeps of a fixed length that start at the committed
 state; the last substep is shorter. The force is therefore a continuous function of the drift. A
-substep also ends where w changes its sign, because |w|^n is not smooth there. For n < 2, the time
-steps that locate kinks end at this point, and near this point the equation is integrated exactly as
-a series in |w|^n.
+substep also ends where w changes its sign, because |w|^n is not smooth at w = 0. For n < 2, the
+time steps that locate kinks end at this point, and near this point the equation is integrated
+exactly as a series in |w|^n.
 
 In the functions below, q = 2 beta - 1, u = |w| while it decreases (unloading), and all drift
 changes r, x and `path` are multiples of Fy / k.
@@ -39,7 +39,7 @@ _SATURATED = 1e-14
 """Difference between w and 1 below which w is set to 1, its limit. Of the order of the rounding
 error."""
 _SMOOTH = 2.0
-"""Exponent from which on the force is smooth enough at a change of sign of w."""
+"""Smallest exponent for a force that is smooth enough at a change of sign of w."""
 _NEAR = 0.25
 """Maximum |w|^n for which the series is used. It then converges with 25 terms."""
 _AT_SIGN_CHANGE = 1e-6
@@ -349,9 +349,15 @@ def _functions() -> LawFunctions:
         """Return the drift change after which w changes its sign, m; infinite if it does not.
 
         w is the dimensionless hysteretic force (row INTERNAL), and the force has a sharp bend at w
-        = 0 for small exponents n. With u = |w| during unloading and q = 2 beta - 1, the drift
-        change is the integral of du / (1 + q u^n) from 0 to |w|, times Fy / k. It is computed with
-        Gauss points in the square root of u / |w|.
+        = 0 for small exponents n. w changes its sign if the direction of loading is opposite to w;
+        |w| then decreases from its current value u to 0. With q = 2 beta - 1, the yield force Fy
+        and the initial stiffness k, the drift change is
+
+            Fy / k int dv / (1 + q v^n)                        over v = |w| from 0 to u
+            Fy / k int 2 u r dr / (1 + q (u r^2)^n)            over r from 0 to 1
+
+        The second form follows from the substitution v = u r^2. It is computed by Gauss
+        integration over r.
 
         Parameters
         ----------
@@ -371,8 +377,8 @@ def _functions() -> LawFunctions:
             return math.inf
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
-        # Drift change, a multiple of u Fy / k: with `root` = sqrt(u' / u) at a Gauss point, the
-        # integrand du' is u 2 root d(root).
+        # Compute the drift change as a multiple of u Fy / k: the integral of
+        # 2 r / (1 + q (u r^2)^n) over r from 0 to 1, with r = `root` at the Gauss points.
         path = 0.0
         for point in range(8):
             root = nodes[point]

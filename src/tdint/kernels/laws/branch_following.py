@@ -206,15 +206,14 @@ def copy_branch(law_state, i, block):
 def branch_first(functions: LawFunctions) -> LawFunctions:
     """Return the functions of a law with a fast evaluation of paths that remain on one branch.
 
-    Most paths end on the linear branch on which they start. In this case only drift, force and work
+    Most paths start and end on the same linear branch. In this case only drift, force and work
     change. The new force function therefore writes only these rows to block `trial`; for the other
     rows, row BRANCH_OFFSET of block `trial` refers to the block with the branch. The original force
     function copies every row of the story, and a commit copies the rows back. Forces, tangents and
     work are equal to the bit.
 
-    A state with a reference is valid only as long as the block to which it refers is not
-    overwritten. Trial states that depend on each other must therefore be computed in the same order
-    each time.
+    A state with a reference to another block becomes invalid when that block is overwritten. Trial
+    states that depend on each other must therefore be computed in the same order each time.
 
     Parameters
     ----------
@@ -234,9 +233,9 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         """Compute the force at a drift; return the tangent stiffness, N/m.
 
         If the path remains on its linear branch, force and work follow from the stiffness of the
-        branch. This is the case if `drift` is within the limits of the branch and the direction of
-        the path is that of RATE_SIGN. Otherwise the original force function of the law is called.
-        The result is written to block `trial`.
+        branch. This is the case if `drift` is within the limits of the branch and the path has the
+        direction RATE_SIGN. Otherwise the original force function of the law is called. The result
+        is written to block `trial`.
 
         Parameters
         ----------
@@ -271,8 +270,9 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
             )
             law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
             return slope
-        # The path leaves its branch. The original function changes the branch and therefore needs
-        # a state that contains its branch.
+        # The path does not remain on its branch. `follow`, the original force function of the law,
+        # will change the branch. It requires that the block `previous` contains the branch;
+        # `copy_branch` replaces a reference to another block by a copy of the branch.
         if previous != rows.COMMITTED:
             copy_branch(law_state, i, previous)
         law_state[trial + rows.BRANCH_OFFSET, i] = 0.0
@@ -407,7 +407,7 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         # A path against the direction of the branch starts with a reversal.
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
-        # Advance to each limit that the path exceeds, and change the branch there.
+        # Advance to each limit that the path exceeds, and change the branch at the limit.
         for _ in range(_MAX_BRANCHES):
             if drift > law_state[trial + rows.UPPER, i]:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.UPPER, i])

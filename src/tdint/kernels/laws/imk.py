@@ -101,7 +101,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def side_parameter(law_parameters, i, side, parameter):
-        """Return the parameter of one side of the story from the table of parameters.
+        """Return the parameter of a side of the story from the table of parameters.
 
         Parameters
         ----------
@@ -331,10 +331,10 @@ def _functions() -> LawFunctions:
     def set_backbone_branch(law_parameters, law_state, i, block, side):
         """Continue on the backbone curve: set its force and its branch at the current drift d.
 
-        The force is that of the hardening line h + s d up to the capping point, that of the capping
-        line c + t d (t negative) down to the residual force R, and R beyond. h and c are the forces
-        of both lines at zero drift, s and t their slopes. The capping drift is (c - h) / (s - t),
-        and the residual force is reached at (R - c) / t.
+        The force is the value of the hardening line h + s d up to the capping point, then the value
+        of the capping line c + t d (t negative) down to the residual force R, and R at larger
+        drifts. h and c are the forces of both lines at zero drift, s and t their slopes. The
+        capping drift is (c - h) / (s - t), and the residual force is reached at (R - c) / t.
 
         Parameters
         ----------
@@ -622,8 +622,8 @@ def _functions() -> LawFunctions:
         # With both pinching parameters equal to 1, reloading has no pinched part: it leads directly
         # towards the last peak or the point of maximum drift.
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
-            # Compute the pinched point and lead the branch to it, unless it is behind the zero
-            # crossing.
+            # Compute the pinched point and lead the branch to this point, unless the point is
+            # behind the zero crossing.
             pinched_drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (
                 max_drift - max_force / stiffness
             )
@@ -655,8 +655,8 @@ def _functions() -> LawFunctions:
 
         The story has been loaded again along the unloading line and has reached the last reversal.
         Loading continues towards the pinched point if this point has not been reached and the line
-        to it is less steep than the line to the point of maximum drift; otherwise towards the point
-        of maximum drift.
+        to the pinched point is less steep than the line to the point of maximum drift; otherwise
+        towards the point of maximum drift.
 
         Parameters
         ----------
@@ -797,7 +797,8 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     """Return an error message if the parameters of a side are inconsistent, otherwise None.
 
     The ultimate drift must exceed the yield drift, and the residual ratio must not exceed the
-    capping ratio. The parameters of the positive side are followed by those of the negative side.
+    capping ratio. The parameters of the positive side are followed by the parameters of the
+    negative side.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ _PATH_POINTS = 0
 # law without degradation
 _STRENGTH_LOSS = 6
 _STIFFNESS_LOSS = 7
-# Three results of `degradation` at the moment at which the drift of the last backbone point was
+# Three results of `degradation` at the moment when the drift of the last backbone point was
 # exceeded
 _LAST_LOSSES = 8
 _EXTRA_ROWS = _LAST_LOSSES + 3
@@ -141,7 +141,7 @@ def _functions() -> LawFunctions:
 
         The parameter with index 0 is the fraction `drift` of the maximum drift and with index 1 the
         fraction `force` of its force, where the pinched part of reloading ends. Index 2 is the
-        fraction `unloading` of the force at the third point, down to which the story unloads.
+        fraction `unloading` of the force at the third point; the story unloads down to this force.
 
         Parameters
         ----------
@@ -252,7 +252,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def loss(law_parameters, i, row, drift_ratio, used_capacity):
-        """Return the fraction of one type of degradation: stiffness, drift or strength.
+        """Return the fraction of a type of degradation: stiffness, drift or strength.
 
         It is peak drift_ratio^peak_exponent + work used_capacity^work_exponent, at most the limit
         of this type. The five parameters of a type are in consecutive rows: peak, work,
@@ -493,7 +493,7 @@ def _functions() -> LawFunctions:
         unloading_fraction = pinching(law_parameters, i, side, 2)
         pinched_drift = pinching(law_parameters, i, side, 0) * max_drift
         pinched_force = force_fraction * force
-        # If the fractions leave no room for a pinched part, point 2 is placed at a force slightly
+        # If the fractions do not permit a pinched part, point 2 is placed at a force slightly
         # (1e-6) above the end of unloading and above the force of the last point, as in Pinching4.
         if force_fraction - unloading_fraction <= _NO_PINCHING:
             third_force = (
@@ -523,7 +523,7 @@ def _functions() -> LawFunctions:
                parameters `drift` and `force` times drift and force of point 3
             3. the point of maximum drift on the side of the movement, with the degraded force
 
-        Parts that would go backwards, fall or be too steep are corrected as in Pinching4 of
+        Parts that would lead backwards, fall or be too steep are corrected as in Pinching4 of
         OpenSees (Lowes and Altoontash 2003). If points 1 and 2 cannot be used, the complete path is
         replaced by the direct line from the reversal to point 3: all three points are then point 3.
         This is the case if
@@ -653,7 +653,7 @@ def _functions() -> LawFunctions:
         drift = side * law_state[block + rows.DRIFT, i]
         end = min(end, law_parameters[_ULTIMATE, i])
         # If the story degrades, the branch also ends at the last drift of the backbone curve, where
-        # `switch` stores the losses that remain constant beyond this drift.
+        # `switch` stores the losses that remain constant above this drift.
         if degrades(law_parameters, i) and drift < last_drift(law_parameters, i) * (
             1.0 - _REACHED_TOLERANCE
         ):
@@ -691,7 +691,7 @@ def _functions() -> LawFunctions:
         law_state[block + rows.FORCE, i] = (
             side * strength_factor * backbone(law_parameters, i, side, drift)
         )
-        # The branch is the first line with an end beyond the current drift.
+        # The branch is the first line that ends at a larger drift than the current drift.
         start_drift, start_force = 0.0, 0.0
         for point in range(1, 5):
             end = point_drift(law_parameters, i, side, point)
@@ -759,9 +759,9 @@ def _functions() -> LawFunctions:
     def start_path(law_parameters, law_state, i, block, side):
         """Start the reloading path towards `side` at a reversal, with new degradation.
 
-        The losses of stiffness and strength replace those of the last reversal. The three points of
-        the path (end of unloading, end of the pinched part, point of maximum drift) are computed
-        and stored in the law state, and the first part of the path is set as branch.
+        The losses of stiffness and strength replace the losses stored at the last reversal. The
+        three points of the path (end of unloading, end of the pinched part, point of maximum drift)
+        are computed and stored in the law state, and the first part of the path is set as branch.
 
         Parameters
         ----------
@@ -981,9 +981,9 @@ def _functions() -> LawFunctions:
     def enter(law_parameters, law_state, i):
         """Set the initial maximum drifts and the limits of the first branch of story `i`.
 
-        The maximum drifts are those of the first points of the backbone curves. The first branch
-        ends there, or at a very small drift (_MIN_REVERSAL) if paths before the first yielding do
-        not coincide with one straight line.
+        The maximum drifts are the drifts at the first points of the backbone curves. The first
+        branch ends at these points, or at a very small drift (_MIN_REVERSAL) if paths before the
+        first yielding do not coincide with one straight line.
 
         Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
         the first rows of column `i` of `law_state`, is changed.
@@ -1018,8 +1018,8 @@ def _stiffens(values: Sequence[float]) -> bool:
     side.
 
     `values` are the parameters in the order of `LAW.parameters`: drift (m) and force (N) of the
-    four points of the positive side, those of the negative side, and then parameters that are not
-    used here.
+    four points of the positive side, then of the four points of the negative side, and then
+    parameters that are not used here.
     """
     first_slope = values[1] / values[0]  # force divided by drift of the first point, N/m
     return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first_slope * (
@@ -1059,7 +1059,7 @@ _PINCHING_PARAMETERS = (
 
 
 def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
-    """Return the declarations of the five parameters of one type of degradation.
+    """Return the declarations of the five parameters of a type of degradation.
 
     `name` is the type: `stiffness`, `drift` or `strength`. The parameters are `peak`, `work`,
     `peak_exponent`, `work_exponent` and `limit`. The stiffness and the strength decrease, and the

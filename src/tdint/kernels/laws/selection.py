@@ -109,10 +109,10 @@ def select_function(
     """Return a compiled function that selects the law of a story and calls its function `hook`.
 
     The result is a chain of conditions on the number of the law. The conditions of frequent laws
-    (linear, bilinear) and of separately compiled laws are inlined; those of the other laws are
-    compiled as one function, which is called. A frequent or separately compiled law without the
-    function `hook` has a condition as well, which selects `otherwise`, so that this call is
-    avoided. Other laws without this function reach `otherwise` at the end of the chain.
+    (linear, bilinear) and of separately compiled laws are inlined; the conditions of the other laws
+    are compiled as a single function, which is called. A frequent or separately compiled law
+    without the function `hook` has a condition as well, which selects `otherwise`, so that this
+    call is avoided. Other laws without this function reach `otherwise` at the end of the chain.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def select_function(
 
 
 def _selection_order() -> list[int]:
-    """Return the numbers of the laws of the variant in the order in which kernels test for them.
+    """Return the number of each law of the variant, in the order of the tests in kernels.
 
     Frequent laws (linear and bilinear) are first. The number `_SEPARATE`, which represents all
     separately compiled laws, follows if the variant has such a law. The remaining laws are last.

@@ -1,11 +1,11 @@
 """Trilinear law with pinched reloading, for building types of regional studies.
 
 The backbone curve of each side rises to the yield point, continues to the ultimate point and
-remains constant beyond it. The unloading stiffness is k (dy / maximum drift)^unloading, down to
-zero force. Reloading towards the point of maximum drift of the other side has two parts. The first
-part is flatter and ends at the fraction `pinching` of the force at that point (Lu, McKenna, Cheng,
-Xu, Zeng and Mahin 2020); pinching 1 is the rule of Clough (1966). Reloading is never stiffer than
-unloading.
+remains constant at larger drifts. The unloading stiffness is k (dy / maximum drift)^unloading, down
+to zero force. Reloading towards the point of maximum drift of the other side has two parts. The
+first part is flatter and ends at the fraction `pinching` of the force at that point (Lu, McKenna,
+Cheng, Xu, Zeng and Mahin 2020); pinching 1 is the rule of Clough (1966). Reloading is never stiffer
+than unloading.
 
 In the functions below, drifts and forces with a `side` are positive in the direction of that side.
 """
@@ -70,7 +70,7 @@ def _functions() -> LawFunctions:
     def backbone(law_parameters, i, drift):
         """Return the force of the backbone curve, N, at a drift (m) above the yield drift.
 
-        It is the hardening line up to the ultimate drift, and the ultimate force beyond it.
+        It is the hardening line up to the ultimate drift, and the ultimate force at larger drifts.
 
         Column `i` of the table `law_parameters` contains the parameters of story `i`.
         """
@@ -142,7 +142,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def set_loading_branch(law_state, i, block, side, branch_type, slope, end, rate_sign):
-        """Set a loading branch of one side that ends at the drift `end`.
+        """Set a loading branch of a side that ends at the drift `end`.
 
         Parameters
         ----------
@@ -312,9 +312,14 @@ def _functions() -> LawFunctions:
     def cross_zero_force(law_parameters, law_state, i, block, side):
         """Set the branch that follows a zero crossing of the force.
 
-        The drift of the zero crossing is stored. The story is then loaded along the first part of
-        reloading, or, if this part would be stiffer than the unloading stiffness, first with the
-        unloading stiffness up to the second part or to the backbone curve.
+        The drift of the zero crossing is stored. Reloading towards the point of maximum drift has
+        two parts; the first (pinched) part starts at the zero crossing. The next branch is
+
+        - the first part, if its end and the point of maximum drift are ahead of the zero crossing
+          and it is not stiffer than unloading,
+        - otherwise a line with the unloading stiffness. This includes the case without a first
+          part, when its end is at or behind the zero crossing. The line ends where it meets the
+          second part. If it does not meet the second part, it ends at the backbone curve.
 
         Parameters
         ----------

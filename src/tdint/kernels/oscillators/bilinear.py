@@ -178,7 +178,7 @@ def _derivative(series, terms, order, t):
 
 @outlined
 def _root(series, terms, order, level, left, right):
-    """Return the time (s) at which displacement, velocity or acceleration crosses a level.
+    """Return the time (s) when displacement, velocity or acceleration crosses a level.
 
     The quantity is the derivative of order `order` (0, 1 or 2) of the displacement s_0 + s_1 t +
     s_2 t^2 + ... The method is regula falsi with halved weights (Illinois), with bisection in every
@@ -221,8 +221,7 @@ def _root(series, terms, order, level, left, right):
 
 @outlined
 def _velocity_zero(series, terms, start, end):
-    """Return the time (s) at which the velocity changes its sign between `start` and `end`, or
-    `end`.
+    """Return the time (s) when the velocity changes its sign between `start` and `end`, or `end`.
 
     The displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... The velocity must be monotonic
     between both times.
@@ -245,7 +244,7 @@ def _velocity_zero(series, terms, start, end):
 
 @outlined
 def _end_of_yielding(series, terms, side, middle, remaining):
-    """Return the time (s) at which yielding ends within a step, or NEVER (-1).
+    """Return the time (s) when yielding ends within a step, or NEVER (-1).
 
     Yielding ends when the velocity changes to the sign opposite to the direction of yielding. The
     displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the yielding branch.
@@ -275,7 +274,7 @@ def _end_of_yielding(series, terms, side, middle, remaining):
 
 @outlined
 def _end_of_elastic_branch(series, terms, state, middle, remaining):
-    """Return the time (s) at which the displacement exceeds a limit of the elastic branch, or NEVER
+    """Return the time (s) when the displacement exceeds a limit of the elastic branch, or NEVER
     (-1).
 
     The displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the elastic branch. The

@@ -299,13 +299,13 @@ def _vibration(oscillator):
 
 @outlined
 def _search(oscillator, maxima, ground_maxima):
-    """Compute the maxima of one oscillator from its maxima at the steps of each interval.
+    """Compute the maxima of an oscillator from its maxima at the steps of each interval.
 
     Between two steps of length h, a quantity q exceeds the larger of its values at the steps by at
     most about h^2/8 times the maximum of |q''| (`excess_factor`). Intervals in which this bound
-    does not exceed the maximum of the run are skipped; the others are integrated again with
-    `_integrate_interval`. The quantities are displacement u, velocity v and absolute acceleration,
-    with the bounds
+    does not exceed the maximum of the run are skipped; the remaining intervals are integrated again
+    with `_integrate_interval`. The quantities are displacement u, velocity v and absolute
+    acceleration, with the bounds
 
         |u''| <= max |p| + max |ag|,   |v''| <= 2 xi omega |u''| + omega^2 |v| + max |ag'|
         |p''| <= 2 xi omega |v''| + omega^2 |u''|,   p = 2 xi omega v + omega^2 u

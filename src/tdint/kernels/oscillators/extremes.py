@@ -179,7 +179,7 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
                 # distance has a maximum where it changes from positive to negative.
                 outward, outward1 = u * v + p * q, u1 * v1 + p1 * q1
                 if outward > 0.0 and outward1 <= 0.0:
-                    # x is the zero of this rate by linear interpolation, as a fraction of the step.
+                    # x is the zero of the rate by linear interpolation, as a fraction of the step.
                     # The displacements there are cubics with the weights c0, c1 of the
                     # displacements and r0, r1 of the velocities at both endpoints.
                     x = outward / (outward - outward1)

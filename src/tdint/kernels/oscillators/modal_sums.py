@@ -37,7 +37,7 @@ DAMPING = RECURSION_ROWS + 1
 MODE_ROWS = RECURSION_ROWS + 2
 
 BLOCK = 4
-"""The number of modes in the table must be a multiple of this number."""
+"""The number of modes in the table must be a multiple of BLOCK."""
 
 # Elements of the array `results` of `largest_drifts`
 PEAK = 0  # maximum absolute drift ratio of all stories

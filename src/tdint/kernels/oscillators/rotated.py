@@ -338,7 +338,7 @@ class _TableOscillator(NamedTuple):
 
 @outlined
 def _search(oscillator, maxima, margin):
-    """Compute the maximum displacements of one oscillator in all directions from its maxima along
+    """Compute the maximum displacements of an oscillator in all directions from its maxima along
     the axes.
 
     The displacement in a direction between two adjacent axes is bounded by a sum of the maxima
@@ -375,7 +375,7 @@ def _search(oscillator, maxima, margin):
         if intervals > 0 and interval != last_interval:
             _integrate_interval(oscillator, interval, margin, True)
             last_interval = interval
-    # Then integrate the intervals in which a bound exceeds a maximum, with the maxima between the
+    # Then integrate the intervals with a bound that exceeds a maximum, with the maxima between the
     # steps (argument False).
     for k in range(_SECTORS):
         lowest[k] = _lowest(best, k)
@@ -416,8 +416,8 @@ def _lowest(best, sector):
     """Return the smallest of the maximum displacements in the directions of a sector, m.
 
     `best` contains the maximum displacement until now in each of the ANGLES directions; a sector
-    has _SECTOR of them. A step can only change a maximum in the sector if its displacement exceeds
-    the result.
+    has _SECTOR directions. A step can only change a maximum in the sector if its displacement
+    exceeds the result.
     """
     low = best[sector * _SECTOR]
     for k in range(sector * _SECTOR + 1, (sector + 1) * _SECTOR):
@@ -432,8 +432,8 @@ def _integrate_interval(oscillator, interval, margin, coarse):
     The interval has INTERVAL_STEPS steps, or the remaining steps after the last complete interval.
     x, v and a are displacement, velocity and relative acceleration along the first axis, y, w and b
     along the second axis; p and q are the rates of a and b. f and g are the ground accelerations
-    along both axes. The numbers 0 and 1 denote the start and the end of a step. The displacement in
-    a direction with the cosine c and the sine d is c x + d y. The directions are divided into
+    along both axes. The suffixes 0 and 1 denote the start and the end of a step. The displacement
+    in a direction with the cosine c and the sine d is c x + d y. The directions are divided into
     sectors of adjacent directions; a sector is skipped in a step that cannot exceed its maxima.
 
     Parameters
@@ -471,7 +471,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
         y1 = a11 * y + (a12 * w - (b10 * g0 + b11 * g1))
         w1 = a21 * y + (a22 * w - (b20 * g0 + b21 * g1))
         a1, b1 = -(by_u * x1 + by_v * v1) - f1, -(by_u * y1 + by_v * w1) - g1
-        # A coarse pass only takes the values at the steps, in all directions.
+        # A coarse pass only uses the values at the steps, in all directions.
         if coarse:
             for k in range(ANGLES):
                 size = abs(directions[0, k] * x1 + directions[1, k] * y1)
@@ -484,7 +484,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
             # p and q are the relative jerks along both axes at the start of the step, m/s^3.
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
-            # Process only the sectors in which the step can exceed a maximum; usually there is
+            # Process only the sectors with a maximum that the step can exceed; usually there is
             # none.
             for sector in range(_SECTORS if _count_higher(scratch, excess) > 0 else 0):
                 if _top(scratch, sector) * _SPREAD + excess <= lowest[sector]:
@@ -528,7 +528,7 @@ def _project(x, y, scratch, sizes):
 
 @outlined
 def _count_higher(scratch, excess):
-    """Return the number of sectors in which the displacement of a step can exceed a maximum.
+    """Return the number of sectors with a maximum that the displacement of a step can exceed.
 
     The displacement in a sector is at most the largest displacement along its edges at both
     endpoints of the step (`_top`) times _SPREAD, plus the excess between the endpoints. It is

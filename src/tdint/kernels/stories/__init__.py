@@ -1,1 +1,1 @@
-"""The forces of stories: where a law is, how its branch ends, what it does along a path."""
+"""Forces of stories: states of the laws, ends of their branches, and paths within a step."""

@@ -24,7 +24,7 @@ from tdint.kernels.laws.selection import (
 NONE = 2.0
 """Fraction of the step that represents "no change of branch"; any value above 1."""
 
-# Relative to the drifts at both endpoints. A branch is left only if the drift exceeds its limit by
+# Relative to the drifts at both endpoints. A branch ends only if the drift exceeds its limit by
 # more than this tolerance, which covers rounding and the error of a located change of branch.
 _LIMIT_TOLERANCE = 1e-9
 # Fraction of the step. Maximum last correction of Newton's method; the remaining error is about the
@@ -355,7 +355,8 @@ def _root(cubic, limit, part_start, part_end, known_event):
     upper_s, upper_value = part_end
     if lower_value >= limit:
         return lower_s
-    # The crossing is not before the known event if the cubic is still below the limit there.
+    # The crossing is not before the known event if the cubic is still below the limit at that
+    # event.
     if known_event < upper_s and (known_event <= lower_s or _bezier(cubic, known_event) <= limit):
         return NONE
     s = lower_s + (upper_s - lower_s) * (limit - lower_value) / (upper_value - lower_value)

@@ -157,12 +157,12 @@ def required_points(law_parameters, law_state, i, drift_change):
 
 @inline
 def _no_sharp_bend(law_parameters, law_state, i, block, side):
-    """Return infinity: the distance to a sharp bend of the force, for laws without a bend.
+    """Return infinity: the distance to a kink of the force, for laws without a kink.
 
-    A sharp bend is a point near which the tangent stiffness changes rapidly. A law with such a bend
-    replaces this function by its function `kink`, which returns the change of drift from the state
-    in `block` to the bend in the direction `side`, m, not negative; infinity if the bend is not on
-    the path. This function uses no argument.
+    A kink is a sharp bend of the force: the tangent stiffness changes rapidly near this point. A
+    law with a kink replaces this function by its function `kink`. It returns the change of drift
+    from the state in `block` to the kink in the direction `side`, m, not negative; infinity if the
+    kink is not on the path. This function uses no argument.
 
     Parameters
     ----------
@@ -187,8 +187,8 @@ def remains_on_branch(law_state, i, rise, bend):
     """Return True if story `i` remains on its current linear branch along the complete path.
 
     The drift along the path is d(t) = d0 + rise t + bend (t^2 - t) / 2, where d0 is the committed
-    drift and t increases from 0 to 1 over the step. The branch is left if the drift exceeds UPPER
-    or falls below LOWER, or if the rate d'(t) = rise + bend (t - 1/2) has the sign opposite to
+    drift and t increases from 0 to 1 over the step. The branch ends if the drift exceeds UPPER or
+    falls below LOWER, or if the rate d'(t) = rise + bend (t - 1/2) has the sign opposite to
     RATE_SIGN. The result is False for a curved law, which has no linear branch.
 
     Parameters
@@ -811,7 +811,7 @@ def _add_on_branch(law_state, i, block, segment, results):
 
 @inline
 def _ignore_branch_end(results, i, t, force):
-    """Do nothing at the end of a branch; `along_branches` calls this function there.
+    """Ignore the end of a branch; `along_branches` calls this function at each end of a branch.
 
     The integrals of the force need the parts on the branches only (`_add_on_branch`). No argument
     is used.
@@ -839,7 +839,7 @@ def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
 
     The integrals of the force f over the part are int f dt and 12 int (t - 1/2) f dt, with t from 0
     to 1 over the step. The direction of the movement, `side`, is the sign of the change of drift
-    between both ends of the part, and 0 without a change.
+    from the start to the end of the part, and 0 without a change.
 
     Parameters
     ----------
@@ -930,8 +930,9 @@ def dividing_at_bend(integrate):
 
     The integrals of the force f are int f dt and 12 int (t - 1/2) f dt, and their derivatives,
     along the parabola of drift d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over
-    the step. The path is divided at a sharp bend of the force (`_distance_to_bend`), near which the
-    tangent stiffness changes rapidly and Gauss integration would be inaccurate.
+    the step. The coefficient `bend` is the curvature of the drift. The path is divided at a kink of
+    the force, which `_distance_to_bend` locates. Near a kink, the tangent stiffness changes
+    rapidly, and Gauss integration would be inaccurate.
 
     Parameters
     ----------
@@ -948,15 +949,15 @@ def dividing_at_bend(integrate):
 
     @outlined
     def integrate_path(law_parameters, law_state, i, previous, segment, results):
-        """Integrate a curved law along a path without reversal, in two parts if a corner of the
-        force is on the path.
+        """Integrate a curved law along a path without reversal, in two parts if the force has a
+        kink on the path.
 
-        The corner is the sharp bend of the force that `_distance_to_bend` locates: near this point
-        the tangent stiffness changes rapidly. The integrals of the force f are int f dt and
-        12 int (t - 1/2) f dt. The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with the
-        coefficients in `segment`, and t from 0 to 1 over the step; `bend` is the curvature of the
-        drift and not related to the corner. The state at the start of the path is in block
-        `previous` of `law_state`. `integrate` adds the integrals of each part to `results`.
+        At a kink, the tangent stiffness changes rapidly; `_distance_to_bend` returns the change of
+        drift up to the kink. The integrals of the force f are int f dt and 12 int (t - 1/2) f dt.
+        The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with the coefficients in `segment`,
+        and t from 0 to 1 over the step. The coefficient `bend` is the curvature of the drift and
+        not related to the kink. The state at the start of the path is in block `previous` of
+        `law_state`. `integrate` adds the integrals of each part to `results`.
 
         The argument False of `integrate` is its `is_elastic`: the state of the law advances from
         each Gauss point to the next, because only hysteretic laws are divided. Column `i` of
@@ -972,8 +973,8 @@ def dividing_at_bend(integrate):
         side = math.copysign(1.0, drift_change)
         drift_change = abs(drift_change)
         begin = segment.begin
-        # First part: from the start to the corner of the force, if it is on the path;
-        # `bend_distance` is the change of drift until then, m.
+        # First part: from the start to the kink of the force, if the kink is on the path;
+        # `bend_distance` is the change of drift up to the kink, m.
         bend_distance = _distance_to_bend(law_parameters, law_state, i, previous, side)
         if bend_distance < drift_change:
             count = required_points(law_parameters, law_state, i, bend_distance)
@@ -993,7 +994,7 @@ def dividing_at_bend(integrate):
             )
             begin = t_end
             drift_change -= bend_distance
-        # Integrate along the remaining part, or along the complete path without a corner.
+        # Integrate along the remaining part, or along the complete path without a kink.
         count = required_points(law_parameters, law_state, i, drift_change)
         return integrate(
             law_parameters,

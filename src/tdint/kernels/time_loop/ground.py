@@ -92,7 +92,8 @@ def fitted_line(ground, begin, end):
             piece_end = end
             next_value = ground_between(ground, end)
         # The ground acceleration is linear in the piece: a trapezoid with this area. Its first
-        # moment is that of the area in the middle of the piece plus length^2 / 12 times the rise.
+        # moment is the moment of the area, concentrated in the middle of the piece, plus length^2 /
+        # 12 times the rise.
         length = piece_end - piece_start
         area = 0.5 * length * (value + next_value)
         impulse += area
@@ -130,8 +131,8 @@ def fitted_line_between_samples(ground, first, last):
         Values of the line at the start and at the end of the step, m/s^2.
     """
     # Times are multiples of the sampling interval. In each interval, the ground acceleration is a
-    # trapezoid with this area; its first moment is that of the area in the middle of the interval
-    # plus 1 / 12 of the rise.
+    # trapezoid with this area; its first moment is the moment of the area, concentrated in the
+    # middle of the interval, plus 1 / 12 of the rise.
     middle = 0.5 * (first + last)
     impulse = 0.0
     moment = 0.0

@@ -72,7 +72,7 @@ INTEGRATE = I8(
 )
 
 OVERFLOW = 1e300
-"""Dimensionless. Relative residual from which a step that did not converge is treated as
+"""Dimensionless. Minimum relative residual for which a step that did not converge is treated as
 divergence."""
 
 RUNAWAY = 1e6

@@ -903,8 +903,8 @@ def call_initialize_laws(initialize_laws, scene, memory):
 def update_law_energies(sum_law_energies, scene, memory, seen):
     """Update the kinetic, strain and hysteretic energy in `seen.totals`, J.
 
-    The kernel `sum_law_energies` is called by its address. The energies are those of the current
-    state. They are computed only when they are needed, because all laws must be evaluated.
+    The kernel `sum_law_energies` is called by its address. The energies refer to the current state.
+    They are computed only when they are needed, because all laws must be evaluated.
 
     Parameters
     ----------
