@@ -302,6 +302,7 @@ def test_import_by_computed_name_is_refused():
         changed_graph("tdint.units", "import_module('tdint.' + 'output')")
 
 
+@pytest.mark.long
 def test_getattr_of_modules_is_known():
     """Module-level `__getattr__` imports by a table or from its own package, or creates kernels."""
     found = {

@@ -305,6 +305,7 @@ def test_long_text_column_is_divided_into_parts() -> None:
     assert column.numbers().tolist() == list(range(100_001)) and column[50_000] == "50000"
 
 
+@pytest.mark.long
 def test_memory_of_text_column_is_limited() -> None:
     """A column needs little more memory than its characters; a list of the same texts needs 60
     bytes more per text."""

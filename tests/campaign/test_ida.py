@@ -301,6 +301,7 @@ def test_fractiles_of_one_and_three_curves():
     assert (low, middle, high) == pytest.approx((2.0**0.32, 2.0, 2.0 * 4.0**0.68))
 
 
+@pytest.mark.long
 def test_components_of_pair_are_run_at_levels_of_pair(frame):
     first, second = motion(0), replace(motion(1), component="HN2")
     pair = Horizontals(first, second)

@@ -192,6 +192,7 @@ def test_scaling_to_a_target_is_least_squares():
         assert misfit[1] < min(misfit[0], misfit[2])
 
 
+@pytest.mark.long
 def test_asce7_scaling_meets_floor_with_common_factor():
     """The average of the maximum-direction spectra is at least 90 % of the target at all periods,
     and all factors are multiplied by a common factor."""

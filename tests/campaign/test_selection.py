@@ -28,8 +28,9 @@ def score(deviations, scatter=None):
     return result + 0.5 * np.mean((deviations.std(axis=-2, ddof=1) - scatter) ** 2, axis=-1)
 
 
-@pytest.mark.parametrize("scatter", [None, pytest.param(0.35, marks=pytest.mark.long)])
+@pytest.mark.parametrize("scatter", [None, 0.35])
 @pytest.mark.parametrize("per_event", [1, 99])
+@pytest.mark.long
 def test_best_selection_from_small_pools_is_found(scatter, per_event):
     """In at least 9 of 10 pools, the best of all selections of four from twelve motions is found,
     and no result is better."""

@@ -261,6 +261,7 @@ def test_an_unexpected_exception_in_a_process_is_raised():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
+@pytest.mark.long
 def test_a_progress_bar_is_drawn_on_a_terminal(folder):
     output, code = at_a_terminal(
         "spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False

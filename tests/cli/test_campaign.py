@@ -183,6 +183,7 @@ def test_each_run_has_a_row(study: Path, tdint: Command) -> None:
     assert [{name: story[name] for name in stories[0]} for story in campaign_stories] == stories
 
 
+@pytest.mark.long
 def test_results_do_not_depend_on_threads_and_shards(study: Path, tdint: Command) -> None:
     """One thread, three threads, and three shards merged in any order give equal files."""
     names = ("runs.csv", "stories.csv")

@@ -197,6 +197,7 @@ def test_without_a_component_each_common_component_is_a_ground_motion(study, tdi
 
 
 @pytest.mark.usefixtures("study")
+@pytest.mark.long
 def test_aftershocks_start_from_the_building_damaged_by_the_main_shock(tdint):
     tdint(*AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0)
     table, intact = rows("ida/capacities.csv"), rows("ida/capacities.csv")[:9]

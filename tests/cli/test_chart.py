@@ -41,6 +41,7 @@ def kept_here(monkeypatch, references):
     monkeypatch.setattr(problem, "cache_folder", lambda: references)
 
 
+@pytest.mark.long
 def test_table_messages_and_files(folder, tdint, drawn):
     result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", code=0)
     assert result.stdout == "" and (folder / "x.png").read_bytes().startswith(b"\x89PNG")
@@ -139,6 +140,7 @@ def test_the_usual_choice_is_listed_only_if_it_meets_the_tolerance(folder, tdint
         assert "common choice" not in line or error <= limit
 
 
+@pytest.mark.long
 def test_lines_by_tolerance(folder, tdint):
     """These lines are after the other lines, contain only the error of the peak drifts, and are not
     recommended, because they have no dt."""
@@ -309,6 +311,7 @@ def test_costs_over_the_number_of_stories(folder, tdint, drawn):
     ] == [1, 2, 4]
 
 
+@pytest.mark.long
 def test_peers_are_rows_and_lines_of_the_chart(folder, tdint, monkeypatch):
     monkeypatch.setattr(peers, "TOLERANCES", (1e-3,))
     result = tdint(
@@ -336,6 +339,7 @@ def test_peers_are_rows_and_lines_of_the_chart(folder, tdint, monkeypatch):
     )
 
 
+@pytest.mark.long
 def test_the_reference_is_cached_between_calls(folder, tdint, monkeypatch):
     monkeypatch.setattr(problem, "cache_folder", lambda: folder)
     first = tdint("chart", "shaken.yaml", *QUICK, code=0)
@@ -431,6 +435,7 @@ problems:
 LINES = ("--method", "newmark-average,impulse4")
 
 
+@pytest.mark.long
 def test_profiles_of_several_ground_motions(folder, tdint, make_record, drawn):
     make_record("other.mseed", "HNE", samples=250)
     result = tdint(

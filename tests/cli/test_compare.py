@@ -108,6 +108,7 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
     assert again.stdout == (out / "comparison.csv").read_text()
 
 
+@pytest.mark.long
 def test_fitted_and_blind_floors(recorded):
     """The stem of the table is the prefix of all other files."""
     si = recorded / "si"

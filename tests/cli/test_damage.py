@@ -313,7 +313,7 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("out", "--threshold", "1%"), "remove --threshold"),
+        (("out", "--threshold", "1%"), "omit --threshold"),
         (("out", "--fit", "ida"), "--fit stripes or --fit cloud"),
         (
             ("out", "--openquake", "f.xml", "--states", "a,b"),

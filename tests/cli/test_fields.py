@@ -501,6 +501,7 @@ def test_a_plan_derives_no_building(region: Path, monkeypatch: pytest.MonkeyPatc
     assert plan.runs > 0 and plan.buildings_of([0]) and set(made) <= {0}
 
 
+@pytest.mark.long
 def test_a_shard_reports_its_own_skipped_buildings_and_the_merge_all_of_them(
     region: Path, tdint: Command
 ) -> None:

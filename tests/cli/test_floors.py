@@ -22,6 +22,7 @@ def run(folder, tdint):
     return functools.partial(tdint, "run", "shaken.yaml", "-o", "out")
 
 
+@pytest.mark.long
 def test_floor_spectra_equal_spectra_of_the_exported_motions(run, tdint, drawn):
     """The spectra agree within 1e-9, the digits of the tables. The spectral acceleration at the
     period 0 is the maximum sample of the history; the peaks in stories.csv include values between
@@ -94,6 +95,7 @@ def test_usage_errors(folder, tdint, arguments, message):
     tdint.refused(message, "run", "shaken.yaml", *arguments)
 
 
+@pytest.mark.long
 def test_floor_spectra_of_several_runs_have_their_mean_and_envelope(run, tdint, drawn):
     """The spectra of each run equal the spectra of a separate call. For a pair, the larger
     component is used at each period."""

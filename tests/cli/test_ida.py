@@ -181,6 +181,7 @@ def test_an_invalid_study_is_refused_with_a_remedy(studied, tdint, statement):
     assert written(studied / "out")["capacities.csv"] == before["capacities.csv"]
 
 
+@pytest.mark.long
 def test_a_study_does_not_replace_figures_of_other_commands(studied, tdint, drawn):
     """A figure of another command is not replaced, also in another directory; the figure of the
     study is replaced without --overwrite. tests/cli/test_files.py tests tables."""

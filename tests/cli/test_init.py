@@ -209,6 +209,7 @@ excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}
 usual."""
 
 
+@pytest.mark.long
 def test_all_analyses_report_the_warnings_of_check_first(folder: Path, tdint: Command) -> None:
     """The warnings are before all other messages, also with --quiet, in runs, several runs,
     campaigns, modes, pushover curves, and in Python."""

@@ -68,6 +68,7 @@ def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     tdint.refused(message, "inventory", *arguments, code=code)
 
 
+@pytest.mark.long
 def test_a_pushover_curve(folder, tdint, drawn):
     """Two equal stories with 8000 N/m and a yield force of 50 N: under equal forces, the lower
     story yields at a base shear of 50 N."""

@@ -140,8 +140,9 @@ def suite(folder, tdint, matched_files):
 
 @pytest.mark.parametrize(
     ("demand", "combine"),
-    [pytest.param("larger", max, marks=pytest.mark.long), ("mean", np.mean), ("separate", None)],
+    [("larger", max), ("mean", np.mean), ("separate", None)],
 )
+@pytest.mark.long
 def test_a_limit_of_matched_pairs_uses_the_specified_demand(suite, tdint, demand, combine):
     """This is the unsafe case: the average over separate components meets a limit that the average
     of the larger components exceeds."""

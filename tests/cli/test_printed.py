@@ -44,6 +44,7 @@ def test_a_pdf_has_the_requested_width_truetype_fonts_and_text_of_six_to_eight_p
     assert set(sizes) <= {6.0, 7.0, 8.0} | {0.7 * size for size in (6.0, 7.0, 8.0)}
 
 
+@pytest.mark.long
 def test_labels_and_styles_can_be_replaced(working_directory, tdint, drawn):
     """Titles and labels can be replaced; a style sheet is applied."""
     (working_directory / "own.mplstyle").write_text("lines.linewidth: 4.5\n")

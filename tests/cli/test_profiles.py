@@ -175,6 +175,7 @@ def test_the_limit_applies_to_the_mean_in_the_governing_story(study: Path, tdint
     )
 
 
+@pytest.mark.long
 def test_a_requirement_is_not_met_before_all_runs_are_completed(
     study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:

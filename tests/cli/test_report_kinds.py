@@ -182,6 +182,7 @@ def test_a_number_that_is_in_no_table_is_detected(working_directory: Path) -> No
     assert [known.holds(*number) for number in found] == [True, False, True, False]
 
 
+@pytest.mark.long
 def test_thresholds_of_a_study_are_drift_ratios(working_directory: Path, tdint: Command) -> None:
     """Thresholds of a table of another program can have any unit."""
     assert "Drift ratio 1 %: ida" in write_report("fragility of ida", tdint)

@@ -122,6 +122,7 @@ def test_a_failing_record_stops_a_set_but_not_single_records(folder, tdint):
     )
 
 
+@pytest.mark.long
 def test_the_rule_of_asce7(folder, tdint, make_record):
     (folder / "suite").mkdir()
     for i in range(11):
@@ -314,6 +315,7 @@ def test_invalid_factor_tables_are_refused(folder, tdint, arguments, code, messa
 
 
 @pytest.mark.usefixtures("short_matching")
+@pytest.mark.long
 def test_records_of_the_table_of_factors(folder, tdint, make_record):
     """Select, match, run, ida and campaign require no record arguments: the table lists the
     selected records, and the other motions of the suite are not used."""

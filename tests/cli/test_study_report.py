@@ -17,6 +17,7 @@ from tdint.output.figures.collapse import measure_words
 G = 9.80665
 
 
+@pytest.mark.long
 def test_the_page_of_an_ida_has_the_capacities_of_the_table(folder: Path, tdint: Command) -> None:
     """Fractiles by rank and lognormal parameters follow from the capacities of the CSV file."""
     result = tdint(

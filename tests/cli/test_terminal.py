@@ -23,6 +23,7 @@ def shell(command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
 
 
+@pytest.mark.long
 def test_a_closed_pipe_is_no_error(folder):
     """A closed pipe is no error for many rows and for a table that is also written to a file."""
     done = shell(
@@ -47,6 +48,7 @@ def test_help_is_written_to_standard_output():
     assert closed.stderr == "Error: standard output is closed\n"
 
 
+@pytest.mark.long
 def test_closed_streams(folder):
     done = shell("tdint modes forced.yaml 2>&-")
     assert (done.returncode, len(done.stdout.splitlines())) == (0, 3)

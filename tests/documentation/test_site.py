@@ -165,6 +165,7 @@ def test_the_first_page_installs_without_a_checkout(maker, pages, monkeypatch):
     assert found["site_url"] == f"{addresses['site']}/"
 
 
+@pytest.mark.long
 def test_each_page_has_links_for_editing_its_files(maker, monkeypatch):
     """With an address of the repository, each link refers to an existing file."""
     addresses = {"repository": "https://example.org/tdint", "site": ""}

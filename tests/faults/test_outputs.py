@@ -38,6 +38,7 @@ def test_a_full_standard_output_is_reported(folder, limit, target, message):
 @pytest.mark.parametrize(
     "command", ["law model.yaml --drift 1% -o out.csv", "run model.yaml --history -o out"]
 )
+@pytest.mark.long
 def test_a_size_limit_of_files_is_reported(folder, command):
     done = shell(f"ulimit -f 1; {TDINT} {command} > /dev/null", folder)
     assert done.returncode == 6, done.stderr

@@ -32,11 +32,12 @@ def temporary_files(folder):
 @pytest.mark.parametrize(
     ("number", "code"),
     [
-        pytest.param(signal.SIGTERM, 143, marks=pytest.mark.long),
+        (signal.SIGTERM, 143),
         (signal.SIGINT, 130),
         pytest.param(signal.SIGKILL, -9, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.long
 def test_a_signal_ends_a_command_and_its_workers(folder, start, number, code):
     command = start(*JOBS)
     command.wait_for(lambda: len(command.children()) == 2 and len(tables(folder)) >= 1)
@@ -57,6 +58,7 @@ def test_a_signal_ends_a_command_and_its_workers(folder, start, number, code):
     ("done", "which"),
     [(0, 0), *(pytest.param(done, 1, marks=pytest.mark.slow) for done in (1, 3, 5))],
 )
+@pytest.mark.long
 def test_a_killed_worker_loses_one_record(folder, start, done, which):
     """The record of a killed worker is reported, and all other records are completed."""
     command = start("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:500")
@@ -89,6 +91,7 @@ def test_all_workers_killed_at_once(folder, start):
     assert len(tables(folder)) >= 6, messages
 
 
+@pytest.mark.long
 def test_a_terminated_run_leaves_no_incomplete_file(folder, start):
     command = start("run", "model.yaml", "--history", "-o", "out", "--dt", "2e-5")
     command.wait_for(lambda: (folder / "out").is_dir() or command.process.poll() is not None)

@@ -64,6 +64,7 @@ def test_a_long_command_in_a_hostile_working_directory(hostile, start):
     assert code == 0, messages
 
 
+@pytest.mark.long
 def test_a_command_without_a_home_in_a_hostile_working_directory(hostile, start):
     """No module of the directory is executed. The kernels are in another directory; a test above
     compiles kernels."""

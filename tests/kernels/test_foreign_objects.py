@@ -87,6 +87,7 @@ def test_object_requires_only_mathematical_library(objects, name):
     assert not any("chkstk" in symbol for symbol in symbols)
 
 
+@pytest.mark.long
 def test_object_with_unknown_symbols_is_refused(monkeypatch, objects):
     module = checks()
     code, target = objects["windows-x86-64-v2"]

@@ -400,6 +400,7 @@ def bouc_wen(draw):
     st.one_of(peak_oriented(), any_trilinear(), bilinear(), bouc_wen()),
     st.lists(st.floats(-40.0, 40.0), min_size=2, max_size=40),
 )
+@pytest.mark.long
 def test_dissipated_energy_does_not_decrease(law, drifts):
     path = imposed(law, [0.0, *drifts])
     work = path.hysteretic_energy + path.strain_energy

@@ -149,6 +149,7 @@ def test_order_4_is_observed_with_harmonic_force_on_yielding_story():
     assert orders(errors)[-1] > 3.6
 
 
+@pytest.mark.long
 def test_peak_oriented_stories_are_of_order_4():
     """Two solutions for the same law agree: located branch changes, and the state determination of
     average acceleration over complete steps."""
@@ -169,7 +170,8 @@ CURVED = {
 }
 
 
-@pytest.mark.parametrize("name", [pytest.param("bouc-wen", marks=pytest.mark.long), "mixed"])
+@pytest.mark.parametrize("name", CURVED)
+@pytest.mark.long
 def test_kinks_are_located_among_curved_laws(name):
     """Order 4 is retained at reversals of a Bouc-Wen story, and if some stories have kinks and
     others are curved. Average acceleration with Newton iteration across kinks converges to the same

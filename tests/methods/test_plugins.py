@@ -153,6 +153,7 @@ def test_check_accepts_own_methods():
 
 
 @pytest.mark.usefixtures("plain")
+@pytest.mark.long
 def test_incompletely_set_branch_is_reported(tmp_path):
     """A variant of the law `gap` does not set the lower end of a branch. Compiled code would
     continue with this error without a message."""
@@ -421,6 +422,7 @@ def test_commands_use_methods_and_laws_of_files(workshop, verlet, tmp_path):
 
 
 @pytest.mark.usefixtures("plain")
+@pytest.mark.long
 def test_store_refuses_changed_plugin(workshop, verlet, hyperbolic, tmp_path, monkeypatch):
     """`campaign`, `merge` and `ida` refuse a store of runs if its law, or a module that the law
     imports, was changed; the message names the file. Other plug-ins may be changed. All plug-ins
@@ -495,6 +497,7 @@ def test_cached_reference_depends_on_law(model_with_law, hyperbolic, tmp_path):
 
 
 @pytest.mark.usefixtures("plain")
+@pytest.mark.long
 def test_plugin_files_are_sent_to_workers(workshop, verlet, hyperbolic, tmp_path):
     """A process without the two plug-ins, such as a Dask worker, gives the same runs."""
     for file in (verlet, hyperbolic):
@@ -527,6 +530,7 @@ print(repr(float(tdint.run_case(case, dt=0.005).stories.peak_drift[0])), repr(fl
 """  # noqa: E501
 
 
+@pytest.mark.long
 def test_case_and_result_are_read_by_new_process(workshop, verlet, hyperbolic, tmp_path):
     """The new process loads the plug-ins of the method and the law from their files if the files
     are unchanged."""

@@ -68,10 +68,8 @@ def model_of(law, stories=1):
 
 
 @pytest.mark.usefixtures("compiled_truth")
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.long] * (name != "rosenbrock")) for name in METHODS],
-)
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.long
 def test_recipe_method_is_accurate_with_yielding_stories(name):
     """Order, energy balance, fresh scratch and halved steps are checked in plain Python with
     checked bounds. Only bilinear stories are used here; the check of the declarations uses
@@ -89,9 +87,8 @@ def test_recipe_method_agrees_with_its_declarations(name):
 
 
 @pytest.mark.usefixtures("plain")
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name != "flag")) for name in STORIES]
-)
+@pytest.mark.parametrize("name", STORIES)
+@pytest.mark.long
 def test_recipe_law_passes_check(name):
     loaded(name)
     assert check_law(model_of(STORIES[name]), 1) == []

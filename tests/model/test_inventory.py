@@ -213,6 +213,7 @@ CELLS = {
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cells=st.lists(st.tuples(*CELLS.values()), min_size=1, max_size=9))
+@pytest.mark.long
 def test_rows_are_read_independently(tmp_path: Path, cells: list[tuple[str, ...]]) -> None:
     """Valid rows and errors do not depend on the number of rows. If an id is repeated, the first
     valid row counts."""

@@ -221,6 +221,7 @@ def test_texts_of_the_matrix_do_not_overlap(names, width, panels):
             assert x0 <= box.x0 and box.x1 <= x1 and y0 <= box.y0 and box.y1 <= y1, text.get_text()
 
 
+@pytest.mark.long
 def test_a_matrix_without_room_reports_the_required_width():
     with pytest.raises(UsageError, match=r"require a width of at least (\d+) mm") as caught:
         matrix(["impulse4", *LONG], 50)

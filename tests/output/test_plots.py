@@ -225,6 +225,7 @@ def test_names_are_drawn_literally(tmp_path, forced):
     rendered_texts(run_picture(replace(forced, model=replace(forced.model, name=long))))
 
 
+@pytest.mark.long
 def test_motions_at_rest_are_drawn():
     still = replace(motion(), acceleration=np.zeros(50))
     assert "roof displacement" in rendered_texts(

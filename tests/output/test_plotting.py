@@ -226,6 +226,7 @@ def lines_of(results):
         yield (("order", 0, line), [results["order"].order(name)], [1.0])
 
 
+@pytest.mark.long
 def test_the_values_of_each_figure_equal_its_result(results):
     figures = {name: tdint.plot(result) for name, result in results.items()}
     for (name, panel, line), across, along in lines_of(results):
@@ -288,6 +289,7 @@ def test_the_values_of_each_figure_equal_its_result(results):
     )
 
 
+@pytest.mark.long
 def test_print_options(results, tmp_path):
     file = tmp_path / "a.pdf"
     figure = tdint.plot(results["modes"], file=file, width=0.09, title=False)

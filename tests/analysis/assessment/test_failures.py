@@ -53,6 +53,7 @@ def test_hardening_motion_solves_its_equation():
     assert hardening_motion(times) == pytest.approx(u, abs=1e-9)
 
 
+@pytest.mark.long
 def test_softening_motion_agrees_with_independent_integration():
     """The motion with the smallest time step of the problem agrees; the other time steps are
     subsets of its samples."""

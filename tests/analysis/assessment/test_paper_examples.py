@@ -117,6 +117,7 @@ def test_reference_of_example_1_agrees_with_dop853():
 
 
 @pytest.mark.parametrize("number", FILES)
+@pytest.mark.long
 def test_gauss4_confirms_reference(number):
     """The implicit method gauss4 of order 4 with 1/8 of the time step has 1/4096 of its error."""
     assert gap(examples()[number], 0.02, "gauss4") < 2e-8

@@ -143,10 +143,11 @@ def test_gap_to_openseespy_detects_different_law(monkeypatch):
     "law",
     [
         Law("tanh", (2e4,)),
-        pytest.param(Law("polynomial", (1e6, 0.0, 1e9)), marks=pytest.mark.long),
-        pytest.param(Law("bouc-wen", (4e4, 0.05, 2.0, 0.5)), marks=pytest.mark.long),
+        Law("polynomial", (1e6, 0.0, 1e9)),
+        Law("bouc-wen", (4e4, 0.05, 2.0, 0.5)),
     ],
 )
+@pytest.mark.long
 def test_curved_laws_agree_with_openseespy(law):
     problem = pose(model([story(1e3, 1e6, law), story(1e3, 8e5)]), noise(samples=201, peak=6.0))
     assert (
@@ -178,6 +179,7 @@ def test_curved_law_is_approximated_by_table():
 
 
 @pytest.mark.usefixtures("opensees")
+@pytest.mark.long
 def test_hht_and_generalized_alpha_agree_with_openseespy():
     """The building is linear, and the results differ from average acceleration. Both programs
     report accelerations from equilibrium at the ends of steps, not algorithmic accelerations."""
@@ -194,6 +196,7 @@ def test_hht_and_generalized_alpha_agree_with_openseespy():
 
 
 @pytest.mark.parametrize("opensees", ["stand-in"], indirect=True)
+@pytest.mark.long
 def test_failed_and_slow_runs_of_openseespy_are_reported(opensees, monkeypatch):
     """The smallest time steps, which take longest, are run last, and they are reported as
     missing."""

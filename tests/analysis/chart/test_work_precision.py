@@ -468,6 +468,7 @@ def test_timing_reports_ratio_of_wall_time_to_processor_time(
 # ---- Lines with time steps that are chosen for a tolerance
 
 
+@pytest.mark.long
 def test_lines_by_tolerance_equal_runs_with_tolerance():
     """Errors of peak drifts and times equal those of separate runs with a separate reference; other
     errors are unknown."""

@@ -460,6 +460,7 @@ def test_absolute_displacement_is_reported(recorded_model):
 # ---- Fits
 
 
+@pytest.mark.long
 def test_common_stiffness_factor_is_fitted_to_roof_sensor(recorded_model):
     """For an error of 30 % of all stiffnesses and one sensor, the common factor is accurate to the
     12 digits of the table. A base motion with a nonzero median is not shifted."""

@@ -153,7 +153,8 @@ def random_run(seed):
     )
 
 
-@pytest.mark.parametrize("samples", [pytest.param(2, marks=pytest.mark.long), 4])
+@pytest.mark.parametrize("samples", [2, 4])
+@pytest.mark.long
 def test_errors_of_residual_drifts_of_steps_beyond_end_of_record(samples):
     """The residual drifts differ from the drifts at the end of the record, and the estimated errors
     cover the difference."""

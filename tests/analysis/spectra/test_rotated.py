@@ -64,6 +64,7 @@ def test_percentiles_agree_with_rotated_motions(choices):
     damping=st.sampled_from([0.0, 0.05, 0.7]),
     second=st.sampled_from([1.0, 1e-3]),
 )
+@pytest.mark.long
 def test_percentiles_of_white_noise(seed, samples, period, damping, second):
     generator = np.random.default_rng(seed)
     first, perpendicular = (
