@@ -300,7 +300,9 @@ def _read_mainshock(request: IdaRequest) -> Mainshock | None:
 
 
 def _folder(request: IdaRequest) -> Path | None:
-    """Return the directory of the study after a check that its files can be written.
+    """Prepare the directory of the study: check its files, and delete the store with --overwrite.
+
+    Returns the directory, or None if the results are not written to a directory.
 
     Parameters
     ----------
@@ -310,7 +312,8 @@ def _folder(request: IdaRequest) -> Path | None:
     Raises
     ------
     OutputError
-        An existing file was not written from the store of the study, or the store is not trusted.
+        A file exists that no earlier call of this study has written and --overwrite is not
+        specified, or the store cannot be used.
     """
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written, remove_store

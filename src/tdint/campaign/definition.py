@@ -295,8 +295,8 @@ _RANDOM = Keys(
         )
         for kind, parameters in DISTRIBUTIONS.items()
     ),
-    # Each alternative (`ways`) has one key: a mapping with two distributions is an error.
-    ways=tuple((kind,) for kind in DISTRIBUTIONS),
+    # Each alternative group has one key: a mapping with two distributions is an error.
+    alternative_groups=tuple((kind,) for kind in DISTRIBUTIONS),
     what=_VALUES_TEXT,
     # `distributions` contains the specified distribution, and None for all other types.
     make=lambda _, **distributions: next(filter(None, distributions.values())),

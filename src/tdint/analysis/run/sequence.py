@@ -83,7 +83,8 @@ def sequence_of(
     Returns
     -------
     ShockSequence
-        Ground motions and the samples at which they start.
+        Ground motions, the samples at which they start, and the numbers (from 1) of the events
+        after which the building does not come to rest within the longest time of rest.
 
     Raises
     ------
@@ -103,7 +104,9 @@ def sequence_of(
             steps_to_rest, at_rest = extend_to_rest(
                 case.under(preceding), _steps(case, preceding, dt)
             )
-            # `per_sample` time steps cover `stride` samples.
+            # Convert time steps to samples. If a step is shorter than the sampling interval, there
+            # are `per_sample` steps in an interval and `stride` is 1; if it is longer, a step
+            # covers `stride` samples and `per_sample` is 1.
             samples = math.ceil(
                 steps_to_rest.count * steps_to_rest.stride / steps_to_rest.per_sample
             )

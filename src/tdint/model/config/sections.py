@@ -206,7 +206,7 @@ def _damping_type(count: int | None) -> Either:
             Key("mass", NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
             Key("stiffness", NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"),
         ),
-        ways=(("ratio", "modes"), ("mass", "stiffness")),
+        alternative_groups=(("ratio", "modes"), ("mass", "stiffness")),
         what="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
         make=lambda value, **entries: _rayleigh(value, count, **entries),
     )
@@ -238,7 +238,7 @@ def _damping_type(count: int | None) -> Either:
             Key("modal", modal, "damping ratios of modes"),
         ),
         one_of=(("rayleigh", "modal"),),
-        ways=(("rayleigh",), ("modal",)),
+        alternative_groups=(("rayleigh",), ("modal",)),
         what="none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}",
         make=lambda _, rayleigh, modal: (
             rayleigh or ModalDamping(modal if isinstance(modal, tuple) else (modal,))

@@ -257,8 +257,8 @@ class Keys(Sequence[str]):
         Keys in the order in which messages list them.
     one_of : tuple of tuple of str
         Groups of keys. Exactly one key of each group is required.
-    ways : tuple of tuple of str
-        Alternative groups of keys. Keys of two groups cannot be combined.
+    alternative_groups : tuple of tuple of str
+        Groups of keys. A mapping must contain all keys of one group and no key of another group.
     what : str
         Description of the mapping in messages.
     make : callable, optional
@@ -268,7 +268,7 @@ class Keys(Sequence[str]):
 
     declared: tuple[Key, ...]
     one_of: tuple[tuple[str, ...], ...] = ()
-    ways: tuple[tuple[str, ...], ...] = ()
+    alternative_groups: tuple[tuple[str, ...], ...] = ()
     what: str = ""
     make: Callable[..., Any] | None = None
 
@@ -470,7 +470,10 @@ class Value:
             case Words(parse):
                 return self.parsed(parse) if parse else self.text()
         # A type such as the hysteretic law of a story has a reader in `tdint.model.config`.
-        raise TypeError(f"{self.key}: {self.type} has no general conversion; call its reader")
+        raise TypeError(
+            f"{self.key}: values of the type {self.type} are read by a function in "
+            "tdint.model.config, not by Value.read"
+        )
 
     def _read_alternative(self, either: Either) -> Any:
         """Return the value, converted to the first declared type that has the form of the value.
@@ -525,8 +528,12 @@ class Value:
         return values
 
     def _read_by_name(self, declared: ByName) -> Any:
-        """Return the object that `declared.make` builds from a mapping with names of the user; None
-        after reporting an error."""
+        """Convert a mapping whose keys are names that the user chose, such as damage states.
+
+        Each value of the mapping is converted to `declared.type`. `declared.make` builds the result
+        from pairs of the entry, which states the line for error messages, and its converted value.
+        The result is None if an error was reported.
+        """
         entries = self.named(declared.what, declared.none)
         if entries is None:
             return None
@@ -549,13 +556,15 @@ class Value:
         section = self.section(keys, keys.what)
         if section is None:
             return None
-        # `keys.ways` are alternative groups of keys. The mapping must contain keys of one group.
-        alternatives = [names for names in keys.ways if section.has(*names)]
+        # The mapping must contain keys of a single alternative group.
+        alternatives = [names for names in keys.alternative_groups if section.has(*names)]
         if len(alternatives) > 1:
             self.fault(f"give either {' or '.join(map(' and '.join, alternatives))}, not both")
             return None
-        if keys.ways and not any(section.mentions(*names) for names in keys.ways):
-            names = ", ".join(name for group in keys.ways for name in group)
+        if keys.alternative_groups and not any(
+            section.mentions(*names) for names in keys.alternative_groups
+        ):
+            names = ", ".join(name for group in keys.alternative_groups for name in group)
             self.fault(f"must be {keys.what}, got a mapping without any of the keys {names}")
         # All keys of the used group are required; without groups, the keys that are declared so.
         if alternatives:
