@@ -296,7 +296,7 @@ class Profiles:
             return []
         lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
         # A campaign with the buildings of a region can have collapses in many buildings, which are
-        # results of the study. Only the first lines are shown then, as notes and not as warnings.
+        # results of the study. Then only the first lines are shown, as notes and not as warnings.
         omitted = len(lines) - _MAX_LINES
         if omitted > 0:
             lines[_MAX_LINES:] = [

@@ -302,7 +302,7 @@ def _read_mainshock(request: IdaRequest) -> Mainshock | None:
 def _folder(request: IdaRequest) -> Path | None:
     """Prepare the directory of the study: check its files, and delete the store with --overwrite.
 
-    Returns the directory, or None if the results are not written to a directory.
+    The result is the directory; it is None if the results are not written to a directory.
 
     Parameters
     ----------

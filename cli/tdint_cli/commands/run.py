@@ -646,7 +646,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
         stale=earlier_files,
         last=(folder / SUMMARY, summary_bytes),
     )
-    # `write_files` removes files of an earlier run only if they are unchanged: report the others.
+    # `write_files` removes files of an earlier run only if they are unchanged: report changed runs.
     remaining = [
         file.name
         for file in possible_files

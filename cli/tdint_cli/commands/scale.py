@@ -155,7 +155,7 @@ class ScaleRequest(RecordsRequest):
 
     @property
     def value(self) -> tuple[str, float] | None:
-        """Name and value (SI units) of the intensity measure to scale to; None without one.
+        """Name and value (SI units) of the intensity measure to scale to; None: not specified.
 
         Raises
         ------

@@ -748,7 +748,7 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
 def with_named_files(
     arguments: Sequence[str], options: Collection[str] = tuple(_NAMED_FILES)
 ) -> list[str]:
-    """Return a command line in which --plot and --history always have a value.
+    """Return a command line where --plot and --history always have a value.
 
     Users may omit the value of these two options, which click does not support: `--plot` becomes
     `--plot=VALUE`. The value is the next word if it is empty or a file name with a suffix that fits

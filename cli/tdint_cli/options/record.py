@@ -26,7 +26,7 @@ _rare = partial(option, rare=True)
 
 @dataclass(frozen=True)
 class RecordRequest:
-    """Options by which the records of a command line are read and processed.
+    """Options for reading the records of a command line and processed.
 
     Attributes
     ----------

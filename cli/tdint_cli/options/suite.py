@@ -55,7 +55,7 @@ class SuiteRequest:
     require : bool
         Exit with code 5 if a limit is exceeded.
     jobs : int or None
-        Number of threads; None for one per processor.
+        Number of threads; None: as many as processors.
     of_floors : FloorRequest
         Options of floor spectra.
     baseline : str or None

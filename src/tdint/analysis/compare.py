@@ -747,7 +747,7 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
 def compared_floors(
     event: Event, computed: Sequence[Array], shift: float
 ) -> tuple[FloorComparison, ...]:
-    """Combine the computed and the recorded motion of each floor, for times at which both exist.
+    """Combine the computed and the recorded motion of each floor, at times of both motions.
 
     Parameters
     ----------

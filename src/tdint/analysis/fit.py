@@ -41,7 +41,7 @@ _DAMPING_BOUNDS = (1e-4, 0.5)  # bounds of a damping ratio
 _DIFFERENCE_STEP = 1e-4
 _SCANNED_FACTORS = np.geomspace(0.4, 2.5, 41)  # common factors of the stiffnesses as start values
 _MAX_SCANNED_STARTS = 3  # maximum number of these factors with which a fit of the spectra starts
-_CONTINUED_FITS = 2  # number of best fits of the spectra from which the histories are fitted
+_CONTINUED_FITS = 2  # number of best fits of the spectra that start the fits of the histories
 _BANDWIDTH = 0.1  # half width of the smoothing, in the logarithm of frequency
 _FREQUENCIES = 120  # number of frequencies of the smoothed spectrum, in equal ratios
 # The lowest frequency of a spectrum has this number of periods within the recording
@@ -433,7 +433,7 @@ def _minimize(
 def _start_values(
     problem: _Problem, model_logarithms: Array, bounds: Array, fits_stiffness: bool
 ) -> list[Array]:
-    """Return several start values from which the spectra are fitted.
+    """Return several start values for the fit of the spectra.
 
     The first start values are the values of the model. In the following, the stiffnesses of all
     stories are multiplied by a common factor. Up to three factors that are local minima of the

@@ -195,7 +195,7 @@ class _MotionState:
 
 @dataclass(frozen=True)
 class _QuadraticProgram:
-    """Quadratic program of one round: its equations and their scalar products.
+    """Quadratic program of a round: its equations and their scalar products.
 
     Each row belongs to an extreme of a response, or to the final velocity or displacement of the
     ground. The program determines the smallest change of the motion that changes these quantities
@@ -933,7 +933,7 @@ def _exchange_equalities(
 
 
 def program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:
-    """Solve the quadratic program of one round.
+    """Solve the quadratic program of a round.
 
     The multipliers l minimize l' (G + diag(damping)) l / 2 - shortfall' l, where G is `gram`.
     Multipliers of inequalities (upper limits) must not be positive. A primal-dual active set method

@@ -58,7 +58,7 @@ class Cluster:
 
     def __post_init__(self) -> None:
         """Check the address and the certificates, and raise UsageError if they are invalid. Anyone
-        who can connect to a scheduler can execute code on it, so a scheduler on another machine
+        who can connect to a scheduler can execute code there, so a scheduler on another machine
         requires certificates."""
         parts = _parse_address(self.address)
         certificates = [self.ca, self.cert, self.key]

@@ -354,7 +354,7 @@ class GridSamples:
         return np.array(counts, dtype=np.int64)
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
-        """Return the nearest points of the grid, whose motions are sampled for a building.
+        """Return the nearest points of the grid; their motions are sampled for a building.
 
         Returns
         -------

@@ -215,7 +215,7 @@ class Plan:
         analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models}
         # An inventory does not specify these settings, so all its buildings have the same.
         analyses = analyses or {(None, None)}
-        # Records with the same sampling interval have the same result: check the first of them. In
+        # Records with the same sampling interval have the same result: check the first row. In
         # reverse order, the first motion is the last to be assigned to its key.
         first_motions = {motion.record.dt: motion for motion in reversed(self.motions)}
         for dt, duration in sorted(analyses, key=str):

@@ -132,7 +132,7 @@ class Scaling(Tabular):
         )
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
-        """Return the motions whose absolute scale factor is outside a range.
+        """Return the motions with an absolute scale factor outside a range.
 
         Parameters
         ----------
@@ -580,7 +580,7 @@ def scale(
         measure_periods = (
             intensity_measure.periods if isinstance(intensity_measure, SpectralIntensity) else ()
         )
-        # The rule requires Sa at one period; the period (0.0,) is PGA.
+        # The rule requires Sa at a single period; the period (0.0,) is PGA.
         if intensity_measure is not None and (
             len(measure_periods) != 1 or measure_periods == (0.0,)
         ):

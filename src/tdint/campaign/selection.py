@@ -487,7 +487,7 @@ class _EventGroups:
                     self._unite(motion, motion_of_recording.setdefault(name, motion))
 
     def unite_similar_events(self) -> None:
-        """Merge the groups of motions whose headers describe the same event differently, for
+        """Merge the groups of motions if their headers describe the same event differently, for
         example with and without the time of day."""
         events = self.events
         # Compare each pair of distinct descriptions. A description with a time is compared only

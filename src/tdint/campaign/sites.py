@@ -703,7 +703,7 @@ class _RowReader:
 
 def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
     """Return the column with the values of a table of fields. The values are factors on the
-    records, or intensities computed by OpenQuake, to which the records are scaled.
+    records, or intensities computed by OpenQuake; the records are scaled to these values.
 
     Parameters
     ----------

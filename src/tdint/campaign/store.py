@@ -740,7 +740,7 @@ class Store:
         return self._meta_or_none("damage") or ""
 
     def building_type(self, building: int) -> tuple[str, str, float, float]:
-        """Return the properties of a building from which its damage is computed.
+        """Return the properties of a building for the computation of its damage.
 
         Parameters
         ----------

@@ -428,7 +428,7 @@ class RowTable:
         )
 
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """Convert rows to the form in which SQLite returns them, so that checksums of written and
+        """Convert rows to the form that SQLite returns, so that checksums of written and
         of stored rows are equal. The result is sorted by key.
 
         Nested tuples, such as the values and errors of a run, become separate columns. Each

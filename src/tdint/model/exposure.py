@@ -116,7 +116,7 @@ def stream_exposure(
     mapping : CsvTable
         Mapping table (`read_mapping`).
     reserved : collection of str
-        Columns of an inventory from which buildings are derived. A tag with such a name gets the
+        Columns of an inventory for the derivation of buildings. A tag with such a name gets the
         prefix `tag_`.
 
     Returns

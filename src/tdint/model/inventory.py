@@ -561,7 +561,7 @@ class _Row:
     index : int
         Index of the row in the table.
     faults : list of ModelFault
-        List to which the errors of the row are added.
+        List for the errors of the row, extended by this function.
     """
 
     def __init__(self, table: _Table, index: int, faults: list[ModelFault]) -> None:

@@ -177,7 +177,7 @@ def verify_laws(law_parameters: Array) -> None:
     AnalysisError
         A declaration of a law is missing or wrong.
     """
-    # Laws of plug-ins have the numbers from `OURS` on.
+    # Laws of plug-ins are numbered from `OURS` on.
     codes = law_parameters[..., rows.CODE, :-1]
     if not np.any(codes >= OURS):
         return

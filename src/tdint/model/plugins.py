@@ -233,8 +233,7 @@ def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
             file.write_bytes(content)
         elif file.read_bytes() != content:
             raise UsageError(
-                f"{name}: a worker has executed another version of this plug-in; restart the "
-                "workers"
+                f"{name}: a worker executed another version of this plug-in; restart the workers"
             )
         files.append(str(file))
     return files

@@ -625,7 +625,7 @@ def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbe
         same drift would be a jump of the force.
         """
         ordered = np.sort(np.clip(tried, min_drift, 1.0))
-        # The maxima leave the minimum distance to the later points, the last of which is at 1.
+        # The maxima leave the minimum distance to the later points, the last point is at 1.
         maximum = 1.0 - _MIN_DISTANCE * np.arange(3, 0, -1)
         return np.append(np.minimum(ordered + _MIN_DISTANCE * np.arange(3), maximum), 1.0)
 
@@ -646,7 +646,8 @@ def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbe
         """Return the sum of squares for three drifts of the search."""
         return fit_shears(drifts_of_points(tried))[1]
 
-    # The search starts with one point before the start drift, and one midway to the maximum drift.
+    # The search starts with a point before the start drift, and a second point midway to the
+    # maximum drift.
     start = np.array([0.3 * start_drift, start_drift, 0.5 * (1.0 + start_drift)])
     options = {"xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000}
     best = minimize(sum_of_squares, start, method="Nelder-Mead", options=options).x

@@ -59,7 +59,7 @@ _SLOW = 1e-6
 
 @dataclass(frozen=True)
 class ExampleFigure:
-    """Figure of the paper with a time history of one floor.
+    """Figure of the paper with a time history of a floor.
 
     Attributes
     ----------

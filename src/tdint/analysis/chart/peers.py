@@ -201,7 +201,7 @@ def openseespy_points(
         return [], [f"openseespy is omitted: {failure_reason}"]
     points = []
     for run_number, (integrator, steps) in enumerate(method_steps):
-        # The names of the results of this run begin with its number and an underscore.
+        # Names of results of this run start with its number and an underscore.
         run_results = {
             name.partition("_")[2]: value
             for name, value in worker_results.items()

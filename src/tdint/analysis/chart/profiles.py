@@ -802,7 +802,7 @@ def measure_all(
             completed: int = completed,
             problem: FieldProblem = problem,
         ) -> None:
-            """Report the progress in one problem as a fraction of all problems."""
+            """Report the progress in a problem as a fraction of all problems."""
             # The default arguments keep the values of this iteration of the loop.
             progress(
                 f"{problem.name}, {problem.motion}: {action}",

@@ -149,9 +149,9 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         rule = store.pair_rule()
         if request.pair_demand:
             rule = replace(rule, demand=request.pair_demand)
-        # The runs of the components of a recording are correlated, so they count as one ground
-        # motion. In a campaign with ground motion fields, this holds for the runs of an event; the
-        # store numbers the events in its column of samples, and no mapping is needed.
+        # The runs of the components of a recording are correlated, so they count as a single ground
+        # motion. In a campaign with ground motion fields, the same applies to the runs of an event;
+        # the store numbers the events in its column of samples, and no mapping is needed.
         motion_of_record = {} if store.events() else rule.recordings
         collectors: dict[str, _RunCollector] = {}
         for damage in building_damages(store, requested_states):

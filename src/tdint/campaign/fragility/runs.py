@@ -193,7 +193,7 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
     Raises
     ------
     ModelError
-        The model lacks data from which the demand is computed.
+        The model lacks data for the computation of the demand.
     """
     states, building_type = model.damage, own_type(model)
     if states is None or building_type is None:
@@ -304,7 +304,7 @@ def damage_by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
     """Combine the damage after the runs of both components of each pair, and return the damage of a
     building with one entry per ground motion and level instead of per run.
 
-    The rule determines the demand of a pair, from which its damage follows. The building has
+    The rule determines the demand of a pair, and the demand determines its damage. The building has
     collapsed under a pair if it has collapsed under at least one component. A pair has no result if
     one component has no result. Key, rank, Sa(T1) and PGA are those of the first component.
 

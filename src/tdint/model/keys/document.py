@@ -224,7 +224,7 @@ class _Composer:
     text : str
         Content of the file.
     faults : Faults
-        Collection to which errors are added.
+        Collection of errors, extended by this function.
     """
 
     def __init__(self, text: str, faults: Faults) -> None:

@@ -528,7 +528,7 @@ class Value:
         return values
 
     def _read_by_name(self, declared: ByName) -> Any:
-        """Convert a mapping whose keys are names that the user chose, such as damage states.
+        """Convert a mapping with names that the user chose as keys, such as damage states.
 
         Each value of the mapping is converted to `declared.type`. `declared.make` builds the result
         from pairs of the entry, which states the line for error messages, and its converted value.
@@ -756,7 +756,7 @@ class Section:
     Attributes
     ----------
     value : Value
-        The mapping, for errors that concern all of it.
+        The mapping, for errors that concern the complete mapping.
     """
 
     def __init__(self, value: Value, node: MappingNode, keys: Collection[str]) -> None:

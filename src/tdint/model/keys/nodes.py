@@ -156,7 +156,7 @@ def _scalar(value: object, faults: Faults) -> ScalarNode:
     ModelError
         The value has another type.
     """
-    # The texts of None and of booleans are those of YAML.
+    # None and booleans have the texts of YAML.
     if value is None or isinstance(value, bool):
         return ScalarNode(0, 0, "null" if value is None else str(value).lower(), plain=True)
     if isinstance(value, int | float):

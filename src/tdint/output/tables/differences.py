@@ -363,7 +363,7 @@ def json_differences(
 
 
 def _collect_magnitudes(value: Any, magnitudes: dict[str, float]) -> None:
-    """Find the maximum magnitude of the numbers of each key in a JSON value, at any depth.
+    """Return the maximum magnitude of the numbers of each key in a JSON value, at any depth.
 
     Parameters
     ----------

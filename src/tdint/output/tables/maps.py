@@ -469,7 +469,7 @@ _POLYGONS = ("Polygon", "MultiPolygon")
 
 
 def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
-    """Return the properties of a building on a map at one intensity level.
+    """Return the properties of a building on a map at an intensity level.
 
     They are the scale factor or the level, the numbers of ground motions, and the mean and maximum
     of each demand. A demand is None without completed runs, or if it is undefined (no drift ratio
