@@ -216,5 +216,6 @@ def _channels(names: Sequence[str]) -> list[str]:
         codes.append(code if len(code) <= _CHANNEL and code.isalnum() else "")
     if len(codes) == 1:
         return codes
-    # The code of an unsuitable component name is empty. `at_right_angles` returns False for empty codes.
+    # The code of an unsuitable component name is empty, and an empty code is not at right angles to
+    # any code.
     return codes if at_right_angles(*codes) else ["HN1", "HN2"]

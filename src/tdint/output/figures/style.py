@@ -178,7 +178,7 @@ def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
     Parameters
     ----------
     number : int
-        Number of the color, from 0. Larger numbers than that of the last color start again with the first.
+        Number of the color, from 0. After the last color, the colors start again with the first.
     dash : int, optional
         Number of the dashes; equal to `number` by default, so that lines are distinguishable
         without color.
