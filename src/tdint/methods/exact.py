@@ -51,9 +51,10 @@ def step(
 ):
     """Compute the exact response of a linear building at the end of one time step.
 
-    The response (u1, v1) of n floors is the matrix of `prepare` times the vector of u0, v0, the
-    loads at the start and the loads at the end. The loads are the ground acceleration and the
-    forces on floors, which are linear within the step.
+    The displacements u1 and velocities v1 of the n floors at the end of the step are the product of
+    the matrix of `prepare` and a vector. The vector contains the displacements u0 and velocities v0
+    at the start, then the loads at the start, then the loads at the end. The loads are the ground
+    acceleration and the forces on floors; they are linear within the step.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ def step(
         1, or NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
-    loads = 1 + forces.shape[0]
+    loads = 1 + forces.shape[0]  # number of loads: ground acceleration and forces on floors
     for i in range(n):
         scratch[0, i] = 0.0
         scratch[1, i] = 0.0
@@ -128,11 +129,16 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     """Return the exact step of oscillators u'' + 2 xi omega u' + omega^2 u = p, with a load p that
     is linear within the step.
 
-    With the impulse response g(t) and its integrals i1 and i2 over the step of unit length, and the
-    response a11, a22 to unit initial displacement and velocity, the matrices follow from
-    `_assemble_step`:
+    omega is the circular frequency, xi the damping ratio and h the time step. With the time divided
+    by h, the step has the length 1 and the circular frequency is w = omega h; velocities are
+    multiplied by h and loads by h^2. At the end of this step,
 
-        a11 = 1 - w^2 i1,   a22 = a11 - 2 xi w g,   w = omega h
+        g        is the displacement after a unit initial velocity (impulse response)
+        i1, i2   are the first and second integral of the impulse response over the step
+        a11      is the displacement after a unit initial displacement: a11 = 1 - w^2 i1
+        a22      is the velocity after a unit initial velocity: a22 = a11 - 2 xi w g
+
+    `_assemble_step` computes the matrices from these values.
 
     Parameters
     ----------
@@ -142,9 +148,10 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     Returns
     -------
     ndarray, shape (k, 2, 4)
-        Matrix that maps (u0, h v0, h^2 p0, h^2 p1) to (u1, h v1). It is computed from power series
-        for small omega h, where the closed form suffers from cancellation; in closed form for other
-        underdamped oscillators; and from Van Loan's block matrix for the remaining oscillators.
+        Matrix that maps (u0, h v0, h^2 p0, h^2 p1) to (u1, h v1), with the displacement u, velocity
+        v and load p at the start (0) and at the end (1). For small omega h it is computed from
+        power series, because the closed form suffers from cancellation; for other underdamped
+        oscillators in closed form; for the remaining oscillators from Van Loan's block matrix.
     """
     omega_h, damping = np.broadcast_arrays(np.asarray(omega_h, float), np.asarray(damping, float))
     result = np.empty((*omega_h.shape, 2, 4))
@@ -152,7 +159,8 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     use_closed_form = ~use_series & (damping < 1.0)
     if use_series.any():
         # Taylor series of the impulse response and its first two integrals; exact at omega = 0.
-        # terms[n] / n! is the coefficient of t^n of the impulse response, with t = 1 at the end.
+        # The impulse response is the sum of terms[n] t^(n + 1) / (n + 1)!, with t = 1 at the end of
+        # the step. Its k-th integral has the factors 1 / (n + 1 + k)! instead.
         w, xi = omega_h[use_series], damping[use_series]
         count = _SERIES_TERMS[0] + math.ceil(_SERIES_TERMS[1] * np.max(np.maximum(w, 2.0 * xi * w)))
         terms = np.empty((count, *w.shape))
@@ -166,6 +174,7 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     if use_closed_form.any():
         # Underdamped oscillators have a closed form.
         w, xi = omega_h[use_closed_form], damping[use_closed_form]
+        # `damped` is the damped circular frequency times h.
         damped, decay = w * np.sqrt((1.0 - xi) * (1.0 + xi)), np.exp(-xi * w)
         # c is the decaying cosine, g the impulse response; i1 and i2 are its first and second
         # integral.
@@ -184,15 +193,17 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
 def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> Array:
     """Assemble the matrices of `oscillator` for a step of unit length.
 
-    An oscillator u'' + 2 xi w u' + w^2 u = p has the impulse response g(t). With its first and
-    second integral i1, i2 over the step, a load that is linear from p0 to p1 causes the
-    displacement (i1 - i2) p0 + i2 p1 and the velocity (g - i1) p0 + i1 p1. Row 0 of a matrix is
-    that of the displacement, row 1 that of the velocity; the columns are u0, v0, p0 and p1.
+    An oscillator u'' + 2 xi w u' + w^2 u = p has the impulse response g. With its first and second
+    integral i1, i2 over the step, a load that is linear from p0 to p1 causes at the end the
+    displacement (i1 - i2) p0 + i2 p1 and the velocity (g - i1) p0 + i1 p1. A unit initial
+    displacement causes the displacement a11 and the velocity -w^2 g, a unit initial velocity the
+    displacement g and the velocity a22. Row 0 of a matrix is the displacement and row 1 the
+    velocity at the end; the columns are u0, v0, p0 and p1.
 
     Parameters
     ----------
     w : ndarray, shape (k,)
-        omega h.
+        Circular frequency times the time step h, because the time is divided by h.
     g, i1, i2 : ndarray, shape (k,)
         Displacement at the end of the step after a unit initial velocity (impulse response), and
         its first and second integral over the step.
@@ -212,13 +223,13 @@ def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Ar
 def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     """Return the exact step of u'' + c u' + k u = P p(t) over unit time, by Van Loan (1978).
 
-    The load p = p0 + (p1 - p0) t is linear over the step. The load p and its increase are
-    additional state variables of the first-order system
+    The load p = p0 + (p1 - p0) t is linear over the step. The load p and its increase d = p1 - p0
+    are additional state variables of the first-order system
 
-        u' = v,   v' = -k u - c v + P p,   p' = p1 - p0,   (p1 - p0)' = 0
+        u' = v,   v' = -k u - c v + P p,   p' = d,   d' = 0
 
-    The matrix exponential of its block matrix gives the response to the initial values of u, v, p
-    and p1 - p0.
+    The matrix exponential of the matrix of this system maps (u0, v0, p0, d) to the values at the
+    end of the step.
 
     Parameters
     ----------
@@ -234,7 +245,7 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     """
     from scipy.linalg import expm
 
-    # The rows and columns of the block matrix are u (n), v (n), p and p1 - p0 (one for each load).
+    # The rows and columns of the block matrix are u (n floors), v (n floors), p and d (loads each).
     n, loads = patterns.shape
     block = np.zeros((2 * n + 2 * loads, 2 * n + 2 * loads))
     block[:n, n : 2 * n] = np.eye(n)
@@ -242,8 +253,8 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     block[n : 2 * n, n : 2 * n] = -c
     block[n : 2 * n, 2 * n : 2 * n + loads] = patterns
     block[2 * n : 2 * n + loads, 2 * n + loads :] = np.eye(loads)
-    # The block matrix describes a load p0 + (p1 - p0) t. The response to its increase is subtracted
-    # from the response to p0 to obtain the columns of p0 and p1.
+    # With the columns P0 and D of the exponential for p0 and d, the response to the load is
+    # P0 p0 + D (p1 - p0) = (P0 - D) p0 + D p1.
     exponential = expm(block)[: 2 * n]
     by_increase = exponential[:, 2 * n + loads :]
     return np.hstack(
@@ -255,8 +266,9 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     """Return the matrix of one step of a linear building, for the coefficients of `step`.
 
     The equation of motion is M u'' + C u' + K u = -M ag + forces on floors, with the ground
-    acceleration ag and forces that are linear within the step. For classical damping, the steps of
-    the modes are superposed (`oscillator`); otherwise the matrix is computed by `_van_loan`.
+    acceleration ag and forces that are linear within the step. If the damping is classical (the
+    modes are not coupled by C), the steps of the modes are superposed (`oscillator`). Otherwise
+    `_van_loan` computes the matrix.
 
     Parameters
     ----------
@@ -270,25 +282,27 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     Returns
     -------
     ndarray, shape (2 n (2 n + 2 loads),)
-        Columns, one after the other, of the matrix that maps (u0, v0, loads at the start, loads at
-        the end) to (u1, v1).
+        Matrix that maps (u0, v0, loads at the start, loads at the end) to (u1, v1), column by
+        column. u are displacements and v velocities of the floors, at the start (0) and end (1).
     """
     n = building.stories
     patterns = np.zeros((n, 1 + len(forces)))
+    # `patterns` is the acceleration of each floor per unit of each load.
     patterns[:, 0] = -1.0  # the ground acceleration acts on each floor with -M ag
     for j, floor in enumerate(forces[:, rows.FLOOR].astype(int)):
         patterns[floor, 1 + j] = 1.0 / building.mass[floor]
     modes = building.modes()
+    # Damping ratios of the modes, or None if the damping is not classical
     classical = modes.damping_ratios(building.damping_matrix())
     if classical is None:
         k, c = building.stiffness_matrix(), building.damping_matrix()
         per_mass = 1.0 / building.mass[:, None]
         matrix = _van_loan(h * h * per_mass * k, h * per_mass * c, patterns)
     else:
-        # The damping is classical: superpose the steps of the modes. The columns of `shapes` are
-        # mass-normalized mode shapes, so that their transpose times the mass projects on the modes.
-        # Each of the 2 x 4 blocks (u1, v1; u0, v0, p0, p1) is shapes * (steps of the modes) *
-        # projection.
+        # Superpose the steps of the modes. The columns of `shapes` are mass-normalized mode shapes;
+        # their transpose times the mass is the projection on the modes. The matrix has 2 x 4
+        # blocks, with the rows u1, v1 and the columns u0, v0, p0, p1. Each block is
+        # shapes * (steps of the modes) * projection.
         steps, shapes = oscillator(modes.omega * h, classical), modes.shapes
         modal_projection = shapes.T * building.mass
         modal_load = modal_projection @ patterns
@@ -299,8 +313,8 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
         ]
         matrix = np.block(blocks)
     loads = patterns.shape[1]
-    # The matrix is for a step of unit length, with h v and h^2 p. Convert rows and columns to v
-    # and p.
+    # Both branches compute with the time divided by h: the matrix maps (u0, h v0, h^2 p0, h^2 p1)
+    # to (u1, h v1). Convert its rows and columns to v and p.
     matrix[n:] /= h
     matrix[:, n : 2 * n] *= h
     matrix[:, 2 * n : 2 * n + 2 * loads] *= h * h

@@ -123,16 +123,20 @@ def step(
 ):
     """Integrate the equations of motion over one time step of the published method.
 
-    Newton's method solves the equations of kinematics and momentum for u1 - u0 and v1 - v0 of each
-    floor; a1 follows from equilibrium (eqs. 15 to 23 of the publication, for nonlinear laws eqs. 46
-    to 54):
+    With displacement u0, velocity v0 and acceleration a0 at the start and u1, v1, a1 at the end of
+    the step of length h, the equations are (eqs. 15 to 23 of the publication of 2022; for nonlinear
+    laws eqs. 46 to 54)
 
-        M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
-        M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
-        M a1 + C v1 + f(u1) = p1
+        kinematics   M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
+        momentum     M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
+        equilibrium  M a1 + C v1 + f(u1) = p1
 
-    q is the integral of the displacement over the step (eq. 14), I the impulse of the load and k_T
-    the tangent stiffness at the end of the step. The derivative of k_T is omitted from the matrix.
+    with the mass and damping matrices M and C, the restoring forces f (f0 at the start), the
+    integral q of the displacement over the step (eq. 14), the impulse I of the load, the load p1 at
+    the end, and the tangent stiffness k_T at the end of the step.
+
+    Newton's method solves kinematics and momentum for u1 - u0 and v1 - v0 of each floor; a1 follows
+    from equilibrium. The derivative of k_T is omitted from the matrix.
 
     Parameters
     ----------
@@ -165,6 +169,7 @@ def step(
     memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
     _store_load(linear_terms, forces, h, load, scratch)
+    # The first guess is zero in a linear building, otherwise the motion with constant acceleration.
     store_first_guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)
     iterations = 0
     is_last = False  # True if the last correction has been applied
@@ -205,11 +210,11 @@ def step(
 
 @inline
 def _store_load(linear_terms, forces, h, load, scratch):
-    """Store the load at the end of the step, and its impulse by the trapezoidal rule (eq. 13 of the
-    paper).
+    """Store the load at the end of the step, and the impulse of the load over the step.
 
-    The load is p = -m ag + forces on floors, with the ground acceleration ag. The impulse is
-    I = h (p0 + p1) / 2 with the loads p0 and p1 at the start and at the end of the step.
+    The load of a floor with the mass m is p = -m ag + forces on the floor, with the ground
+    acceleration ag. The impulse follows from the trapezoidal rule (eq. 13 of the publication of
+    2022), I = h (p0 + p1) / 2 with the loads p0 and p1 at the start and at the end of the step.
 
     Parameters
     ----------
@@ -222,6 +227,7 @@ def _store_load(linear_terms, forces, h, load, scratch):
     scratch : ndarray
         Rows LOAD (N) and IMPULSE (N s) are set.
     """
+    # Row IMPULSE first receives the load p0.
     floor_load(
         linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, momentum.IMPULSE
     )
@@ -236,18 +242,22 @@ def _store_load(linear_terms, forces, h, load, scratch):
 
 @inline
 def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
-    """Compute the story forces at the end of the step and their impulses, eqs. 14 and 46 of the
-    paper.
+    """Compute the story forces at the end of the step and their impulses over the step.
 
-    With displacement, velocity and acceleration u0, v0, a0 at the start, u1, v1 at the end of the
-    step of length h and the parameter beta, the integral of u - u0 over the step is
+    Equation numbers are those of the publication of 2022. With displacement, velocity and
+    acceleration u0, v0, a0 of a floor at the start of the step of length h, u1 and v1 at its end,
+    and the parameter beta, the integral of u - u0 over the step is
 
         q = h ((1 - 72 beta) (u1 - u0) + h ((48 beta - 1/4) v0 + (24 beta - 1/4) v1)
             + h^2 (12 beta - 1/12) a0)
 
-    The paper denotes the integral of u, q + u0 h, by q (eq. 14). The impulse of a story force
-    (eq. 46) is h f0 + k_T q, with the values q of its drift, the force f0 at the start and the
-    tangent k_T at the end of the step. P-delta and dampers are included.
+    This is eq. 14 without the term u0 h: the publication uses the symbol q for the integral of u.
+    The impulse of the force of a story (eq. 46) is
+
+        h f0 + k_T (q of the floor above - q of the floor below)
+
+    with the story force f0 at the start and the tangent stiffness k_T at the end of the step. The
+    terms of P-delta and of the story damper are added to the force and to the impulse.
 
     Parameters
     ----------
@@ -258,9 +268,10 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
     h : float
         Time step, s.
     memory : Memory
-        State at the start of the step; law states, whose block FIRST_TRIAL is set. In the scratch
-        array, rows DU and DV contain the increments; U1, V1, FORCE_1 (N), FORCE_S (N s), SIZE and
-        TANGENT are set.
+        State at the start of the step; law states (block FIRST_TRIAL is set). In the scratch array,
+        rows DU (m) and DV (m/s) contain the increments u1 - u0 and v1 - v0. Set are the rows U1 (m)
+        and V1 (m/s), response at the end; FORCE_1 (N), story force at the end; FORCE_S (N s), its
+        impulse; SIZE (N), bound of rounding errors; TANGENT (N/m).
 
     Returns
     -------
@@ -296,9 +307,8 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         v_below = v
         du_below = du
         q_below = q
-        # The law is evaluated at the displacement u1, for equilibrium at the end of the step. The
-        # integral of the force over the step is approximated with the tangent k_T at u1 (eq. 46 of
-        # the paper): f0 h + k_T q, where q is the integral of u - u0.
+        # The law is evaluated at the drift at the end of the step, for equilibrium at this time.
+        # Its tangent k_T approximates the integral of the force over the step (eq. 46).
         tangent = restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
         scratch[_ROW.TANGENT, i] = tangent
         # A drift is a difference of displacements. The rounding errors of the displacements are not
@@ -327,23 +337,27 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
 def _factor(coefficients, linear_terms, modal, h, factors):
     """Assemble and factorize the matrix of Newton's method for the current tangents.
 
-    The unknowns are (u1 - u0, v1 - v0) of each floor, the equations kinematics (times M) and
-    momentum:
+    With displacement u0, velocity v0 and acceleration a0 at the start and u1, v1, a1 at the end of
+    the step of length h, the equations are kinematics and momentum (eqs. 11 to 14 of the
+    publication of 2022):
 
         M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
         M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
 
-    These are eqs. 11 to 14 of the publication of 2022 (see the docstring of this module). The
-    acceleration a1 follows from equilibrium, M a1 = p1 - C v1 - f(u1). In the kinematic equation,
-    h^2/12 M a1 therefore has the derivatives -h^2/12 k_T with respect to u1 and -h^2/12 C with
-    respect to v1, with the tangent k_T at the end. The integral q of the displacement over the step
-    (eq. 14) has the derivatives h (1 - 72 beta) with respect to u1 and h^2 (24 beta - 1/4) with
-    respect to v1. The derivative of k_T is omitted.
+    with the mass and damping matrices M and C, the restoring forces f0 at the start, the tangent
+    stiffness k_T at the end, the integral q of the displacement over the step, and the impulse I of
+    the load. The unknowns are u1 - u0 and v1 - v0 of each floor. The matrix contains these
+    derivatives:
+
+        h^2/12 M a1    -h^2/12 k_T by u1, -h^2/12 C by v1; from M a1 = p1 - C v1 - f(u1)
+        q              h (1 - 72 beta) by u1, h^2 (24 beta - 1/4) by v1 (eq. 14)
+
+    The derivative of k_T is omitted.
 
     Parameters
     ----------
     coefficients : ndarray
-        Parameter beta of the method, which occurs only in q.
+        Parameter beta of the method, which occurs only in the integral q.
     linear_terms, modal : ndarray
         Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
         matrix C = sum of w w^T.
@@ -360,12 +374,12 @@ def _factor(coefficients, linear_terms, modal, h, factors):
         scratch[_ROW.FACTORED, i] = scratch[_ROW.TANGENT, i]
         tangent = scratch[_ROW.TANGENT, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
-        # The story contributes to the derivatives of the kinematic equation (eqs. 11, 12) with
-        # respect to u1 and v1 by the term h^2/12 M a1, with a1 from equilibrium.
+        # The four rows COUPLING are the 2 x 2 block of a story, row by row. First row: derivatives
+        # of the kinematic equation with respect to u1 and v1, from the term h^2/12 M a1.
         scratch[_ROW.COUPLING, i] = -by_a * tangent
         scratch[_ROW.COUPLING + 1, i] = -by_a * damper
-        # It contributes to the derivatives of the momentum equation (eq. 13) with respect to u1 and
-        # v1 by C and by k_T times the derivatives of q (eq. 14).
+        # Second row: derivatives of the momentum equation with respect to u1 and v1, from
+        # C (u1 - u0) and from k_T times the derivatives of q.
         scratch[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         scratch[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)
@@ -377,10 +391,11 @@ def _factor(coefficients, linear_terms, modal, h, factors):
 def _limit(beta: float) -> float:
     """Return the omega h from which an undamped oscillator is unstable; inf for beta = 1/144.
 
-    omega is the circular frequency and h the time step. The amplification matrix has the
-    determinant one. The method is unstable if its trace is less than -2. With W = omega h, trace +
-    2 is proportional to (W^2 - 12) (12 beta W^2 - 1), which is negative between its two roots. The
-    result is the smaller root.
+    omega is the circular frequency, h the time step and beta the parameter of the method. The
+    amplification matrix has the determinant 1, and the method is unstable if its trace is less than
+    -2. With W = omega h, trace + 2 is proportional to (W^2 - 12) (12 beta W^2 - 1). This product
+    is negative between its roots W = sqrt(12) and W = 1 / sqrt(12 beta). The result is the smaller
+    root. For beta = 1/144 (PUBLISHED) the roots are equal, and the product is never negative.
     """
     if beta == PUBLISHED:
         return math.inf

@@ -85,17 +85,24 @@ def step(
 ):
     """Integrate the equations of motion over one time step of impulse4.
 
-    With the state u0, v0, a0 at the start and u1, v1, a1 at the end of the step of length h, the
-    equations are
+    With displacement u0, velocity v0 and acceleration a0 at the start and u1, v1, a1 at the end of
+    the step of length h, the equations are
 
         kinematics  u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
         momentum    M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
         equilibrium M a1 + C v1 + f(u1) = p1
 
-    with the restoring forces f, the displacement uc at an inner point, the impulse I of the load
-    and its value p1 at the end. If some laws have branches, the step is divided into substeps at
-    their branch changes. If no law has branches, or if the division fails because of too many
-    branch changes, the complete step is solved by Newton's method.
+    with the mass and damping matrices M and C, the restoring forces f, the displacement uc at an
+    inner point of the step, the impulse I of the load over the step, the load p1 at the end, and
+    the coefficients th, al, be, w0, wc and w1 of the method.
+
+    A branch is a part of a hysteretic law between two limits of the drift. The flag BRANCHES
+    selects the solution:
+
+    - If some laws have branches, the step is divided into substeps at the branch changes.
+    - If no law has branches (NO_BRANCHES), Newton's method solves the complete step.
+    - If the division fails (too many branch changes, or no convergence), Newton's method also
+      solves the complete step.
 
     Parameters
     ----------
@@ -127,6 +134,7 @@ def step(
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
+    # A linear building (a constant of the compiled variant) needs a single linear solution.
     if not HAS_NONLINEAR_FORCE:
         return _take_substeps(coefficients, scene, h, load, memory)
     n = linear_terms.shape[1] - 1
@@ -144,7 +152,8 @@ def step(
         return code
     keep_negligible_kinks(scene, h, memory)
     _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
-    # The division into substeps failed: the next step needs the branches of the new states.
+    # The division into substeps failed. Newton's method does not update the branches of the laws;
+    # `resume` determines them from the new states for the next step.
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         for i in range(n):
             resume(law_parameters, law_state, i)
@@ -155,17 +164,22 @@ def step(
 def _take_substeps(coefficients, scene, h, load, memory):
     """Take one time step as a sequence of substeps between the branch changes of the laws.
 
-    Each pass of the loop solves the equations for the remaining step on the current branches, by
-    one linear solution if all laws are linear on their branches, otherwise by Newton's method. The
-    first branch change is located on the cubic Hermite interpolant of the drifts. If a branch
-    change is found, the next pass solves the substep that ends at this time, the branch is changed,
-    and the loop continues with the remaining step. Reversals of curved laws with a negligible
-    effect (`keep_negligible_kinks`) are not located.
+    The loop has these stages:
 
-    If the step is too large for the interpolant, the drift at the end of the substep may differ
-    from the limit of the branch. A substep that ends before the limit is accepted, and the search
-    continues from its end. If the drift is far beyond the limit, the search is repeated on the
-    interpolant of the substep.
+    1. Solve the equations from the end of the last substep to the end of the time step, on the
+       current branches: by one linear solution if all laws are linear on their branches, otherwise
+       by Newton's method.
+    2. Locate the first branch change on the cubic Hermite interpolant of the drifts. If there is no
+       branch change, accept the solution; the time step is complete.
+    3. Otherwise solve a substep that ends at the branch change, accept the substep, change the
+       branch, and continue with stage 1.
+
+    Reversals of curved laws with a negligible effect (`keep_negligible_kinks`) are not located.
+
+    The interpolant is inaccurate in large steps. The drift at the end of a substep may therefore
+    differ from the limit of the branch (`_compare_with_event`). If the drift has not reached the
+    limit, the substep is accepted, and the search continues from its end. If the drift exceeds the
+    limit by more than a tolerance, the search is repeated on the interpolant of the substep.
 
     The conditions with HAS_NONLINEAR_FORCE, HAS_CURVED_FORCE and HAS_CURVED_LAW are constants of
     the compiled variant. The compiler omits the code that the laws of the building do not need.
@@ -181,7 +195,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
     load : ndarray
         Time at the start (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
-        State and law states, which are moved to the end of the step; scratch array; status of the
+        State and law states, which are moved to the end of the step; scratch array with rows DU (m)
+        and DV (m/s), the changes of displacements and velocities over a substep; status of the
         step.
 
     Returns
@@ -202,10 +217,12 @@ def _take_substeps(coefficients, scene, h, load, memory):
     branch_changes = 0
     solves = 0
     has_guess = False  # True if DU and DV contain the first estimate of the next substep
-    is_shortened = False  # True if REMAINING contains the motion to the end of the time step
+    # True if the substep is shortened; rows REMAINING then contain the changes DU and DV from the
+    # start of the substep to the end of the time step.
+    is_shortened = False
     ends_at_event = False  # True if the substep ends at the located branch change of `story`
-    story = -1
-    event = rows.REVERSED
+    story = -1  # story of the located branch change
+    event = rows.REVERSED  # its type: the drift is ABOVE or BELOW the branch, or has REVERSED
     while True:
         # Complete time steps and substeps have separate factorizations, so that the factorization
         # of complete steps can be reused in the next step.
@@ -228,7 +245,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
             return code
         solves += code
         if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
-            # The substep ends at the reversal, which is therefore not within the substep.
+            # The substep ends at the reversal, which is therefore not within the substep. KINK 0
+            # means that the story has no reversal within the substep.
             scratch[ROW.KINK, story] = 0.0
         # Search for the first branch change, or check the end of a shortened substep.
         if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
@@ -269,8 +287,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         substep *= fraction
                         ends_at_event = True
                     else:
-                        # The branch changes at the start of the substep: change it, and solve
-                        # again for the remaining step.
+                        # The time of the branch change is the start of the substep: change the
+                        # branch, and solve again for the remaining step.
                         _change_branch(linear_terms, law_parameters, state, law_state, story, event)
                         branch_changes += 1
                         substep = h - elapsed
@@ -313,9 +331,10 @@ def _take_substeps(coefficients, scene, h, load, memory):
 def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
     """Compute the response over a substep in which all stories remain on their branches.
 
-    If all laws are linear on their branches and there are no power-law dashpots, a single linear
-    solution is exact. Otherwise Newton's method is used, and row KINK is set for reversals with a
-    negligible effect (`keep_negligible_kinks`).
+    If all laws are linear on their branches and there are no power-law dashpots (ALL_BRANCHES), a
+    single linear solution is exact. Otherwise Newton's method is used, and reversals with a
+    negligible effect are marked in row KINK (`keep_negligible_kinks`), so that the substep is not
+    divided at these reversals.
 
     Parameters
     ----------
@@ -362,7 +381,8 @@ def _accept_substep(is_divided, scene, span, memory):
         End time, length and ground acceleration of the substep.
     memory : Memory
         State and law states at the start of the substep, which are replaced; scratch array with the
-        solution; status of the step, which receives the first row of the peaks.
+        solution in rows DU, DV and A1; status of the step. STEP_PEAKS and RUN_PEAKS of the status
+        receive the number of the first row of the peaks.
     """
     linear_terms, _, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
@@ -424,11 +444,18 @@ def _shorten_increments(fraction, h, state, scratch, n):
 def _change_branch(linear_terms, law_parameters, state, law_state, story, event):
     """Change the branch of the law of one story at a located event.
 
-    Rounding and the error of the interpolant may leave the drift slightly before the limit of the
-    branch, and the same event would be located again. Therefore, the law is moved to the limit,
-    changes its branch at this limit, and returns to the actual drift. If the force changes by a
-    jump J, for example because the story fails, the acceleration of the floor above changes by -J /
-    m, that of the floor below by J / m (m: mass of the floor).
+    The event is one of
+
+        ABOVE, BELOW    the drift reaches the upper or lower limit of the branch
+        REVERSED        the drift rate changes its sign
+
+    Because of rounding and the error of the interpolant, the drift may be slightly before the
+    limit. The same event would then be located again. Therefore, the law is moved to the limit,
+    changes its branch at this limit, and returns to the actual drift.
+
+    The force of the story may change by a jump J, for example because the story fails. Equilibrium
+    then changes the acceleration of the floor above by -J / m and the acceleration of the floor
+    below by J / m, with the mass m of each floor.
 
     Parameters
     ----------
@@ -445,7 +472,8 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, event)
     """
     drift = law_state[rows.DRIFT, story]
     force = law_state[rows.FORCE, story]
-    # A reversal has no limit, and the state of a curved branch is not moved.
+    # A reversal has no limit. A curved branch has the slope inf, and its state is not moved. The
+    # argument 0 of `switch` and `advance_outlined` is the first row of the committed state.
     if event == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
         switch(law_parameters, law_state, story, 0, event)
     else:
@@ -471,9 +499,11 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, event)
 def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event):
     """Compare the drifts at the end of a substep with the branch change for which it was shortened.
 
-    The tolerance of each story is _LOCATION_TOLERANCE times the length of the path of its drift in
-    the substep, estimated by h times the larger drift rate at the endpoints, or the change of
-    drift.
+    The substep was shortened to end at the change of branch of `story`, located on an interpolant.
+    The drift computed at its end may differ from the limit of the branch. The tolerance of each
+    story is _LOCATION_TOLERANCE times the length of the path of its drift in the substep. This
+    length is estimated by the maximum of two values: h times the larger drift rate (absolute value)
+    at the two endpoints, and the absolute change of drift.
 
     Parameters
     ----------
@@ -494,8 +524,10 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     Returns
     -------
     float
-        _BEYOND_EVENT if the drift of any story is outside of its branch by more than the tolerance;
-        otherwise _BEFORE_EVENT if `story` has not reached the limit of its branch; otherwise 0.
+        _BEYOND_EVENT if the drift of any story is outside its branch by more than the tolerance,
+        or if a story has a reversal in the substep that must be located. Otherwise _BEFORE_EVENT if
+        `story` has not reached the limit of its branch within the tolerance. Otherwise 0: the
+        substep ends at the branch change.
     """
     outcome = 0.0
     # The variables `..._below` contain the values of the floor below the story.
@@ -506,7 +538,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         drift = scratch[momentum.U1, i] - link * u1_below
         drift_change = drift - law_state[rows.DRIFT, i]
-        # The path is longer than the change if the drift reverses.
+        # If the drift reverses within the substep, its path is longer than its change.
         path_length = h * max(
             abs(state[rows.VELOCITY, i] - link * v0_below),
             abs(scratch[momentum.V1, i] - link * v1_below),
@@ -515,8 +547,9 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         u1_below = scratch[momentum.U1, i]
         v0_below = state[rows.VELOCITY, i]
         v1_below = scratch[momentum.V1, i]
-        # A story that moved against the direction of its branch has a reversal in the substep. It
-        # is accepted only if its effect is negligible (row KINK).
+        # The branch is valid for drift rates with the sign RATE_SIGN (0: for both signs). A story
+        # that moved in the opposite direction has a reversal in the substep. The reversal is
+        # accepted only if its effect is negligible (row KINK is not 0).
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
             abs(drift) + abs(law_state[rows.DRIFT, i])
         )
@@ -568,10 +601,18 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
     """Move state and law states to the end of a step or substep that Newton's method has solved.
 
     Displacements and velocities increase by rows DU and DV. Row A1 contains the new accelerations.
-    The laws are committed from the trial states of the last iteration, in chronological order of
-    the drifts for which the law was evaluated. Buildings without curved laws use
-    `_advance_on_branches` instead, because this function would increase their run time by 20 to 50
-    percent.
+    The law of each story is moved to the end of the step in one of three ways:
+
+    - If the law is on a linear branch, and `keep_branches` is True, its force changes by the
+      stiffness of the branch times the change of drift.
+    - If the story has a reversal within the step (row KINK is not 0), the law moves through the
+      inner point (FIRST_TRIAL) and the reversal (THIRD_TRIAL), in chronological order, to the end
+      (SECOND_TRIAL).
+    - Otherwise the law moves through the inner point (FIRST_TRIAL) to the end (SECOND_TRIAL).
+
+    The trial states are those of the last iteration of Newton's method. Buildings without curved
+    laws use `_advance_on_branches` instead, because this function would increase their run time by
+    20 to 50 percent.
 
     Parameters
     ----------
@@ -590,12 +631,12 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
+        # A finite slope marks a linear branch.
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
         elif HAS_CURVED_LAW and keep_branches and scratch[ROW.KINK, i] != 0.0:
-            # The story has a reversal within the substep (THIRD_TRIAL). Accumulate the dissipated
-            # energy over the inner point (FIRST_TRIAL) and the reversal in the order in which they
-            # occur; PREVIOUS_BLOCK is the later one.
+            # Accumulate the dissipated energy over the inner point and the reversal in
+            # chronological order. Row PREVIOUS_BLOCK contains the block of the later state.
             second_block = int(scratch[ROW.PREVIOUS_BLOCK, i])
             first_block = rows.THIRD_TRIAL if second_block == rows.FIRST_TRIAL else rows.FIRST_TRIAL
             accumulate_dissipation(law_parameters, law_state, i, 0, first_block)
@@ -616,7 +657,9 @@ def _update_substep_peaks(scene, span, memory):
     absolute acceleration of the floors that it supports, minus the forces on these floors. A story
     supports the floors above it, up to the next story that is on the ground (LINK 0). If the
     building has modes that the step does not resolve (`span.fast`), only the end of the substep is
-    used, and not the response between start and end.
+    used, and not the response between start and end. Otherwise, `find_interstep_peaks` stores the
+    extreme drift of each story within the substep in row REVERSAL_DRIFTS, or the drift at the end
+    if no such extreme is relevant for the peaks.
 
     Parameters
     ----------
@@ -705,12 +748,12 @@ def _restore_start(state, law_state, scratch, n):
     """Return to the start of a time step that could not be divided into substeps.
 
     Displacements, velocities, accelerations and the committed law states are copied from the rows
-    that `_save_start` has written.
+    that `_save_start` has stored.
 
     Parameters
     ----------
     state, law_state : ndarray
-        State and law states, which are replaced by those that `_save_start` has stored.
+        State and law states, which are replaced by the stored values.
     scratch : ndarray
         Rows SAVED are used. Rows PEAKS are set to zero, because the substeps are discarded.
     n : int
@@ -731,32 +774,41 @@ def _restore_start(state, law_state, scratch, n):
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients of the step for a spectral radius `rho_inf` at infinite frequency.
 
-    The equations of the step of length h, with the state u0, v0, a0 at the start and u1, v1, a1 at
-    the end, are
+    The equations of the step of length h, with displacement u0, velocity v0 and acceleration a0 at
+    the start and u1, v1, a1 at the end, are
 
         kinematics    u1 - u0 = h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1)
         impulse       of the restoring force f: h (w0 f(u0) + wc f(uc) + w1 f(u1))
         inner point   uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c of the step
 
     theta = (2 + rho_inf) / (3 (1 + rho_inf)), alpha = 1/3 - theta/2 and beta = theta/2 - 1/6 make
-    the linear step the Pade approximation with the limit `rho_inf`. The quadrature with the weights
-    (w0, wc, w1) at the fractions 0, c and 1 of the step is exact for quadratics, and so is the
-    displacement uc. Order 3 is therefore obtained for any c. The value c = 1 / (3 - rho_inf)
-    increases from 1/3 for rho_inf = 0, where the step is Radau IIA for nonlinear laws as well, to
-    1/2 for rho_inf = 1, where the quadrature is Simpson's rule on the cubic Hermite interpolant.
+    the step of a linear oscillator a Pade approximation. Its amplification tends to `rho_inf` in
+    absolute value as the frequency tends to infinity.
 
-    The choice was measured on a hardening and a softening oscillator. For rho_inf = 1, Simpson's
-    rule has a quarter of the error of the corrected trapezoidal rule with the tangents at the
-    endpoints. For rho_inf < 1, the choice of c changes the error by a few percent. The inner point
-    of the cubic Hermite interpolant, c = 1 / (1 + rho_inf), is not used because wc tends to
-    infinity as rho_inf tends to 0.
+    The quadrature with the weights (w0, wc, w1) at the fractions 0, c and 1 of the step is exact
+    for quadratic polynomials of time. gd, g0 and g1 follow from the condition that the impulse of a
+    linear force k u has the same form as the kinematics,
+
+        w0 u0 + wc uc + w1 u1 = (1 - theta) u0 + theta u1 + h (alpha v0 - beta v1)
+
+    uc is then exact for quadratic displacements, and the step has order 3 for any c. The value
+    c = 1 / (3 - rho_inf) is used. For rho_inf = 0 it is 1/3, and the step is Radau IIA also for
+    nonlinear laws. For rho_inf = 1 it is 1/2, and the quadrature is Simpson's rule on the cubic
+    Hermite interpolant.
+
+    This choice of c was tested with a hardening and a softening oscillator. For rho_inf = 1,
+    Simpson's rule has a quarter of the error of the corrected trapezoidal rule with the tangents at
+    the endpoints. For rho_inf < 1, the choice of c changes the error by a few percent. For
+    c = 1 / (1 + rho_inf), uc would be on the cubic Hermite interpolant, but wc tends to infinity as
+    rho_inf tends to 0; this value is therefore not used.
 
     Returns
     -------
     tuple of float
         theta, alpha, beta; w0, wc, w1; gd, g0, g1 (displacement at the inner point); the three
-        coefficients of its velocity; real and imaginary part of the root l / h of
-        l^2 - theta h l + beta h^2 = 0 (`tdint.kernels.equations.impulse4.solve_linear`).
+        coefficients of the velocity at the inner point; real and imaginary part of l / h, where l
+        is a root of l^2 - theta h l + beta h^2 = 0. `solve_linear` uses l to write the equations of
+        a linear step as a single complex equation.
     """
     # The first three coefficients determine the linear step, the others the quadrature.
     theta = (2.0 + rho_inf) / (3.0 * (1.0 + rho_inf))
