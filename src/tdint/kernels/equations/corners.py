@@ -151,6 +151,7 @@ def _store_corner(results, i, t, force):
     raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
     count = int(scratch[first, 0])
     if _MIN_DISTANCE < t < 1.0 - _MIN_DISTANCE and count < MAX_CORNERS:
+        # Move all later corners to the next row. The new corner is number `position` + 1.
         position = count
         while position > 0 and scratch[first + position, 0] > t:
             scratch[first + position + 1, 0] = scratch[first + position, 0]
@@ -167,7 +168,8 @@ _follow_path = path.along_branches(_skip_branch, _ignore_branch_end)
 def _direction(segment, no_reversal):
     """Return the direction of the movement of a story along a part of its path: 1, -1 or 0.
 
-    The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step.
+    The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. The
+    direction is the sign of the change of drift; it is 0 if the drift does not change.
 
     Parameters
     ----------
@@ -203,7 +205,8 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     complete : PathSegment
         Parabola of drift over the complete step.
     no_reversal : bool
-        True if the story has no reversal in the step, even if the parabola has an extremum.
+        True if the story has no reversal in the step. An extremum of the parabola is ignored in
+        this case, because the parabola only approximates the drift.
     corners : Integrals
         Scratch array and its first row CORNERS, which receives the times of the corners.
     """
@@ -284,17 +287,20 @@ def _store_forces(scene, h, memory, i, count):
     column n (the number of floors) of the rows NODE_FORCE. The drift d of a node follows from the
     rows NODE_DISPLACEMENT. With the drift d0 and the force f0 at the start, the force is computed
 
-    - for a story that remains on its linear branch of stiffness k: as f0 + k (d - d0),
+    - for a story that remains on its linear branch of stiffness k (row LEAVES_BRANCH is 0): as
+      f0 + k (d - d0),
     - for a story that leaves a linear branch: by the law, which follows the parabola of drift
-      p(t) = d0 + rise t + bend (t^2 - t) / 2 from node to node. The node has the drift d instead of
-      p(t), so the slope of the branch times d - p(t) is added,
-    - for a curved law: as F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2) with s = t - 1/2. This
-      parabola has the mean F0, the first moment F1 and the initial value f0 of the force.
+      p(t) = d0 + rise t + bend (t^2 - t) / 2 from node to node. The parabola is an approximation of
+      the drift d. The force is therefore the force of the law at p(t), plus slope (d - p(t)) with
+      the slope (tangent stiffness, N/m) of the branch,
+    - for a curved law (row SLOPE is infinite): as F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2) with
+      s = t - 1/2. This parabola has the mean F0, the first moment F1 and the initial value f0 of
+      the force.
 
-    At a corner, rounding decides which of two branches the law is on. Therefore, the slope of the
-    branch at the midpoint before the corner is used. If the drift d has already passed the corner
-    in the direction of movement, the slope of the branch after the corner is required. It is known
-    at the next midpoint, where the force of the corner is corrected.
+    In the second case, the slope at a corner is ambiguous, because two branches meet at the corner.
+    The slope at the midpoint before the corner is used first. If d - p(t) has the direction of the
+    movement, the story has already passed the corner, and the slope after the corner is correct.
+    The evaluation of the next midpoint provides this slope and corrects the force at the corner.
 
     Parameters
     ----------
@@ -303,7 +309,8 @@ def _store_forces(scene, h, memory, i, count):
     h : float
         Length of the step, s.
     memory : Memory
-        Law states and scratch array. Rows PATH contain F0 and F1 with P-delta and dampers, N.
+        Law states and scratch array. Rows PATH contain F0 = int f dt and F1 = 12 int s f dt of the
+        story force f over the step, with P-delta and dampers, N.
         Column i of the rows NODE_FORCE receives the forces; the trial state SECOND_TRIAL of the law
         is overwritten.
     i : int
@@ -320,8 +327,8 @@ def _store_forces(scene, h, memory, i, count):
     is_curved = HAS_CURVED_LAW and not law_state[rows.SLOPE, i] < math.inf
     mean = moment = 0.0
     if is_curved:
-        # The parabola has the mean, the first moment and the initial value of the force. The rows
-        # PATH contain mean and moment with P-delta and dampers, which are subtracted here.
+        # The rows PATH contain mean F0 and first moment F1 with P-delta and dampers, which are
+        # subtracted here.
         mean = scratch[ROW.PATH + path.MEAN, i] - geometric * (
             story_path.start + 0.5 * story_path.rise - story_path.bend / 12.0
         )
@@ -357,18 +364,19 @@ def _store_forces(scene, h, memory, i, count):
                 end_drift,
                 Integrals(scratch, ROW.CORNERS),
             )
-            # The drift of the node differs slightly from the parabola of drift, along which the law
-            # was evaluated. The slope of the branch adds the difference.
+            # `distance` is d - p(t): drift of the node minus the drift at which the law was
+            # evaluated.
             distance = drift - law_state[rows.SECOND_TRIAL + rows.DRIFT, i]
-            # Odd nodes are midpoints between corners, where the branch does not depend on rounding.
+            # An odd `k` is a midpoint between two corners, with an unambiguous slope. At an even
+            # `k`, a corner, the slope of the midpoint before the corner is kept.
             if k % 2 == 1:
                 slope_before = slope
                 slope = law_state[rows.SECOND_TRIAL + rows.SLOPE, i]
                 if previous_distance * direction > 0.0 and previous_direction * direction > 0.0:
-                    # The story passes the corner at node k - 1 without a reversal, and the drift of
-                    # this node is beyond the drift of the parabola. The excess
-                    # `previous_distance` was multiplied by the slope before the corner; it
-                    # requires the slope after the corner.
+                    # Correct the force at the corner, node k - 1, where the story does not reverse.
+                    # Its drift exceeds the drift of the parabola by `previous_distance` in the
+                    # direction of the movement. This part of the drift was multiplied by the slope
+                    # before the corner, but requires the slope after the corner.
                     scratch[ROW.NODE_FORCE + k - 1, i] += (slope - slope_before) * previous_distance
             force = law_state[rows.SECOND_TRIAL + rows.FORCE, i] + slope * distance
             previous_distance = distance
@@ -381,12 +389,17 @@ def _store_forces(scene, h, memory, i, count):
 def _store_accelerations(scene, h, load, scratch, k):
     """Compute the absolute accelerations of all floors at node `k` from equilibrium.
 
-    The absolute acceleration of floor i is (p - c v + modal damping - V_i + V_(i+1)) / m, with the
-    floor force p, the floor damper c, and the forces V of the stories below and above, including
-    story dampers. The load by the ground motion is not a part, because it is the inertia of the
-    ground motion. Row NODE_ACCELERATION + k receives the accelerations, m/s^2. In row NODE_FORCE +
-    k, the story forces are replaced by total shears, which include all viscous forces of the floors
-    above, N.
+    The absolute acceleration of floor i (mass m) is (p + q - V_i + V_(i+1)) / m with
+
+        p                force applied to the floor, N
+        q                viscous force from the ground on the floor, N: -c v of the floor damper c
+                         at the velocity v, plus the force of modal damping
+        V_i, V_(i+1)     forces of the stories below and above, including story dampers, N
+
+    The ground acceleration does not occur in this equation, because the acceleration is absolute.
+    Row NODE_ACCELERATION + k receives the accelerations, m/s^2. In row NODE_FORCE + k, the story
+    forces (without dampers) are replaced by total shears: V_i minus the sum of q over floor i and
+    the floors above, N.
 
     Parameters
     ----------
@@ -408,8 +421,9 @@ def _store_accelerations(scene, h, load, scratch, k):
     for i in range(n):
         scratch[ROW.MODAL_FORCE, i] = 0.0
     add_modal_force(modal, scratch, ROW.NODE_VELOCITY + k, -inverse_h, scratch, ROW.MODAL_FORCE, n)
-    # `viscous_shear` is minus the sum of the viscous forces from the ground on floor `i` and on the
-    # floors above. The rows NODE_VELOCITY contain h times the velocities.
+    # From the roof downwards. `viscous_force` is q of floor `i`, and `viscous_shear` is minus the
+    # sum of q over floor `i` and the floors above. The rows NODE_VELOCITY contain h times the
+    # velocities; row MODAL_FORCE contains the forces of modal damping.
     viscous_shear = story_force_above = 0.0
     for i in range(n - 1, -1, -1):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
@@ -439,9 +453,12 @@ def _store_accelerations(scene, h, load, scratch, k):
 def _integrate_accelerations(h, load, memory, i, count):
     """Integrate the accelerations of floor `i` at the nodes to displacements and velocities.
 
-    Between two corners the acceleration is the parabola through three nodes with the values a0, a1,
-    a2 (times h^2): both corners and their midpoint. With the half interval x between two corners
-    (fraction of the step), displacement u and velocity v (times h) at the first node,
+    A corner is the time of a branch change or reversal of any story. Nodes with an even index k are
+    the start of the step, the corners and the end of the step, here all called corners. Nodes with
+    an odd index are the midpoints between them. Between two corners the acceleration is a parabola
+    through three nodes: first corner (value a0), midpoint (a1) and second corner (a2), all times
+    h^2, m. With the time x from a corner to the midpoint (fraction of the step), and with
+    displacement u and h times the velocity, v, at the first corner,
 
         midpoint        v + x (5 a0 + 8 a1 - a2) / 12
                         u + x v + x^2 (3.5 a0 + 3 a1 - 0.5 a2) / 12
@@ -449,9 +466,15 @@ def _integrate_accelerations(h, load, memory, i, count):
                         u + 2 x v + x^2 (2 a0 + 4 a1) / 3
 
     Displacements are relative to the start of the step. Displacement and velocity at the end then
-    differ slightly from the results of the step (rows RISE and A0). Therefore, a linear function of
-    time is added to the acceleration. Rows NODE_DISPLACEMENT and NODE_VELOCITY receive the results,
-    m.
+    differ slightly from the results of the step: the change of displacement in row RISE, and h
+    times the change of velocity in row A0 (m). Therefore, a + b (t - 1/2) is added to the
+    acceleration, with the time t from 0 to 1 over the step. This adds
+
+        velocity (times h)   a t + b (t^2 - t) / 2
+        displacement         a t^2 / 2 + b (t^3 / 6 - t^2 / 4)
+
+    a and b are determined so that the values at t = 1 are the results of the step. Rows
+    NODE_DISPLACEMENT and NODE_VELOCITY receive displacements and h times the velocities, m.
 
     Parameters
     ----------
@@ -492,8 +515,8 @@ def _integrate_accelerations(h, load, memory, i, count):
         rate += half_interval * (a0 + 4.0 * a1 + a2) / 3.0
         scratch[ROW.NODE_DISPLACEMENT + k + 2, i] = displacement
         scratch[ROW.NODE_VELOCITY + k + 2, i] = rate
-    # Add the integrals of the acceleration velocity_misfit + displacement_misfit (t - 1/2), which
-    # removes both misfits at t = 1. Row A0 contains h times the change of velocity in the step.
+    # Add the integrals of a + b (t - 1/2). `velocity_misfit` is a. `displacement_misfit` is b: 12
+    # times the displacement error at t = 1 that remains after the term with a is added.
     velocity_misfit = scaled_v0 + scratch[ROW.A0, i] - rate
     displacement_misfit = 12.0 * (0.5 * velocity_misfit - (scratch[ROW.RISE, i] - displacement))
     for k in range(1, count):
@@ -559,7 +582,8 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
         Coefficients of the change of drift, m.
     """
     drift_change = abs(rise) + 0.5 * abs(bend)  # bound of the change of drift within the step
-    # There is a reversal within the step if 2 |rise| < |bend|.
+    # The rate rise + bend (t - 1/2) changes its sign within the step if 2 |rise| < |bend|. The
+    # force at this reversal is estimated to be at most `max_force`.
     max_force = abs(law_state[rows.FORCE, i]) + abs(law_state[rows.SLOPE, i]) * drift_change
     peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
     may_exceed = (2.0 * abs(rise) < abs(bend)) & (max_force > peak)
@@ -576,11 +600,16 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
 def _may_exceed_peaks(scene, h, load, memory):
     """Return True if a force, an acceleration or a total shear may exceed its peak within the step.
 
-    The accelerations and shears at the endpoints of the step are compared with the peaks, after a
-    bound of the deviation due to corners is added: _FORCE_DEVIATION times initial stiffness times
-    (|rise| + |bend| / 2), a bound of the change of drift d0 + rise t + bend (t^2 - t) / 2 in the
-    step, t from 0 to 1. The result is False if all stories remain on linear branches. With forces
-    on floors it is otherwise always True.
+    A corner is a branch change or a reversal of a story within the step. Corners change a story
+    force by at most _FORCE_DEVIATION k (|rise| + |bend| / 2) compared with a straight line over the
+    step. k is the initial stiffness, and the sum in parentheses is the maximum change of the drift
+    d0 + rise t + bend (t^2 - t) / 2 in the step, t from 0 to 1. This bound is added to the shears
+    and, divided by the mass, to the accelerations at both endpoints of the step. The sums are
+    compared with the peaks. The result is
+
+    - False if all stories remain on linear branches (row LEAVES_BRANCH is 0) or are curved,
+    - otherwise True if there are forces on floors,
+    - otherwise the result of the comparison, also for the story forces (`_may_exceed_shear_peak`).
 
     Parameters
     ----------
@@ -604,7 +633,8 @@ def _may_exceed_peaks(scene, h, load, memory):
     # From the roof downwards; shear_0 and shear_1 are sums of mass times absolute acceleration at
     # the start and at the end of the step.
     for i in range(n - 1, -1, -1):
-        # `deviation` is the bound of the deviation of the story force from a straight line, N.
+        # `deviation` is the bound of the deviation of the story force from a straight line, N. It
+        # is 0 for a story that remains on its branch, and for a curved law (SLOPE is infinite).
         deviation = 0.0
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
             any_leaves = True
@@ -719,7 +749,9 @@ def _store_first_response(h, memory, i, count):
         c = (D - h v0) / 5 - w / 10
 
     where D (row RISE, m) is the change of displacement, w (row A0, m) is h times the change of
-    velocity, and v0 (m/s) is the velocity at the start. The value of c gives h v(0) = h v0.
+    velocity, and u0 (m) and v0 (m/s) are displacement and velocity at the start. The terms with c
+    are 0 for the displacement at both endpoints; the value of c gives h v(0) = h v0 and
+    h v(1) = h v0 + w.
 
     Parameters
     ----------
@@ -736,7 +768,7 @@ def _store_first_response(h, memory, i, count):
     """
     state, _, scratch, _ = memory
     n = state.shape[1] - 1
-    # Row A0 contains h^2 times the mean acceleration, which is h times the change of velocity.
+    # `rise` is D, `velocity_change` is w, and `cubic` is c of the docstring.
     rise, velocity_change = scratch[ROW.RISE, i], scratch[ROW.A0, i]
     cubic = 0.2 * (rise - h * state[rows.VELOCITY, i]) - 0.1 * velocity_change
     for k in range(count):

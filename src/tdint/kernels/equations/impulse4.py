@@ -210,15 +210,15 @@ def solve_linear(coefficients, scene, h, memory, factors):
     """Compute the response over a step without a branch change by a single linear solution.
 
     The unknowns are the increments du = u1 - u0 and dv = v1 - v0 of the floors over the step of
-    length h. Kinematics (times M) and momentum, with the residuals r1 and r2 for zero increments,
-    are
+    length h, from the displacement u0 and velocity v0 to u1 and v1. With the mass matrix M, the
+    equations of kinematics (times M) and momentum are
 
         (M - be h^2 K) du - (th h M + be h^2 C) dv = r1,   (C + th h K) du + (M - be h^2 K) dv = r2
 
-    where th and be are coefficients of the method (the third coefficient al occurs only in r1, see
-    `_right_side`), C is the damping and K the stiffness of the branches. With
-    l^2 - th h l + be h^2 = 0, the first equation plus l times the second equation is a single
-    complex equation,
+    where C is the damping matrix, K the stiffness matrix of the branches, and th and be are
+    coefficients of the method. The right sides r1 and r2 are the residuals for du = dv = 0
+    (`_right_side`). With a complex root l of l^2 - th h l + be h^2 = 0, the first equation plus l
+    times the second equation is a single complex equation,
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
@@ -280,9 +280,10 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
         r1 = M (h v0 + h^2 (al a0 - be a1)),   M a1 = p1 - C v0 - f(u0)     kinematics
         r2 = I - h (f(u0) + wc K (uc - u0)),   uc - u0 = h (g0 + g1) v0     momentum
 
-    with the load p1 at the end of the step, its impulse I, and the displacement uc at the inner
-    point of the quadrature with the weight wc. Real and imaginary part of the result are stored in
-    the two scratch rows COMPLEX.
+    with the restoring force f, the load p1 at the end of the step and the impulse I of the load.
+    The impulse of f is h (w0 f(u0) + wc f(uc) + w1 f(u1)), a quadrature with an inner point, where
+    the displacement is uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1). The sum of the weights w0, wc
+    and w1 is 1. Real and imaginary part of the result are stored in the two scratch rows COMPLEX.
 
     Parameters
     ----------
@@ -448,11 +449,14 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         momentum      M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
         equilibrium   M a1 + C v1 + f(u1) = p1
 
-    with the restoring force f, the displacement uc at the inner point of the quadrature, the
-    impulse I of the load and its value p1 at the end. If the iteration cycles, corrections are
-    halved until they reduce the residuals. The tolerance of the residuals is a small fraction of
-    the error of the steps of the run. Both are of order 4 in the time step. The order of the method
-    therefore remains 4, and coarse steps need fewer iterations.
+    with mass matrix M, damping matrix C, restoring force f, and the coefficients th, al and be of
+    the method. The impulse of f is a quadrature with the weights w0, wc, w1 and an inner point with
+    the displacement uc. I is the impulse of the load and p1 the load at the end.
+
+    If the iteration cycles, corrections are halved until they reduce the residuals. The tolerance
+    of the residuals is a small fraction of the error of the steps of the run. Both are of order 4
+    in the time step. The order of the method therefore remains 4, and coarse steps need fewer
+    iterations.
 
     Parameters
     ----------
@@ -729,15 +733,16 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 
     The drift within the step is the cubic Hermite interpolant of the drifts d0, d1 and drift rates
     at both endpoints. With the time s from 0 to 1 over the step, r = 1 - s, and h times the drift
-    rates, w0 and w1,
+    rates, q0 at the start and q1 at the end (m),
 
-        d(s) = d0 + s^2 (3 - 2 s) (d1 - d0) + s r (r w0 - s w1)
-        d'(s) = r^2 w0 + 2 s r (3 (d1 - d0) - w0 - w1) + s^2 w1 = 0 at the reversal
+        d(s) = d0 + s^2 (3 - 2 s) (d1 - d0) + s r (r q0 - s q1)
+        d'(s) = r^2 q0 + 2 s r (3 (d1 - d0) - q0 - q1) + s^2 q1
 
-    At the reversal, the tangent stiffness changes suddenly (kink of the force). The quadrature
-    therefore has an error, and row KINK receives its estimate as a fraction of the force at the
-    reversal. The estimate is the change of the tangent stiffness, times the smaller of the changes
-    of drift before and after the reversal. A power-law dashpot adds a fraction of its force.
+    The reversal is the zero of d'(s). The tangent stiffness changes suddenly at the reversal (kink
+    of the force). The quadrature therefore has an error, and row KINK receives its estimate as a
+    fraction of the force at the reversal. The estimate is the change of the tangent stiffness,
+    times the smaller of the changes of drift before and after the reversal. A power-law dashpot
+    adds a fraction of its force.
 
     Parameters
     ----------
@@ -770,8 +775,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
     below = max(i - 1, 0)
     sign = law_state[rows.RATE_SIGN, i]
-    # Drift rates at both endpoints times the length of the step (m), positive in the direction of
-    # loading. The story reverses if the first is positive and the second negative.
+    # q0 and q1 of the docstring (m), multiplied by the sign of the drift rate: positive in the
+    # direction of loading. The story reverses if the first is positive and the second negative.
     scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
     scaled_rate_1 = sign * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
     # KINK 0 means that the step must be divided at a reversal. This is always the case if a law of
@@ -782,9 +787,9 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         return 0.0, 0.0, False
     start = law_state[rows.DRIFT, i]
     change = sign * (drift - start)
-    # The reversal is at the fraction s of the step. The drift rate of the cubic is a quadratic with
-    # these three Bezier points. Without a sign change, which only rounding can cause here, the
-    # result is NONE, which is above 1; the end of the step is then used.
+    # The reversal is at the fraction s of the step, the zero of the quadratic d'(s). The arguments
+    # are its three Bezier points. If rounding prevents a sign change, the result is NONE, which is
+    # above 1; the end of the step is then used.
     s = min(
         find_sign_change(
             scaled_rate_0, 3.0 * change - scaled_rate_0 - scaled_rate_1, scaled_rate_1
@@ -834,8 +839,9 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         force_1, _ = power_damper(linear_terms, i, scaled_rate_1 / h)
         kink += _DASHPOT_KINK * min(abs(force_0), abs(force_1))
     scratch[ROW.KINK, i] = kink / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
-    # If the drift at the end increases by 1, the cubic at the reversal increases by
-    # `moved_fraction`. The force changes along this part of the path with the tangent of loading.
+    # If the drift d1 at the end increases by 1, the drift at the reversal increases by
+    # `moved_fraction`, the coefficient of d1 in d(s). This part of the increase is loading, with
+    # the tangent `loading_tangent`; the remaining part is unloading, with the tangent at the end.
     moved_fraction = s * s * (3.0 - 2.0 * s)
     return tangent_c, tangent + moved_fraction * (loading_tangent - tangent), True
 
@@ -844,22 +850,25 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 def keep_negligible_kinks(scene, h, memory):
     """Set row KINK to 0 for the stories with a reversal that must be located.
 
-    The step is then divided at the reversals of these stories. Row KINK contains the estimated
-    effect of each reversal, relative to the force of the story. A curved law has a kink of the
-    force at a reversal. The reversal does not have to be located if the kink is small compared with
-    the largest error of a step in the run. This error is estimated by the relative mismatch Q / A:
+    The value 0 means that the step must be divided at the reversal. Before the call, row KINK
+    contains the estimated effect of each reversal on the story force (a curved law has a kink of
+    the force at a reversal), divided by this force. The reversal does not have to be located if
+    this effect is small compared with the largest error of a step in the run. The measure of the
+    error is the mismatch Q between the average of the accelerations at both endpoints and the mean
+    acceleration over the step:
 
-        Q = sum of m ((a0 + a1) / 2 - (v1 - v0) / h)^2,   A = sum of m (a0^2 + a1^2) / 2
-        KINK <= _MAX_KINK (maximum Q in the run) / A        the reversal is not located
+        Q = sum of m ((a0 + a1) / 2 - (v1 - v0) / h)^2,   S = sum of m (a0^2 + a1^2) / 2
+        KINK <= _MAX_KINK (maximum Q in the run) / S        the reversal is not located
 
-    over the floors with the masses m, velocities v0, v1 and accelerations a0, a1 at the start and
-    at the end of the step. For a response with the frequency omega, the relative mismatch of the
-    accelerations is (omega h)^2 / 12; its square is of order 4 in the time step h, the effect of a
-    kink of order 2. Therefore, all reversals are located if the steps are small. The forces of
-    power-law dashpots are removed from the accelerations because they are discontinuous at a
-    reversal.
+    The sums extend over the floors with the masses m, velocities v0, v1 and accelerations a0, a1 at
+    the start and at the end of the step. For a response with the circular frequency omega, Q / S is
+    of the order of ((omega h)^2 / 12)^2, the fourth power of the time step h. The effect of a kink
+    is of order 2. Therefore, all reversals are located if the steps are small. The forces of
+    power-law dashpots change abruptly at a reversal and are removed from the accelerations.
 
-    The maxima of Q and A over the run are updated in row RUN_MAXIMA.
+    In a story with a power-law dashpot, a reversal is also located if its drift is at least
+    _NEAR_PEAK times the current peak drift. The maxima of Q and S over the run are updated in row
+    RUN_MAXIMA.
 
     Parameters
     ----------
@@ -873,7 +882,7 @@ def keep_negligible_kinks(scene, h, memory):
     linear_terms = scene.linear_terms
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # `mismatch` is Q and `acceleration_norm` is A of this step.
+    # `mismatch` is Q and `acceleration_norm` is S of this step.
     mismatch = acceleration_norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
@@ -892,7 +901,7 @@ def keep_negligible_kinks(scene, h, memory):
         mismatch += linear_terms[rows.MASS, i] * difference * difference
         acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
     update_run_maxima(scratch, ROW.RUN_MAXIMA, mismatch, acceleration_norm)
-    mismatch = scratch[ROW.RUN_MAXIMA, 0]
+    mismatch = scratch[ROW.RUN_MAXIMA, 0]  # maximum Q in the run
     # THIRD_TRIAL is the law state at the reversal. A reversal in a story with a dashpot must be
     # located if it is near the peak drift.
     for i in range(n):

@@ -137,14 +137,17 @@ def solve_step(coefficients, scene, h, memory):
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
     a0 and a1 are h^2 times the mean and the change of the acceleration, v0 is the velocity at the
-    start. F0 is the mean and F1 the first moment 12 int (t - 1/2) f dt of the story forces over the
-    step. P0 and P1 are the mean and the first moment of the load. The term with r and the initial
-    stiffness K is the numerical dissipation; r is 0 for the spectral radius rho_inf = 1.
+    start. M and C are mass and damping matrix. F0 is the mean and F1 the first moment 12 int (t -
+    1/2) f dt of the story forces f over the step. P0 and P1 are the mean and the first moment of
+    the load. The term with r and the initial stiffness K is the numerical dissipation; r is 0 for
+    the spectral radius rho_inf = 1.
 
     If all laws are piecewise linear, the first solution assumes that all stories remain on their
     branches. In a linear building it is exact. Otherwise Newton's method follows, with the
     derivatives of the means and moments along the current paths. A correction that does not reduce
-    the residual is halved. The state is not changed.
+    the residual is halved. The state is not changed. Until _DECIDING_ITERATIONS linear solutions,
+    each evaluation also decides whether a story reverses within the step. Later, this decision is
+    kept, because a change in each iteration would prevent convergence.
 
     Parameters
     ----------
@@ -222,9 +225,10 @@ def _solve_on_branches(coefficients, scene, h, memory):
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
     a0 and a1 (m) are h^2 times the mean of the acceleration and h^2 times its change over the step.
-    v0 is the velocity at the start, K the initial stiffness, and r the coefficient of the numerical
-    dissipation (0 for none). F0 and P0 are the means of the story forces (below minus above the
-    floor, with P-delta) and of the load; F1 and P1 are their first moments.
+    v0 is the velocity at the start. M, C and K are the matrices of mass, damping and initial
+    stiffness. r is the coefficient of numerical dissipation, 0 without dissipation. F0 and P0 are
+    the means of the story forces (below minus above the floor, with P-delta) and of the load; F1
+    and P1 are their first moments.
 
     A story with the rise D and the bend E of its drift, the force f0 at the start and the stiffness
     k of its branch has F0 = f0 + k (D / 2 - E / 12) and F1 = k D. The equations are then linear,
@@ -355,7 +359,8 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         State, law states and scratch array: rows RISE and BEND of the floors (m) are used. Rows
         PATH receive F0, F1 (N) and their four derivatives (N/m).
     is_deciding : bool
-        True if the decision about reversals of the stories is updated.
+        True if the function decides again whether each story reverses within the step; otherwise
+        the decision of the last iteration is kept.
 
     Returns
     -------
@@ -402,8 +407,9 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         scratch[ROW.PATH + path.MOMENT, i] += (
             geometric * rise + (damper + dissipative_stiffness) * bend
         )
-        # A drift is a difference of displacements. The rounding errors of the displacements are not
-        # part of the residual.
+        # A drift is a difference of displacements. Their rounding errors, as a force, are
+        # ROUNDING times stiffness times displacements. This force is divided by the tolerance,
+        # because the convergence test multiplies it by the tolerance.
         displacement_scale = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
         scratch[ROW.ROUNDING_FORCE, i] = (
             rounding
@@ -452,8 +458,9 @@ def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is
         scratch[ROW.LEAVES_BRANCH, i] = 1.0
         scratch[ROW.LEAVES_BRANCH, scene.linear_terms.shape[1] - 1] = 1.0
         if is_deciding:
-            # The parabola can have an extremum within the step only because it approximates the
-            # drift (`_has_no_reversal`). Curved laws always follow the parabola.
+            # An extremum of the parabola within the step can be an error of the approximation of
+            # the drift (`_has_no_reversal`). Curved laws (SLOPE is infinite) always follow the
+            # parabola, including its extremum.
             may_be_steady = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
             scratch[ROW.NO_REVERSAL, i] = (
                 1.0
@@ -477,11 +484,21 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
     """Return True if story `i` has no reversal in the step although its parabola of drift has one.
 
     The parabola d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step, can have an
-    extremum because it only approximates the drift. A more accurate drift rate (times h) is the
-    cubic r(t) with the rates of the state at both endpoints, r(0) = h d0' and r(1) = h d1', the
-    mean `rise`, and the initial slope r'(0) = h^2 d0'' from the equation of motion. Without this
-    slope, upper stories of a building at rest, where rates increase with the third power of time,
-    would seem to move backwards at first.
+    extremum because it only approximates the drift. A more accurate drift rate (times h) is a cubic
+    w(t), which is determined by four values:
+
+        w(0)               h times the drift rate at the start (state)
+        w(1)               h times the drift rate at the end, from the velocities h v0 + a0
+        mean of w          `rise`, the change of drift over the step
+        derivative w'(0)   h^2 times the second derivative of the drift, from the equation of motion
+
+    For each floor, v0 is the velocity at the start and a0 is h times the change of velocity. a0
+    follows from the rise D0 and the bend D1 of the floor and the coefficient r of the method:
+
+        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+
+    The derivative w'(0) is necessary for upper stories of a building at rest. Their rates increase
+    with the third power of time, and without this value they would seem to move backwards at first.
 
     Parameters
     ----------
@@ -501,8 +518,7 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
     linear_terms = scene.linear_terms
     state, _, scratch, _ = memory
     # Values of the story are differences between floor `i` and the floor below. For a story on the
-    # ground there is only floor `i`. All rates are multiplied by h.
-    # The rate at the end, `last_rate`, is h v0 + a0 with the change of velocity a0 / h.
+    # ground there is only floor `i`. `first_rate` is w(0) and `last_rate` is w(1) of the docstring.
     rise = first_rate = last_rate = 0.0
     floor_count = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
     for below in range(floor_count):
@@ -534,16 +550,16 @@ def _acceleration(scene, memory, i):
     """Return the acceleration of floor `i` at the start of the step, relative to the ground, m/s^2.
 
     It follows from equilibrium of the floor, m a = p - c v - (modal damping force) - V_i + V_(i+1),
-    with the load p and the force V of the stories below and above the floor. V is the sum of
-    restoring force, P-delta and damper forces. The load p is the value of a linear function of time
-    with the mean and the first moment in rows LOAD, at the start of the step. `scene` contains the
+    with the mass m, the load p, the floor damper c, the velocity v, and the forces V_i and V_(i+1)
+    of the stories below and above the floor. V is the sum of restoring force, P-delta and damper
+    forces. With the mean P0 of the load over the step and its first moment P1 (rows LOAD), the load
+    at the start of the step is P0 - P1 / 2 if the load is linear in time. `scene` contains the
     building, `memory` the state and the law states at the start of the step and the scratch array.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # The load at the start of the step is the mean minus half of the first moment, if the load is
-    # linear in the step.
+    # Load at the start of the step, P0 - P1 / 2
     force = scratch[ROW.LOAD, i] - 0.5 * scratch[ROW.LOAD + 1, i]
     force -= linear_terms[rows.FLOOR_DAMPER, i] * state[rows.VELOCITY, i]
     for j in range(modal.shape[0] if MODAL else 0):
@@ -654,11 +670,20 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     """Return True if the residuals of impulse and first moment of all floors are small enough.
 
     A residual (rows X) is small enough if it is at most TOLERANCE times the sum of the absolute
-    values of the terms of its equation, M a0 + h C D0 + h^2 (F0 - P0) = 0 (impulse) or M a1 + h C
-    D1 + h^2 (F1 - P1) = 0 (first moment). Floor dampers and modal damping (C) are omitted from the
-    sums. D0 and D1 (rows RISE and BEND) are the coefficients of the displacement u0 + D0 t + D1
-    (t^2 - t) / 2 in the step, t from 0 to 1; h^-2 a0 and h^-2 a1 are the mean and the change of the
-    acceleration; F0, F1 and P0, P1 are means and first moments of the story forces and of the load.
+    values of the terms of its equation:
+
+        M a0 + h C D0 + h^2 (F0 - P0) = 0         impulse
+        M a1 + h C D1 + h^2 (F1 - P1) = 0         first moment
+        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+
+    - D0 and D1 (rows RISE and BEND): coefficients of the displacement u0 + D0 t + D1 (t^2 - t) / 2
+      in the step, t from 0 to 1
+    - a0 and a1: h^2 times the mean of the acceleration, and h^2 times its change over the step
+    - M, v0: mass, and velocity at the start of the step
+    - F0, F1 and P0, P1: means and first moments of the story forces (F1 with the numerical
+      dissipation) and of the load
+    - C: floor dampers and modal damping; their terms are omitted from the sums
+    - r: coefficient of numerical dissipation
 
     Parameters
     ----------
@@ -695,7 +720,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             + link * abs(scratch[ROW.PATH + path.MEAN, i + 1])
             + abs(scratch[ROW.LOAD, i])
         )
-        # Test the impulse, with the terms of a0 = D1 - r a1.
+        # Test the impulse. M a0 has the terms M D1 and M r a1.
         inertia_scale = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
         is_small &= is_balanced(
             is_last,
@@ -705,7 +730,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             scratch[ROW.X, i],
             mass * inertia_scale + h * h * (force_scale + rounding),
         )
-        # Test the first moment, with the terms of a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r).
+        # Test the first moment. M a1 has terms with D1, D0 and h v0, times 12 / (1 + 6 r). The sum
+        # contains D1 although a1 contains D1 / 2.
         force_scale = (
             abs(scratch[ROW.PATH + path.MOMENT, i])
             + link * abs(scratch[ROW.PATH + path.MOMENT, i + 1])
@@ -775,8 +801,10 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-    with mean P0 and first moment P1 of the load, which are constant, and the stiffness K, the sum
-    of the initial stiffness of the laws and of the geometric stiffness of P-delta.
+    a0 and a1 are h^2 times the mean and the change of the acceleration over the step. The velocity
+    v0 at the start and the mean P0 and first moment P1 of the load are constant. M, C and K are
+    mass, damping and stiffness matrix; K contains the initial stiffness of the laws and the
+    geometric stiffness of P-delta. r is the coefficient of numerical dissipation.
 
     Parameters
     ----------
@@ -821,8 +849,9 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         scratch[ROW.COUPLING + 3, i] = (
             h_squared * (scratch[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
         )
-        # The diagonal block contains the derivatives of M a0 and M a1, the floor damping, and the
-        # story below. `link_blocks` adds the story above.
+        # The diagonal block contains the derivatives of M a0 (first row) and M a1 (second row) with
+        # respect to D0 and D1, the floor damping, and the story below. The derivatives of M a1 are
+        # -by_rise and by_rise / 2. `link_blocks` adds the story above.
         by_rise = mass * coefficients[BY_RISE]
         scratch[ROW.BLOCKS, i] = (
             coefficients[R] * by_rise + floor_damping + scratch[ROW.COUPLING, i]
@@ -873,8 +902,9 @@ def update_state(coefficients, scene, h, memory):
         u1 = u0 + D0,   v1 = v0 + a0 / h,   acceleration = (a0 + a1 / 2) / h^2
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-    where a0 and a1 are h^2 times the mean and the change of the acceleration over the step, m, and
-    v0 is the velocity at the start.
+    where a0 and a1 are h^2 times the mean and the change of the acceleration over the step, m; u0
+    and v0 are displacement and velocity at the start, u1 and v1 at the end, and r is the
+    coefficient of numerical dissipation. `acceleration` is the acceleration at the end.
 
     The work of a force with the mean F0 and the first moment F1 over the step is D0 F0 + D1 F1 /
     12. A damper with the coefficient c has F0 = c D0 / h and F1 = c D1 / h. The work of the load
@@ -940,9 +970,10 @@ def update_state(coefficients, scene, h, memory):
 def _modal_work(modal, h, scratch, n):
     """Return the work of modal damping in the step, J.
 
-    A mode with the row w of the modal damping matrix C = sum of w w^T has the amplitude x = w^T u.
-    Along the displacements u0 + D0 t + D1 (t^2 - t) / 2 of the floors, with t from 0 to 1 over the
-    step, its work is ((w^T D0)^2 + (w^T D1)^2 / 12) / h.
+    With the row w of a mode in the modal damping matrix C = sum of w w^T, the damping force of the
+    mode is w (w^T v), with the velocities v of the floors. Along the displacements u0 + D0 t + D1
+    (t^2 - t) / 2 of the floors, with t from 0 to 1 over the step, the mode does the work
+    ((w^T D0)^2 + (w^T D1)^2 / 12) / h.
 
     Parameters
     ----------
