@@ -189,14 +189,16 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
 def story_reach(span, story, shear, stiffness):
     """Return upper bounds of the drift (m) and of the shear (N) of a story within a step.
 
-    The drift and its rate are d0, r0 at the start and d1, r1 at the end of the step of length h. A
+    The drift and its rate are u0, v0 at the start and u1, v1 at the end of the step of length h. A
     drift does not exceed the Bezier points of the quintic interpolant, which are at most
-    e = h (max(|r0|, |r1|) / 2 + h |a0| / 20) away from the endpoint values. The bounds are
+    e = h (max(|v0|, |v1|) / 2 + h |a0| / 20) away from the endpoint values. The bounds are
 
-        max(|d0|, |d1|) + e,   |shear at the end| + stiffness (|d1 - d0| + e)
+        drift    max(|u0|, |u1|) + e
+        shear    |shear at the end| + stiffness (|u1 - u0| + e)   if the drift may reverse
+                 |shear at the end|                               otherwise
 
-    The bounds do not include the drift acceleration at the end of the step, which the observer does
-    not have at this time. `may_exceed_story_peaks` adds its contribution.
+    The bounds do not include the drift acceleration a1 at the end of the step, because a1 is
+    computed later. `may_exceed_story_peaks` adds the contribution of a1.
 
     Parameters
     ----------
@@ -281,12 +283,14 @@ def _displacement_excursion(span, ends):
 
 @inline
 def _excess_at_end(h, v, a):
-    """Return a bound of the distance of the Bezier points of the quintic from its value at an
-    endpoint, m.
+    """Return the maximum distance of the Bezier points near an endpoint of a step from the
+    displacement at this endpoint, m.
 
-    With velocity `v` (m/s) and acceleration `a` (m/s^2) at this endpoint of a step of length `h`
-    (s), the next two Bezier points are at the distances h v / 5 and 2 h v / 5 + h^2 a / 20
-    (absolute values are used for v and a).
+    The displacement within the step is approximated by the quintic polynomial with displacement,
+    velocity and acceleration at both endpoints. With the velocity `v` (m/s) and the acceleration
+    `a` (m/s^2) at this endpoint and the length `h` of the step (s), the two Bezier points next to
+    the endpoint have the distances h v / 5 and 2 h v / 5 + h^2 a / 20. Both are at most
+    h (2 |v| / 5 + h |a| / 20), the result.
     """
     return h * (0.4 * abs(v) + 0.05 * h * abs(a))
 
@@ -417,7 +421,8 @@ def find_interstep_peaks(
         Table of the peaks, raised in place.
     first_peak : int
         Row of the first peak in `peaks`. PEAK_ROWS rows of peaks are followed by PEAK_ROWS rows of
-        possible peaks of unresolved motion.
+        possible peaks. A possible peak is an extremum that is not reliable, because the step does
+        not resolve the motion.
 
     Returns
     -------
@@ -444,8 +449,9 @@ def find_interstep_peaks(
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
             stiffness = scene.law_parameters[rows.STIFFNESS, i]
-            # Maximum excess of drift and shear over their values at the end of the step without a
-            # new peak. The bound of the shear uses the initial stiffness.
+            # There is no new peak if the drift within the step exceeds its absolute value at the
+            # end by less than `drift_margin`, and the shear by less than `shear_margin`. The
+            # initial stiffness converts a change of drift to a bound of the change of shear.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = _displacement_excursion(span, story)
@@ -525,7 +531,7 @@ def _story_ends(floor, floor_below, link, drift):
     endpoints of a step as `Ends`.
 
     They are the differences between the floor at the top and the floor at the base of the story.
-    The drift at the end is the drift in the law state.
+    Only the drift at the end is read from the state of the hysteretic law (`drift`).
 
     Parameters
     ----------
@@ -615,8 +621,9 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
                              other methods: the cubic with u0, v0, u1 and v1; its extremum is
                              recorded as a possible peak
 
-    The motion is resolved if the endpoint accelerations explain the change of velocity,
-    |v1 - v0 - h (a0 + a1) / 2| <= _MAX_VELOCITY_MISMATCH (|v0| + |v1|), and `_is_resolved` is True.
+    The motion is resolved if two conditions are met. The endpoint accelerations explain the change
+    of velocity, |v1 - v0 - h (a0 + a1) / 2| <= _MAX_VELOCITY_MISMATCH (|v0| + |v1|). And velocities
+    and accelerations of two successive steps are near straight lines (`_is_resolved`).
 
     Parameters
     ----------
@@ -625,9 +632,9 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     ends : Ends
         Displacement or drift (m), velocity and acceleration at both endpoints of the step.
     margin : float
-        Amount that an extremum may exceed |u1| without a new peak, m. For a drift this includes a
-        new peak shear: additional drift times initial stiffness must not exceed the remaining
-        shear. Extrema that cannot exceed |u1| by this amount are ignored, except on a parabola.
+        Maximum excess of the absolute extremum over |u1| without a new peak, m. For a drift, the
+        caller reduces this value so that a smaller excess causes no new peak shear. Extrema with a
+        smaller excess, according to the Bezier points, are ignored, except on a parabola.
     peaks : ndarray
         Table of the peaks.
     row, i : int
@@ -658,10 +665,11 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         return extremum
     if v0 * v1 >= 0.0:
         return u1
-    # The extremum is on the side of the initial velocity. The interpolant does not exceed its
-    # Bezier points. For the quintic these are u0 + 2/5 h v0 + h^2 a0 / 20 and
-    # u1 - 2/5 h v1 + h^2 a1 / 20 (u0 + h v0 / 5 and u1 - h v1 / 5 are covered by the cubic);
-    # for the cubic they are u0 + h v0 / 3 and u1 - h v1 / 3.
+    # The extremum is a maximum for v0 > 0 (`direction` = 1), otherwise a minimum (-1). The
+    # interpolant does not exceed its Bezier points. For the cubic these are u0 + h v0 / 3 and
+    # u1 - h v1 / 3. For the quintic they are u0 + 2/5 h v0 + h^2 a0 / 20 and
+    # u1 - 2/5 h v1 + h^2 a1 / 20; its points u0 + h v0 / 5 and u1 - h v1 / 5 are nearer to the
+    # endpoints than the points of the cubic.
     direction = math.copysign(1.0, v0)
     start_offset = direction * (u0 - u1)
     excess_0 = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * direction * a0)
@@ -741,9 +749,11 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     line (`_is_resolved`). It is then recorded as a possible peak, in a separate row, and the
     regular peak is not changed.
 
-    The total shear of a story is the sum of mass times absolute acceleration over the floors that
-    it supports, minus the forces on these floors, with the opposite sign. Peaks do not depend on
-    the sign. The ground acceleration is linear within the step, so it changes only A0 and A1.
+    The absolute acceleration is a + ag, with the acceleration a relative to the ground and the
+    ground acceleration ag. For a total shear, the quantity is the sum of m (a + ag) - p over the
+    floors that the story supports, with the masses m and the forces p on these floors. The total
+    shear is minus this sum; the sign has no effect on the peak. As ag is linear within the step, ag
+    changes only A0 and A1, not B and D.
 
     Parameters
     ----------
@@ -765,7 +775,8 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
-    # With a larger tilt, bulge and tilt are ignored, and the maximum is at an endpoint.
+    # If |D| >= 2 |B|, bulge and tilt are ignored: the maximum is at an endpoint, and the caller
+    # records the endpoints.
     is_candidate = abs(tilt) < _MAX_TILT_RATIO * abs(bulge)
     if is_candidate:
         weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
@@ -937,14 +948,16 @@ def _quintic_coefficients(h, ends):
 
 @inline
 def _quintic_extremum(s, coefficients):
-    """Return the value of p(s) = p0 + p1 s + ... + p5 s^5 at an extremum in [0, 1].
+    """Return the maximum or minimum of the polynomial p0 + p1 s + ... + p5 s^5 for s in [0, 1].
+
+    The extremum near the estimate `s` is computed by three Newton iterations. Its value is compared
+    with the values at s = 1/8, 2/8, ..., 7/8. If a value is more extreme, Newton's method is
+    repeated from this point. The result is the most extreme of all these values.
 
     Parameters
     ----------
     s : float
-        First estimate of the location, improved by three Newton iterations. If an
-        equidistant point (of seven) has a more extreme value afterwards, the iterations are
-        repeated from the most extreme point.
+        First estimate of the location of the extremum.
     coefficients : tuple of float
         p0 to p5. The sign of p1 determines the type of the extremum: a maximum if p increases at
         s = 0, a minimum if it decreases.
@@ -1028,8 +1041,10 @@ def _cubic_extremum(p0, p1, p2, p3):
     considered, because the caller records the end of the step.
     """
     largest = p0
-    # Zeros of p1 + 2 p2 s + 3 p3 s^2. The numerator has the sign without cancellation; the second
-    # zero follows from the product p1 / (3 p3) of both. It is also the zero for p3 = 0.
+    # The extrema are at the zeros of p'(s) = p1 + 2 p2 s + 3 p3 s^2. The first zero is
+    # numerator / (3 p3), with the sign of the square root for which `numerator` has no
+    # cancellation. The product of both zeros is p1 / (3 p3), so the second zero is p1 / numerator.
+    # For p3 = 0, p' is linear, and the second zero is its only zero.
     discriminant = p2 * p2 - 3.0 * p1 * p3
     if discriminant >= 0.0:
         numerator = -(p2 + math.copysign(math.sqrt(discriminant), p2))

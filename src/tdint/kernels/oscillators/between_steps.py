@@ -99,8 +99,8 @@ def may_exceed(best, factor, q0, d0, e0, q1, d1, e1):
     step.
 
     q'' is a free vibration and changes its sign at most once in a step, so that q' has at most two
-    zeros: one if the signs of q' at the endpoints differ, and none or two if they agree. If q'
-    starts at zero (from rest), the sign of q'' at the start is used instead of the sign of q'. The
+    zeros: one if the signs of q' at the endpoints differ, and either two or no zeros if they agree.
+    If q' is zero at the start (from rest), the sign of q'' at the start replaces its sign. The
     absolute value of q exceeds its endpoint values by at most `factor` times the larger |q''| at
     the endpoints.
 
@@ -125,8 +125,8 @@ def may_exceed(best, factor, q0, d0, e0, q1, d1, e1):
 
 @outlined
 def largest_between(q, rates, d1, vibration, n, series):
-    """Return the maximum absolute value of a quantity q at its extrema within a step; 0 if there is
-    none.
+    """Return the maximum absolute value of a quantity q at its extrema within a step; 0 without an
+    extremum.
 
     With x = t / h from 0 to 1, power series in x represent q, h q' and h^2 q''. As q'' is a free
     vibration of the oscillator, y = q'' satisfies y'' = -(2 xi omega y' + omega^2 y), which gives
@@ -147,7 +147,8 @@ def largest_between(q, rates, d1, vibration, n, series):
     vibration : Vibration
         Properties of the oscillator.
     n : int
-        Number of terms (`term_count`).
+        Number of terms of the series of q (`term_count`). The series of q' has n - 1 terms, the
+        series of q'' n - 2 terms.
     series : ndarray, shape (3, TERMS)
         Scratch array for the series of q, q' and q''.
     """

@@ -313,8 +313,9 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
 def _end_yielding(state, oscillator):
     """Set the elastic branch that follows yielding, at a reversal of the velocity.
 
-    The force over the mass is hardening k u + side strength during yielding, and k u + OFFSET on
-    the elastic branch. Both are equal at the reversal. The oscillator yields again at the current
+    `side` is 1 for yielding in the positive direction, otherwise -1. The force over the mass is
+    hardening k u + side strength during yielding, and k u + OFFSET on the elastic branch. Both are
+    equal at the reversal, which determines OFFSET. The oscillator yields again at the current
     displacement, or on the other side after a change of displacement of twice the yield
     displacement, 2 strength / ((1 - hardening) k).
 
@@ -428,11 +429,11 @@ def _integrate_step(state, series, oscillator, g, slope, h):
 
 @outlined
 def _coefficients(steps, first, series, k, c, h):
-    """Compute the recursion of a branch: u1 and v1 from u0, v0 and minus the loads at both
-    endpoints.
+    """Compute the coefficients of the exact step of an oscillator on a branch.
 
-    With the equation of motion u'' + c u' + k u = -p, and p linear from p0 to p1 within a step of
-    length h, displacement and velocity at the end of the step are
+    The equation of motion is u'' + c u' + k u = -p. The load is -p, and p is linear from p0 to p1
+    within a step of length h. From the displacement u0 and the velocity v0 at the start of the
+    step, the displacement and the velocity at its end are
 
         u1 = s_0 u0 + s_1 v0 + s_2 p0 + s_3 p1,   v1 = s_4 u0 + s_5 v0 + s_6 p0 + s_7 p1
 
@@ -451,8 +452,8 @@ def _coefficients(steps, first, series, k, c, h):
     h : float
         Length of the step, s.
     """
-    # Column 0: unit displacement, column 1: unit velocity at the start; columns 2 and 3: the load
-    # is -1 at the start or at the end of the step and 0 at the other endpoint.
+    # Column 0: u0 = 1. Column 1: v0 = 1. Column 2: p0 = 1, so the load is -1 at the start and 0 at
+    # the end. Column 3: p1 = 1, so the load is 0 at the start and -1 at the end.
     for column in range(4):
         u = 1.0 if column == 0 else 0.0
         v = 1.0 if column == 1 else 0.0
@@ -565,7 +566,8 @@ def _residual_displacement(state, series, oscillator):
 
     The oscillator is integrated without ground motion until its vibration remains within the
     elastic branch. The result is the center of this vibration, -OFFSET / k, also for an undamped
-    oscillator. It is NaN if a step has too many changes of branch.
+    oscillator. It is NaN if a step has too many changes of branch. The integration ends after
+    _FREE_VIBRATION steps; if the oscillator yields at this time, the result is its displacement.
 
     Parameters
     ----------

@@ -399,9 +399,9 @@ def _integrate_interval(oscillator, interval):
         best[1] = max(best[1], abs(v1))
         best[2] = max(best[2], abs(p1))
         if between_steps == 1:
-            # Compute the relative jerk j and the derivatives dp, ddp, dddp of p at both endpoints
-            # (suffix 1 at the end). As p = -u'' - ag and ag is linear, the fourth derivative of u
-            # is -ddp.
+            # Compute the relative jerk j = a' and the derivatives dp = p' and ddp = p'' at both
+            # endpoints (suffix 1 at the end), and dddp = p''' at the start. As a = -p - ag, and ag
+            # is linear, a'' is -ddp. This is the third derivative of v.
             slope = (g1 - g0) / h
             dp, dp1 = by_u * v + by_v * a, by_u * v1 + by_v * a1
             j, j1 = -dp - slope, -dp1 - slope

@@ -276,7 +276,9 @@ def _column_at(sums, steps, row, slope, t, c):
         vibration    exp(-xi omega t) (y cos(wd t) + (y' + xi omega y) / wd sin(wd t))
 
     with wd = omega sqrt(1 - xi^2); y and y' are the values of q and q' minus the particular
-    solution and its rate at t = 0.
+    solution and its rate at t = 0. The rate of the vibration is
+
+        exp(-xi omega t) (y' cos(wd t) - (omega y + xi y') omega / wd sin(wd t))
 
     Parameters
     ----------

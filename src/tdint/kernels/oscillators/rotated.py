@@ -390,8 +390,11 @@ def _search(oscillator, maxima, margin):
 def _interpolate(axis_maxima, scratch):
     """Store bounds of the displacements of an interval along the edges of the sectors.
 
-    The unit vector of a direction between two axes is a sum of both axes with positive factors. The
-    same sum of the maximum displacements along both axes bounds the displacement in this direction.
+    A unit vector at j sectors after an axis is f(3 - j) times this axis plus f(j) times the next
+    axis, with the factors f(j) = sin(10 j degrees) / sin(30 degrees) (_FACTORS; there are three
+    sectors between two axes). The same sum of the maximum displacements along both axes is a bound
+    of the displacement in this direction. The last axis is followed by the first axis with the
+    opposite direction, for which the absolute displacements are the same.
 
     Parameters
     ----------
@@ -530,9 +533,11 @@ def _project(x, y, scratch, sizes):
 def _count_higher(scratch, excess):
     """Return the number of sectors with a maximum that the displacement of a step can exceed.
 
-    The displacement in a sector is at most the largest displacement along its edges at both
-    endpoints of the step (`_top`) times _SPREAD, plus the excess between the endpoints. It is
-    compared with the smallest of the maxima in the sector (row _LOWEST).
+    A sector is a group of adjacent directions between two edges, and _SPREAD is 1 / cos(half the
+    angle of a sector). The displacement in a sector is at most the largest displacement along its
+    edges at both endpoints of the step (`_top`) times _SPREAD, plus the excess between the
+    endpoints. If this bound exceeds the smallest of the maxima until now in the directions of the
+    sector (row _LOWEST), the step can exceed a maximum.
 
     Parameters
     ----------

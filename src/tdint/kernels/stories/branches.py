@@ -251,9 +251,13 @@ def _crossing(cubic, limit, tolerance, known_event):
     """Return the smallest s in [0, 1] where a cubic exceeds a limit, or the constant NONE = 2.
 
     The cubic has the Bezier points d0 to d3: d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 +
-    s^3 d3. It can start above the limit by the error of the last located event. It then first
-    returns below the limit, or it has a minimum above the limit and exceeds the limit where it
-    rises.
+    s^3 d3. Because the last event is located with a small error, the cubic can start above the
+    limit. There are three cases:
+
+    - It starts above the limit and rises at the start: the result is 0.
+    - It starts above the limit, falls, and later rises. The result is the crossing on the rising
+      part, or the start of this part if the cubic does not fall below the limit.
+    - It starts below the limit: the result is the first crossing.
 
     Parameters
     ----------

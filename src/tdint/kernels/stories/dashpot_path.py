@@ -76,6 +76,8 @@ def split_at_zero_rate(integrate_part):
     def integrate_path(linear_terms, i, dashpot_path):
         """Integrate the dashpot force over the path, in two parts if the rate changes its sign.
 
+        `integrate_part` adds the integrals over a part. Its last two arguments are the positions of
+        the endpoints of the part: first the endpoint with the smaller absolute rate.
         Positions on the path are s = -1/2 at the start and 1/2 at the end of the step of length h.
         The drift rate is (rise + bend s) / h, with the coefficients of the parabola of drift in
         `dashpot_path`. `linear_terms` contains the coefficients of the dashpots, and `i` is the
@@ -141,9 +143,11 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
     rate.
 
     The drift rate is (rise + bend s) / h at the position s, from -1/2 to 1/2 over the step. If the
-    rate is nearly constant, the Gauss rule is applied to s. Otherwise the force has a sharp bend
-    near zero rate, and the rule is applied to x, the cube root of (rate / maximum rate). From x =
-    x_0 (`slow`) to x = 1 (`fast`),
+    rate is nearly constant, the Gauss rule is applied to s. Otherwise the derivative of the force
+    changes rapidly near zero rate. The rule is then applied to x, the cube root of the rate divided
+    by the maximum rate. x increases from x_0 (at `slow`) to 1 (at `fast`), and
+
+        rate / maximum rate = x^3
 
         s     = slow + (fast - slow) (x^3 - x_0^3) / (1 - x_0^3)
         ds/dx = (fast - slow) 3 x^2 / (1 - x_0^3)
@@ -170,8 +174,8 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
                 linear_terms, i, dashpot_path, s, length * path.WEIGHTS[_POINTS_IN_RATE, point]
             )
         return
-    # Cube root as the integration variable: x increases from x_0 = `cube_root` to 1. The weight of
-    # a point contains |ds/dx|.
+    # The integration variable is x, from x_0 = `cube_root` to 1, and `cube_range` is 1 - x_0^3. The
+    # weight of a point is |ds/dx| times the range 1 - x_0 times the weight of the Gauss rule.
     cube_root = (min_rate / max_rate) ** (1.0 / 3.0) if min_rate > 0.0 else 0.0
     cube_range = 1.0 - cube_root * cube_root * cube_root
     for point in range(_POINTS_IN_CUBE_ROOT):

@@ -160,9 +160,10 @@ def _no_sharp_bend(law_parameters, law_state, i, block, side):
     """Return infinity: the distance to a kink of the force, for laws without a kink.
 
     A kink is a sharp bend of the force: the tangent stiffness changes rapidly near this point. A
-    law with a kink replaces this function by its function `kink`. It returns the change of drift
-    from the state in `block` to the kink in the direction `side`, m, not negative; infinity if the
-    kink is not on the path. This function uses no argument.
+    law with a kink defines a function `kink`, which replaces this function. It returns the change
+    of drift from the state in `block` to the kink in the direction `side`, m, not negative;
+    infinity if the kink is not on the path. The present function, for all other laws, uses no
+    argument.
 
     Parameters
     ----------
@@ -241,12 +242,14 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     The drift rate is approximated by a cubic polynomial of the time t, which increases from 0 to 1
     over the step. All rates are multiplied by the length of the step and therefore have the unit m:
 
-        r(t) = r0 + k t + c2 t^2 + c3 t^3,   r(0) = r0,   r(1) = r1,   int r dt = rise,   r'(0) = k
-        c2 = 12 (rise - r0 - k / 2) - 3 (r1 - r0 - k)
-        c3 = 4 (r1 - r0 - k) - 12 (rise - r0 - k / 2)
+        r(t) = r0 + c1 t + c2 t^2 + c3 t^3
+        c2 = 12 (rise - r0 - c1 / 2) - 3 (r1 - r0 - c1)
+        c3 = 4 (r1 - r0 - c1) - 12 (rise - r0 - c1 / 2)
 
-    with r0 = `first_rate`, r1 = `last_rate` and k = `initial_slope`. The parabola of drift of
-    moment4 is not used, because its rate differs from the rates of the state at the endpoints.
+    with r0 = `first_rate`, r1 = `last_rate` and c1 = `initial_slope`. The polynomial has the rates
+    r(0) = r0 and r(1) = r1, the slope r'(0) = c1 and the integral `rise`. The method moment4
+    describes the drift within a step by a parabola. The parabola is not used here, because its rate
+    differs from the rates r0 and r1.
 
     Parameters
     ----------
@@ -293,8 +296,9 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
             min(first_extremum, last_extremum),
             max(first_extremum, last_extremum),
         )
-    # `initial_rate` has the sign of the rate immediately after the start: that of the rate itself,
-    # of its slope, or of the change of drift, whichever is the first that is not zero.
+    # `initial_rate` has the sign of the rate immediately after the start. If the rate at the start
+    # is zero, this is the sign of its slope. If the slope is also zero, it is the sign of the
+    # change of drift.
     if abs(first_rate) > tolerance:
         initial_rate = first_rate
     elif abs(initial_slope) > tolerance:
@@ -368,7 +372,8 @@ def _find_zero(cubic, lower, upper, value_at_upper):
     """
     c0, c1, c2, c3 = cubic
     t = 0.5 * (lower + upper)
-    # `lower` and `upper` enclose the zero; the value at `upper` keeps its sign.
+    # `lower` and `upper` enclose the zero. The value at `upper` always has the sign of
+    # `value_at_upper`.
     for _ in range(_MAX_ROOT_ITERATIONS):
         value = c0 + t * (c1 + t * (c2 + t * c3))
         if value * value_at_upper < 0.0:
@@ -446,9 +451,9 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     rise, bend : float
         Coefficients of d(t), m.
     no_reversal : bool
-        True if the story has no reversal in the step, even if the parabola has one: the story then
-        does not change to an unloading branch. The force on each branch is nevertheless the force
-        at the drift of the parabola. Curved laws ignore the flag.
+        True to ignore an extremum of the parabola, because the motion of the story has no reversal
+        in the step. A piecewise-linear law does not change to an unloading branch; its force on the
+        current branch is still evaluated at the drift of the parabola. Curved laws ignore the flag.
     scratch : ndarray
         Scratch array of the step: one row per quantity, one column per floor or story.
     out : int
@@ -471,7 +476,8 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
         _integrate_hysteretic(law_parameters, law_state, i, story_path, results)
     else:
         # Curved elastic law: one part from the committed state (block 0), with is_elastic = True.
-        # The length of the path, int |d'(t)| dt, is at most |rise| + |bend| / 4.
+        # The length of the path, int |d'(t)| dt, is at most |rise| + |bend| / 4. The law
+        # receives a longer path, |rise| + |bend| / 2.
         count = required_points(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
         _integrate(law_parameters, law_state, i, 0, True, count, story_path, results)
 
@@ -617,11 +623,14 @@ def _add_after_reversal(results, i, reversal_time, shift):
 
     The integrals are mean = int f dt and moment = 12 int (t - 1/2) f dt of the story force f over
     the step, with t from 0 to 1. The drift is d(t) = d0 + rise t + bend (t^2 - t) / 2. The forces
-    after the reversal at t = t_r depend on the drift d(t_r) at the reversal, which changes by t_r
-    per unit of rise and by (t_r^2 - t_r) / 2 per unit of bend. This contribution to the derivatives
-    is computed with a difference quotient, for example for the mean
+    after the reversal at t = t_r depend on the drift d_r = d(t_r) at the reversal, which changes by
+    t_r per unit of rise and by (t_r^2 - t_r) / 2 per unit of bend. This contribution to the
+    derivatives is computed with a difference quotient. With the part M(d_r) of the mean after a
+    reversal at the drift d_r, it is
 
-        d mean / d d(t_r) = (mean with the reversal at d(t_r) + shift - mean) / shift
+        d M / d d_r = (M(d_r + shift) - M(d_r)) / shift
+
+    The same applies to the moment.
 
     Parameters
     ----------
@@ -694,8 +703,9 @@ def time_to(limit, segment, t_now, direction):
     if not distance > 0.0:
         return 0.0
     root = math.sqrt(max(rate * rate + 2.0 * direction * segment.bend * distance, 0.0))
-    # The story first moves against the direction and then turns: take the larger root. A smaller
-    # opposite rate is a rounding error and is replaced by zero.
+    # If the rate is opposite to the direction, the story moves away from the limit before it
+    # reverses: the time is the larger root. An opposite rate that is small is a rounding error and
+    # is replaced by zero.
     if -rate > _OPPOSITE_RATE * root and direction * segment.bend > 0.0:
         return (root - rate) / (direction * segment.bend)
     return 2.0 * distance / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
@@ -1095,9 +1105,10 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
 
     The integrals of the force f over the step, with t from 0 to 1, are mean = int f dt and moment =
     12 int (t - 1/2) f dt along the drift d(t) = d0 + rise t + bend (t^2 - t) / 2. The path is
-    integrated to the reversal, where d'(t) = 0, and from there to the end. It is integrated a
-    second time from a slightly shifted reversal, for the derivatives. FIRST_TRIAL finally contains
-    the state at the last Gauss point.
+    integrated to the reversal, where d'(t) = 0, and from there to the end. The forces after the
+    reversal also depend on the drift at the reversal. For the derivative with respect to this
+    drift, the path after the reversal is integrated a second time, from a slightly shifted drift.
+    FIRST_TRIAL finally contains the state at the last Gauss point.
 
     Parameters
     ----------

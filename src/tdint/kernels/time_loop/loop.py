@@ -209,8 +209,9 @@ def _fit_ground(ground, position, step_ratio, load):
     """Store the ground acceleration of a step or substep that is longer than a sampling interval.
 
     The ground acceleration is replaced by the straight line with the same impulse and first moment.
-    Its values at both endpoints are stored in the rows GROUND_0 and GROUND_1 of `load`, m/s^2. A
-    complete step that starts and ends at samples has a faster function.
+    Its values at both endpoints are stored in the rows GROUND_0 and GROUND_1 of `load`, m/s^2. For
+    a complete step that starts and ends at samples, `fitted_line_between_samples` is used, because
+    it is faster than `fitted_line`.
 
     Parameters
     ----------
@@ -280,8 +281,8 @@ def integrate(
 
     If a step is longer than a sampling interval, the ground acceleration within the step is
     replaced by the straight line with the same impulse and first moment. The lines of successive
-    steps are not continuous. At the jump of the ground acceleration, the relative accelerations of
-    all floors jump by the same value with the opposite sign.
+    steps have different values at the common endpoint. At this jump of the ground acceleration, the
+    relative accelerations of all floors jump by the same value with the opposite sign.
 
     A step that does not converge is divided into substeps of half the length, up to `max_halvings`
     times. Multi-step methods then restart, because they need the results of complete steps.
@@ -294,12 +295,17 @@ def integrate(
     initialize_laws, sum_law_energies, update_shear_peaks : Kernel
         Operations with the laws of all stories: move them to the initial drifts, sum their
         energies, and compute their forces at reversals within a step.
-    steps, first_step, last_step : int
-        Number of steps of the run, of steps that previous calls have completed, and of steps that
-        are complete at the end of this call.
-    steps_per_row, rows_before : int
-        Steps per row of the history, and number of rows of the history that precede row 0 of the
-        array `history`, which contains only a part.
+    steps : int
+        Number of steps of the run.
+    first_step : int
+        Number of steps that previous calls have completed.
+    last_step : int
+        Number of steps that are complete after this call.
+    steps_per_row : int
+        Number of steps per row of the history.
+    rows_before : int
+        Row of the complete history that is stored in row 0 of the array `history`. The array can
+        contain only a part of the history.
     per_sample, stride : int
         `per_sample` steps have the length of `stride` sampling intervals.
     max_halvings : int
@@ -588,8 +594,9 @@ def _start_window(memory, peaks, previous_peaks, n):
     Parameters
     ----------
     memory : Memory
-        Scratch array and status: the step can maintain a copy of the peaks in the scratch array,
-        with the first row RUN_PEAKS of the status.
+        Scratch array and status of the step. A method can keep a copy of the peaks in the scratch
+        array. Element RUN_PEAKS of the status is the first row of the copy, or 0 without a copy.
+        The peak velocities in the copy are set to zero as well.
     peaks : ndarray
         Peaks of the run; row PEAK_VELOCITY (m/s) is set to zero.
     previous_peaks : ndarray
@@ -703,7 +710,8 @@ def integrate_many(
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building and forces on its floors (fields of `Scene`).
     state_0, law_state_0, scratch_0, step_status_0, totals_0 : ndarray
-        Initial memory and totals. The scratch array is cleared instead.
+        Initial memory and totals, which each run copies. `scratch_0` is not used: the scratch array
+        of a run is set to zero.
     state, law_state, scratch, step_status, load, ground, observer_state : ndarray
         Memory and scratch arrays of the current run.
     limits : ndarray
@@ -718,10 +726,13 @@ def integrate_many(
         Maximum velocity in a window in which the building is at rest, divided by the maximum
         displacement of the run, 1/s.
     peaks, drifts, totals, run_ends : ndarray
-        Results, first axis or row by run: peaks, residual drifts (m), totals, and in the columns
-        CODE, STEPS_COMPLETED and AT_REST of `run_ends` the return value of `integrate`, the number
-        of steps until the end of the last complete pass (0 if the motion itself is not completed),
-        and 1 if the building is at rest or this is not required.
+        Results: peaks, residual drifts (m), totals and end of each run. The first axis is the run.
+        The columns of `run_ends` are
+
+            CODE               return value of `integrate`
+            STEPS_COMPLETED    number of steps until the end of the ground motion or of the last
+                               complete window; 0 if the run failed during the ground motion
+            AT_REST            1 if the building is at rest or this is not required; 0 otherwise
 
     Returns
     -------

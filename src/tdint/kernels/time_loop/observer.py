@@ -236,7 +236,11 @@ def observe(scene, span, slope, memory, seen):
         total_inertia += mass * a
         viscous_power += floor_damping * v + (story_damping + dashpot_force) * rate
         # The rate of the power of all dampers is twice `viscous_rate`. The power c v^2 of a linear
-        # damper has the rate 2 (c v) a. The power F v of a dashpot has the rate (F + F' v) a.
+        # damper has the rate 2 (c v) a. The power F v of a dashpot at the drift rate v has the rate
+        # (F + F' v) a, with the drift acceleration a. `story_damping` becomes the factor of the
+        # drift acceleration in half of the rate. The drift acceleration is the difference of two
+        # floor accelerations. The factor of a floor acceleration is therefore the factor of its
+        # story minus the factor of the story above.
         story_damping += 0.5 * (dashpot_force + dashpot_tangent * rate)
         viscous_rate += (floor_damping + story_damping - story_damping_above) * a
         # An equal change of all floor accelerations only changes the drift acceleration of stories
@@ -532,9 +536,13 @@ def _change_per_acceleration(modal, forces, t, state, n):
 def observe_within_step(may_exceed, scene, span, memory, seen):
     """Update the peaks with the response within the last step, and store its end as the next start.
 
-    If the step has computed peaks within the step, these are used: for parabolic displacements only
-    the peaks that depend on discontinuities, otherwise all peaks. The remaining peaks are computed
-    from the response at the endpoints if `may_exceed` is True.
+    The kernel of the method can compute peaks within the step (`span.cornered`). These are merged
+    into the peaks of the run. If `may_exceed` is True, further peaks are computed from the response
+    at the endpoints. The quantities depend on the method:
+
+        no peaks computed by the method                     all quantities
+        peaks computed, parabolic displacements (on_path)   displacements, velocities and drifts
+        peaks computed, other methods                       no quantity
 
     Parameters
     ----------
@@ -661,6 +669,8 @@ def shift_ground(scene, load, shifts, memory, seen):
         a = observer_state[rows.A_PREVIOUS, i] + shift
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
         observer_state[rows.A_PREVIOUS, i] = a
+    # The ground acceleration ag changes by -shift, and all accelerations a by shift. Update the
+    # power of the load, -ag (sum of m v), and the term -ag (sum of m a) of its rate.
     totals[rows.POWER_INPUT] += shift * totals[rows.MOMENTUM]
     totals[rows.RATE_INPUT] += shift * (
         totals[rows.TOTAL_INERTIA] - ground * totals[rows.TOTAL_MASS]
