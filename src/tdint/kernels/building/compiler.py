@@ -240,7 +240,9 @@ def local(typing_context, size):
 def local_table(typing_context, rows, columns):
     """Return the code for an uninitialized table of `rows` times `columns` numbers on the stack.
 
-    The results are the signature for numba and the function that generates the code, as in `local`.
+    The results are the signature for numba and the function that generates the code. In a kernel,
+    `local_table(rows, columns)` is an array that exists until the calling function returns.
+    `typing_context` is passed by numba and not used.
     """
     return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
@@ -355,9 +357,10 @@ def _emitted(text: str, target: Target) -> bytes:
 
     numba has generated the module for this machine. For this machine, the code generator of numba
     is used. For another target, the lines that specify the machine are replaced, and the functions
-    are marked as `nounwind`, so that the object contains no unwind tables: no exception passes
-    through a kernel, and on Windows the tables would have to be near the code, which is not the
-    case.
+    are marked as `nounwind`: the object contains no tables for the unwinding of the stack after an
+    exception. The tables are not needed, because no exception passes through a kernel. On Windows
+    the tables would have to be near the code in memory, but they are not. For Windows, the function
+    that accesses the pages of the stack in order (`_PROBE`) is added.
     """
     # `_tm` is the LLVM target machine with which numba compiles for this machine.
     if target == native():

@@ -142,7 +142,8 @@ def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
     """Return the variants that can be used for a kernel, in order of preference.
 
     They are its variant and the variant with all features, which `tdint compile --all` creates. The
-    latter does not contain laws of plug-ins (`outside`).
+    latter does not contain laws of plug-ins. For a variant with such laws (`outside`), only the
+    first of the two can be used.
     """
     return (variant,) if variant.outside else (variant, EVERYTHING)
 

@@ -114,9 +114,10 @@ def fitted_line_between_samples(ground, first, last):
     m/s^2.
 
     The line has the impulse I and the first moment J of the ground acceleration, which is linear
-    between samples; with T sampling intervals, its end values are I / T -+ 6 J / T^2. The result is
-    that of `fitted_line` for a step that starts at the sample with the index `first` and ends at
-    the sample with the index `last`; this function is faster.
+    between samples. J is the moment about the middle of the step. With T sampling intervals, the
+    end values of the line are I / T - 6 J / T^2 and I / T + 6 J / T^2. The step starts at the
+    sample with the index `first` and ends at the sample with the index `last`. For such a step,
+    `fitted_line` has the same result, but this function is faster.
 
     Parameters
     ----------
