@@ -244,9 +244,10 @@ def _compile(
 def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
     """Return the approximate compile time of kernels, s, measured on processors of 2024.
 
-    The kernels are compiled in parallel by all processors. A kernel that does not depend on the
-    laws is compiled as fast as a kernel with a single law. `pairs` contains each kernel with its
-    variant.
+    The kernels are compiled in parallel by all processors. The result is the larger of two times:
+    the time of the slowest kernel, and the sum over all kernels divided by the number of
+    processors. A kernel that does not depend on the laws is compiled as fast as a kernel with a
+    single law. `pairs` contains each kernel with its variant.
     """
     # A variant without names of laws contains all laws.
     durations = [

@@ -89,8 +89,9 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     """Return the modules with which the module of a kernel is compiled, by name, including the
     module.
 
-    A module that is not part of the package is identified by the file from which it was loaded, and
-    so are its imports. The module of a law has the name of the law.
+    For a module of tdint, the source file follows from its name. For a module of a plug-in and the
+    modules that it imports, it is the file from which the module was loaded. The module of a law of
+    tdint has the name of the law, with underscores instead of hyphens.
 
     Parameters
     ----------
@@ -128,7 +129,8 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
 def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
     """Return the SHA-256 of the files of external modules and of their imports, by file name.
 
-    External modules are those of plug-ins; modules of tdint and modules without a file are omitted.
+    External modules are modules of plug-ins. Modules of tdint and modules without a file are
+    omitted.
 
     Parameters
     ----------

@@ -71,8 +71,8 @@ def find_object(
 
     The first target with an object file is used; None if there is no object file.
 
-    Corrupt files are ignored, as are files that belong to a user other than this user and the owner
-    of the package.
+    Corrupt files are ignored. In the cache, files of other users are also ignored, except files of
+    the owner of the package.
 
     Parameters
     ----------
@@ -291,7 +291,8 @@ def file_name(name: str, variant: str, target: Target) -> str:
     Returns
     -------
     str
-        The name contains all of these and a hash of the sources.
+        Name of the kernel without the package, variant, target and hash of the sources, separated
+        by hyphens, with the suffix `.object`.
     """
     sources = digest(name, parse(variant).laws)
     return (
