@@ -73,9 +73,11 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the elastic energy of both springs, J.
 
-        The elastic spring has the stiffness r k and the energy r k d^2 / 2, the elastic-plastic
-        spring the stiffness (1 - r) k and the energy z^2 / (2 (1 - r) k), with the drift d, the
-        force z of the elastic-plastic spring, the initial stiffness k and the hardening ratio r.
+        The law consists of two parallel springs, with the initial stiffness k, the hardening ratio
+        a, the drift d and the force z of the plastic spring (row INTERNAL):
+
+            elastic spring     stiffness a k          energy a k d^2 / 2
+            plastic spring     stiffness (1 - a) k    energy z^2 / (2 (1 - a) k)
 
         Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
         story `i`.
@@ -124,9 +126,12 @@ def _functions() -> LawFunctions:
     def enter(law_parameters, law_state, i):
         """Set the limits of the elastic branch of the committed state: its two yield drifts.
 
-        The plastic spring with the force z (row INTERNAL) reaches its strength +-(1 - a) Fy at the
-        drift d + (+-(1 - a) Fy - z) / ((1 - a) k), with the current drift d, the hardening ratio a,
-        the yield force Fy and the initial stiffness k.
+        At a yield drift, the plastic spring with the force z (row INTERNAL) reaches its strength.
+        With the current drift d, the hardening ratio a, the yield force Fy and the initial
+        stiffness k, the limits are
+
+            UPPER    d + ((1 - a) Fy - z) / ((1 - a) k)
+            LOWER    d - ((1 - a) Fy + z) / ((1 - a) k)
 
         Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
         the first rows of column `i` of `law_state`, is changed.
@@ -203,7 +208,8 @@ def _functions() -> LawFunctions:
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
         drift = law_state[block + rows.DRIFT, i]
         if event == rows.REVERSED:
-            # Unload elastically: between the current drift and the yield drift of the other side.
+            # Unload elastically, between the current drift and the yield drift of the other side.
+            # Their distance is 2 Fy / k, and `strength` is (1 - a) Fy.
             side = law_state[block + rows.RATE_SIGN, i]
             opposite_yield = drift - side * 2.0 * strength / ((1.0 - hardening) * k)
             law_state[block + rows.SLOPE, i] = k

@@ -80,9 +80,10 @@ def _functions() -> LawFunctions:
         """Integrate du/dx = -(1 + q u^n) over the drift change `r` by one classical Runge-Kutta
         step.
 
-        w is the dimensionless hysteretic force of the law, and u = |w| while w approaches zero. p1
-        to p4 are the values of q u^n at the four stages. The dissipated energy of the path is the
-        integral of q u^(n + 1) dx.
+        The equation of the dimensionless hysteretic force w of the law has this form during
+        unloading, with u = |w|. The dissipated energy of the path is the integral of q u^(n + 1)
+        dx. u2 to u4 are the values of u at the later stages of the step, and p1 to p4 are the
+        values of q u^n at all four stages.
 
         Parameters
         ----------
@@ -103,7 +104,7 @@ def _functions() -> LawFunctions:
         """
         p1 = q * power(u, n)
         u2 = u - 0.5 * r * (1.0 + p1)
-        p2 = q * power(abs(u2), n)
+        p2 = q * power(abs(u2), n)  # a stage can be slightly below zero
         u3 = u - 0.5 * r * (1.0 + p2)
         p3 = q * power(abs(u3), n)
         u4 = u - r * (1.0 + p3)
@@ -115,15 +116,25 @@ def _functions() -> LawFunctions:
     def loading(w, n, r):
         """Integrate dw/dx = 1 - w^n over the drift change `r` by one classical Runge-Kutta step.
 
-        w is the dimensionless hysteretic force of the law, not negative, and n the exponent. p1 to
-        p4 are the values of w^n at the four stages. The drift change is a multiple of Fy / k (yield
-        force over initial stiffness). The dissipated energy of the path is the integral of w^(n +
-        1) dx, a multiple of (1 - a) Fy^2 / k with the hardening ratio a.
+        The equation of the dimensionless hysteretic force w of the law has this form during
+        loading. The dissipated energy of the path is the integral of w^(n + 1) dx. w2 to w4 are the
+        values of w at the later stages of the step, and p1 to p4 are the values of w^n at all four
+        stages.
+
+        Parameters
+        ----------
+        w : float
+            Dimensionless hysteretic force at the start of the path, not negative.
+        n : float
+            Exponent.
+        r : float
+            Drift change, a multiple of Fy / k (yield force over initial stiffness).
 
         Returns
         -------
         float, float
-            w at the end, and the integral of w^(n + 1) over the drift change.
+            w at the end, and the integral of w^(n + 1) over the drift change. The unit of the
+            energy is (1 - a) Fy^2 / k, with the hardening ratio a.
         """
         p1 = power(w, n)
         w2 = w + 0.5 * r * (1.0 - p1)
@@ -137,26 +148,28 @@ def _functions() -> LawFunctions:
 
     @outlined
     def series(w, n, p):
-        """Return the drift change from 0 to w for dw/dx = 1 - p w^n, and the dissipated energy of
+        """Return the drift change x in which the force increases from 0 to w, and the energy of
         this path.
 
-        Both are power series in p w^n, with the exponent n of the law:
+        The absolute dimensionless hysteretic force w satisfies dw/dx = 1 - p w^n, with the exponent
+        n of the law. Drift change and energy are integrals from 0 to w and power series in p w^n:
 
-            x = int dw / (1 - p w^n)             = w sum_(j >= 0) (p w^n)^j / (j n + 1)
-            int p w^(n + 1) / (1 - p w^n) dw     = w^2 sum_(j >= 1) (p w^n)^j / (j n + 2)
+            x        int dw / (1 - p w^n)               = w sum_(j >= 0) (p w^n)^j / (j n + 1)
+            energy   int p w^(n + 1) / (1 - p w^n) dw   = w^2 sum_(j >= 1) (p w^n)^j / (j n + 2)
 
-        w is the absolute dimensionless hysteretic force. p is 1 for loading, and -q = 1 - 2 beta
-        for unloading, which is regarded as loading in the opposite direction. The drift change is a
-        multiple of Fy / k, the energy a multiple of (1 - a) Fy^2 / k (yield force Fy, initial
-        stiffness k, hardening ratio a).
+        During loading, p is 1, and the energy is the dissipated energy of the path. Unloading is
+        regarded as loading in the opposite direction, with p = 1 - 2 beta (not positive); the
+        energy is then the negative value of the dissipated energy.
 
         Returns
         -------
         float, float
-            Drift change and dissipated energy: the two sums with the terms up to j = 25.
+            Drift change, a multiple of Fy / k, and energy, a multiple of (1 - a) Fy^2 / k (yield
+            force Fy, initial stiffness k, hardening ratio a): the two sums with the terms up to j =
+            25.
         """
         ratio = p * w**n
-        term = w
+        term = w  # w (p w^n)^j
         path = w
         loss = 0.0
         for j in range(1, 26):
@@ -170,9 +183,10 @@ def _functions() -> LawFunctions:
         """Return the absolute dimensionless hysteretic force w after the drift change `x` from w =
         0.
 
-        It is the solution of x = int dw / (1 - p w^n) from 0 to w, by Newton's method with the
-        series of `series`. x is a multiple of Fy / k (yield force over initial stiffness), n is the
-        exponent of the law, and p is 1 for loading and 1 - 2 beta for unloading.
+        This is the inverse of `series`: w solves x = int dw / (1 - p w^n), integrated from 0 to w.
+        The equation is solved by Newton's method. x is a multiple of Fy / k (yield force over
+        initial stiffness), n is the exponent of the law, and p is 1 for loading and 1 - 2 beta for
+        unloading.
         """
         w = x
         for _ in range(8):
@@ -227,18 +241,20 @@ def _functions() -> LawFunctions:
         drift_change = drift - law_state[previous + rows.DRIFT, i]
         side = 1.0 if drift_change >= 0.0 else -1.0  # direction of the path
         w = side * law_state[previous + rows.INTERNAL, i]
-        remaining = abs(drift_change) * k / strength
+        remaining = abs(drift_change) * k / strength  # rest of the path, a multiple of Fy / k
         substep = _SUBSTEP / n
         dissipation = 0.0  # energy dissipated on the path, a multiple of (1 - a) Fy^2 / k
-        # Below this |w| the power series is used. For a smooth force it is not necessary.
+        # Below this |w| the power series is used. For a smooth force (large n) it is not necessary.
         series_limit = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
         # Part 1: the story unloads until w = 0 or until the end of the path.
         while w < 0.0 and remaining > 0.0:
             r = min(substep, remaining)
             u = -w
             if u <= series_limit:
-                # `path` is the drift change until w = 0. If the path ends before, u at its end
-                # follows from the drift change that would be left.
+                # `path` is the drift change until w = 0. If less drift change remains, u at the end
+                # is the value from which the missing part, path - remaining, would lead to w = 0.
+                # `series` returns negative energies for unloading: the dissipation is the energy
+                # for the last u minus the energy for the first u.
                 path, path_dissipation = series(u, n, -q)
                 u = solve_series(path - remaining, n, -q) if path > remaining else 0.0
                 dissipation += (series(u, n, -q)[1] if u > 0.0 else 0.0) - path_dissipation
@@ -248,15 +264,15 @@ def _functions() -> LawFunctions:
             if u <= 2.0 * r:
                 # Compute the drift change until w = 0 by Simpson's rule, as the integral of
                 # dx = du / (1 + q u^n) from 0 to u. If it fits into this substep, unloading is
-                # complete.
+                # complete. For u > 2 r it never fits, because 1 + q u^n is at most 2.
                 path = (
                     u
                     / 6.0
                     * (1.0 + 4.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n)))
                 )
                 if path <= r:
-                    # The dissipation is the integral of q u^(n + 1) dx = u du - u du / (1 + q u^n),
-                    # the second term by Simpson's rule.
+                    # The dissipation is the integral of q u^(n + 1) dx = u du - u du / (1 + q u^n).
+                    # The second term is integrated by Simpson's rule; its integrand is 0 at u = 0.
                     dissipation += 0.5 * u * u - u * u / 6.0 * (
                         2.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n))
                     )
@@ -312,15 +328,16 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the stored energy, J: a k d^2 / 2 + (1 - a) Fy^2 w^2 / (2 k).
 
-        The first term is the energy of the elastic spring with the hardening ratio a and the
-        initial stiffness k at the drift d, the second is the energy of the hysteretic spring with
-        the force Fy w (yield force Fy, dimensionless hysteretic force w in row INTERNAL).
+        k is the initial stiffness, a the hardening ratio, d the drift, Fy the yield force and w the
+        dimensionless hysteretic force (row INTERNAL). The law consists of two parallel springs. The
+        first term is the energy of the elastic spring with the stiffness a k. The second term is
+        the energy of the hysteretic spring with the stiffness (1 - a) k and the force (1 - a) Fy w.
 
         Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
         story `i`.
         """
         d = law_state[rows.DRIFT, i]
-        z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]
+        z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]  # Fy w
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         return 0.5 * hardening * k * d * d + 0.5 * (1.0 - hardening) * z * z / k
@@ -348,16 +365,15 @@ def _functions() -> LawFunctions:
     def kink(law_parameters, law_state, i, block, side):
         """Return the drift change after which w changes its sign, m; infinite if it does not.
 
-        w is the dimensionless hysteretic force (row INTERNAL), and the force has a sharp bend at w
-        = 0 for small exponents n. w changes its sign if the direction of loading is opposite to w;
-        |w| then decreases from its current value u to 0. With q = 2 beta - 1, the yield force Fy
-        and the initial stiffness k, the drift change is
+        w is the dimensionless hysteretic force (row INTERNAL). At w = 0, the force has a sharp bend
+        (kink) for small exponents n. During unloading, v = |w| satisfies dv/dx = -(1 + q v^n) with
+        q = 2 beta - 1 and the drift x, a multiple of Fy / k (yield force over initial stiffness).
+        If u is the current value of v, the drift change is
 
-            Fy / k int dv / (1 + q v^n)                        over v = |w| from 0 to u
-            Fy / k int 2 u r dr / (1 + q (u r^2)^n)            over r from 0 to 1
+            x = int_0^u dv / (1 + q v^n) = u int_0^1 2 s ds / (1 + q (u s^2)^n),   v = u s^2
 
-        The second form follows from the substitution v = u r^2. It is computed by Gauss
-        integration over r.
+        The integral over s is computed by the Gauss rule with eight points. The substitution makes
+        the integrand smooth near v = 0.
 
         Parameters
         ----------
@@ -370,18 +386,16 @@ def _functions() -> LawFunctions:
             First row of the state in `law_state`: 0 for the committed state (the end of the last
             step or substep), otherwise the first row of a trial state.
         side : float
-            Direction of loading, 1 or -1.
+            Direction of the movement, 1 or -1. The story unloads if w has the opposite sign.
         """
         u = -side * law_state[block + rows.INTERNAL, i]
         if not u > 0.0:  # w already has the sign of the direction
             return math.inf
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
-        # Compute the drift change as a multiple of u Fy / k: the integral of
-        # 2 r / (1 + q (u r^2)^n) over r from 0 to 1, with r = `root` at the Gauss points.
-        path = 0.0
+        path = 0.0  # integral over s
         for point in range(8):
-            root = nodes[point]
+            root = nodes[point]  # s = sqrt(v / u)
             path += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
         return path * u * law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
 
@@ -444,8 +458,9 @@ def _functions() -> LawFunctions:
             First row of the block of `law_state` with the state at the end of the path.
         """
         drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
-        if drift_change != 0.0:
+        if drift_change != 0.0:  # without a movement, the direction remains
             law_state[rows.RATE_SIGN, i] = math.copysign(1.0, drift_change)
+        # Compute the limit from drift and w of block `trial`; write it to the committed state (0).
         if law_parameters[_EXPONENT, i] < _SMOOTH:
             limit_branch(law_parameters, law_state, i, trial, 0)
 
@@ -481,11 +496,12 @@ def _functions() -> LawFunctions:
 
     @inline
     def points(law_parameters, law_state, i, drift_change):
-        """Return the number of Gauss points for an integration error of about 1e-6 Fy on a path.
+        """Return the number of Gauss points that integrate the force over a path with an error of
+        about 1e-6 Fy.
 
-        Fy is the yield force, k the initial stiffness and n the exponent of the law. The number 1.9
-        + 4 (n + 1) (change of drift) k / Fy was determined by numerical experiments. It is not an
-        integer; the caller rounds it up.
+        The number is 1.9 + 4 (n + 1) (change of drift) k / Fy, with the yield force Fy, the initial
+        stiffness k and the exponent n of the law. The constants were determined by numerical
+        experiments. The number is not an integer; the caller rounds it up.
 
         Parameters
         ----------

@@ -133,8 +133,9 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
     lower, upper : float
         Drifts between which the branch is valid, m; infinite if the branch has no limit.
     turn : float
-        Sign of the drift rate for which the branch is valid. The branch ends at a reversal of the
-        drift. 0 if the branch is valid for both signs.
+        Value of RATE_SIGN, the sign of the drift rate for which the branch is valid. The branch
+        ends at a reversal of the drift. 0 if the branch is valid for both signs and does not end at
+        a reversal.
     """
     law_state[block + rows.SLOPE, i] = slope
     law_state[block + rows.LOWER, i] = lower
@@ -206,14 +207,15 @@ def copy_branch(law_state, i, block):
 def branch_first(functions: LawFunctions) -> LawFunctions:
     """Return the functions of a law with a fast evaluation of paths that remain on one branch.
 
-    Most paths start and end on the same linear branch. In this case only drift, force and work
-    change. The new force function therefore writes only these rows to block `trial`; for the other
-    rows, row BRANCH_OFFSET of block `trial` refers to the block with the branch. The original force
-    function copies every row of the story, and a commit copies the rows back. Forces, tangents and
-    work are equal to the bit.
+    Most paths end on the linear branch on which they start. In this case only drift, force and work
+    change. The new force function therefore writes only these rows to block `trial`. The other rows
+    remain in the block that contains the branch; row BRANCH_OFFSET of block `trial` is the number
+    of rows from `trial` to this block. The force function of the law (`functions.force`) copies
+    every row of the story instead, and a commit copies the rows back. Forces, tangents and work of
+    both functions are bitwise equal.
 
-    A state with a reference to another block becomes invalid when that block is overwritten. Trial
-    states that depend on each other must therefore be computed in the same order each time.
+    A state that refers to another block is valid only until this block is overwritten. Trial states
+    that depend on each other must therefore be computed in the same order each time.
 
     Parameters
     ----------
@@ -224,7 +226,7 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
     Returns
     -------
     LawFunctions
-        The same functions with new `force` and `keep`.
+        The functions of the law with a new `force` and a new `keep`.
     """
     follow, keep = functions.force, functions.keep
 
@@ -233,9 +235,13 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         """Compute the force at a drift; return the tangent stiffness, N/m.
 
         If the path remains on its linear branch, force and work follow from the stiffness of the
-        branch. This is the case if `drift` is within the limits of the branch and the path has the
-        direction RATE_SIGN. Otherwise the original force function of the law is called. The result
-        is written to block `trial`.
+        branch. This is the case if `drift` is within the limits of the branch (rows LOWER and
+        UPPER) and the path has the direction RATE_SIGN of the branch (0 for both directions).
+        Otherwise `follow`, the force function of the law, is called. It changes the branch on the
+        way. The result is written to block `trial`.
+
+        A block can refer to the branch in another block instead of a copy: row BRANCH_OFFSET is
+        the number of rows from the block to the other block, or 0 (`branch_owner`).
 
         Parameters
         ----------
@@ -270,9 +276,9 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
             )
             law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
             return slope
-        # The path does not remain on its branch. `follow`, the original force function of the law,
-        # will change the branch. It requires that the block `previous` contains the branch;
-        # `copy_branch` replaces a reference to another block by a copy of the branch.
+        # The path leaves its branch, and `follow` changes the branch. It requires that the block
+        # `previous` contains the branch; `copy_branch` replaces a reference to another block by a
+        # copy of the branch.
         if previous != rows.COMMITTED:
             copy_branch(law_state, i, previous)
         law_state[trial + rows.BRANCH_OFFSET, i] = 0.0
@@ -280,10 +286,13 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
     @inline
     def commit_changed_rows(law_parameters, law_state, i, previous, trial):
-        """Commit the rows of a trial state that `commit` does not copy.
+        """Copy the law-specific rows of a trial state to the committed state.
 
-        If the trial state is still on the committed branch, only its work has to be copied.
-        Otherwise all rows are copied.
+        The kernel function `commit` copies the common rows (drift, force, internal variable,
+        dissipated energy) and calls this function for the other rows. If the trial state is still
+        on the committed branch, only its work has to be copied. Row BRANCH_OFFSET, the number of
+        rows from the block `trial` to the block that contains its branch, then leads to the
+        committed state. Otherwise `keep`, the function of the law, copies all rows.
 
         Parameters
         ----------

@@ -252,17 +252,21 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
     """Execute one function of a law, selected by its number.
 
     This is the only kernel of a separately compiled law, so that one address per law is sufficient.
+    `force`, `strain_energy` and the other functions that are called here are placeholders:
+    `_kernel` creates a copy of this function for each law, with the functions of the law.
 
     Parameters
     ----------
     hook : int
-        Number of the function.
+        Number of the function, _FORCE to _SWITCH.
     law_parameters, law_state : ndarray
         Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous, trial : int
-        Blocks of `force` and `keep`. For `switch`, `previous` is the block.
+        First rows of the blocks of `law_state` with the states at the start and at the end of the
+        path, for `force` and `keep`. For `switch`, `previous` is the block with the state that
+        changes its branch. The other functions do not use these arguments.
     x : float
         Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
 
@@ -290,9 +294,10 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
 def _kernel(code: int) -> Kernel:
     """Return the kernel with all functions of the law with number `code`.
 
-    It is a copy of `_all_hooks` with the name of the law. The copy has a namespace in which
-    `force`, `strain_energy` and the other placeholders are the functions of the law. The result is
-    cached: each law has one kernel per process.
+    It is a copy of `_all_hooks`, which calls the placeholders `force`, `strain_energy` and others
+    (the names in `_HOOKS`). The copy has the name of the law and a namespace in which the
+    placeholders are the functions of the law. The result is cached: each law has one kernel per
+    process.
     """
     functions = LAWS[code].functions()
     namespace = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}

@@ -75,8 +75,10 @@ def _functions() -> LawFunctions:
     def set_contact(law_parameters, law_state, i, block, side):
         """Set force and branch of a law state within the gap or in contact with a stop.
 
-        The force at the drift d is k d within the gap and k d + stop_stiffness (d - side gap) in
-        contact. The stiffness of the branch is k, in contact k + stop_stiffness.
+        With the drift d and the initial stiffness k, force and stiffness of the branch are
+
+            within the gap    k d                                      k
+            in contact        k d + stop_stiffness (d - side gap)      k + stop_stiffness
 
         Parameters
         ----------

@@ -121,9 +121,14 @@ def _functions() -> LawFunctions:
     def plastic_line(law_parameters, law_state, i, block, side):
         """Return the current hardening line of a side: its force at zero drift, N, and slope, N/m.
 
-        The line leads through the yield point. Its slope is s = r (Fc - Fy) / (plastic drift), and
-        its force at zero drift r Fy (1 - s / k), with the yield force Fy, the capping force Fc, the
-        initial stiffness k, and the fraction r of the strength that remains after deterioration.
+        The line leads through the yield point, which is at the force r Fy and the drift r Fy / k:
+
+            slope s                r (Fc - Fy) / (plastic drift)
+            force at zero drift    r Fy (1 - s / k)
+
+        Fy is the initial yield force and k the initial stiffness. r is the fraction of the strength
+        that remains after deterioration (row _STRENGTH). Fc = (capping ratio) Fy is the initial
+        capping force, and the plastic drift is the drift from the yield point to the capping point.
 
         Parameters
         ----------
@@ -154,9 +159,11 @@ def _functions() -> LawFunctions:
     def capping_line(law_parameters, law_state, i, block, side):
         """Return the current capping line of a side: its force at zero drift, N, and slope, N/m.
 
-        The line falls from the initial capping point with the slope -Fc / (post-capping drift),
-        with the capping force Fc. Deterioration multiplies its force at zero drift by the remaining
-        fraction (row _CAPPING) and does not change its slope.
+        Without deterioration, the line falls from the initial capping point with the slope
+        -Fc / (post-capping drift). The capping point has the force Fc = (capping ratio) Fy and the
+        drift Fy / k + (plastic drift), with the yield force Fy and the initial stiffness k.
+        Deterioration multiplies the force at zero drift by the remaining fraction (row _CAPPING)
+        and does not change the slope.
 
         Parameters
         ----------
@@ -227,10 +234,14 @@ def _functions() -> LawFunctions:
     def deterioration(law_parameters, i, capacity, work, total_work):
         """Return beta, the fraction of a quantity that is lost at a zero crossing or reversal.
 
-        The quantity is the strength, the force of the capping line, the unloading stiffness, or the
-        maximum drift, which increases. beta = (work / (Lambda Fy - total work))^exponent, with the
-        capacity Lambda (m), the yield force Fy of the positive side, and the work done on the story
-        (J). The result is between 0 and 1, or 2 if beta is at least 1: the story then fails.
+        The quantity is the strength, the force of the capping line, or the unloading stiffness. For
+        the maximum drift, beta is the fraction of the increase. With the capacity Lambda (m) of the
+        quantity and the yield force Fy of the positive side,
+
+            beta = (work / (Lambda Fy - total work))^exponent
+
+        The result is between 0 and 1, or 2 if beta is at least 1: the story then fails. If the
+        work since the last zero crossing is not positive and capacity remains, beta is 0.
 
         Parameters
         ----------
@@ -241,13 +252,13 @@ def _functions() -> LawFunctions:
         capacity : int
             Row of the capacity Lambda in the table of parameters, m.
         work : float
-            Work since the last zero crossing of the force, J.
+            Work done on the story since the last zero crossing of the force, J.
         total_work : float
-            Total work until now, J.
+            Work done on the story since the start, J.
         """
+        # Remaining capacity, J. If the work reaches it, the story fails; the result 2 is an
+        # arbitrary value above 1.
         remaining = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - total_work
-        # beta is 0 without work. If the work reaches the remaining capacity (J), the story fails; 2
-        # is an arbitrary value above 1.
         if work <= 0.0 and remaining > 0.0:
             return 0.0
         if remaining <= 0.0 or work >= remaining:
@@ -331,10 +342,15 @@ def _functions() -> LawFunctions:
     def set_backbone_branch(law_parameters, law_state, i, block, side):
         """Continue on the backbone curve: set its force and its branch at the current drift d.
 
-        The force is the value of the hardening line h + s d up to the capping point, then the value
-        of the capping line c + t d (t negative) down to the residual force R, and R at larger
-        drifts. h and c are the forces of both lines at zero drift, s and t their slopes. The
-        capping drift is (c - h) / (s - t), and the residual force is reached at (R - c) / t.
+        The hardening line has the force h + s d, and the capping line the force c + t d (t
+        negative). h and c are the forces at zero drift, s and t the slopes, and R is the residual
+        force. The parts of the curve are
+
+            hardening line    up to the capping drift (c - h) / (s - t)
+            capping line      up to the drift (R - c) / t, where the force falls to R
+            constant force    R above this drift
+
+        If deterioration has reduced the hardening line below R, the force is R there as well.
 
         Parameters
         ----------
@@ -351,7 +367,8 @@ def _functions() -> LawFunctions:
             side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
-        # Forces of both lines at zero drift, and their slopes; they intersect at the capping drift.
+        # Forces of both lines at zero drift (h, c) and slopes (s, t). The lines intersect at the
+        # capping drift.
         hardening_force, hardening_slope = plastic_line(law_parameters, law_state, i, block, side)
         capping_force, capping_slope = capping_line(law_parameters, law_state, i, block, side)
         residual_force = residual(law_parameters, i, side)
@@ -440,8 +457,12 @@ def _functions() -> LawFunctions:
     def set_branch_to_peak(law_parameters, law_state, i, block, side):
         """Set the reloading branch of a side towards the last peak or the point of maximum drift.
 
-        The line towards the last peak (the point of the last reversal) is selected if it is steeper
-        and if the force of the last peak is smaller.
+        The last peak is the point of the last reversal on this side. It is selected if all of these
+        conditions are met, otherwise the point of maximum drift:
+
+            - drift and force of the last peak are larger than the current drift and force
+            - the force of the last peak is smaller than the force of the point of maximum drift
+            - the line to the last peak is steeper than the line to the point of maximum drift
 
         Parameters
         ----------
@@ -470,6 +491,7 @@ def _functions() -> LawFunctions:
             and peak_force < max_force
         ):
             slope = (peak_force - force) / (peak_drift - drift)
+            # The line to the peak is steeper if it passes above the point of maximum drift.
             if slope * (max_drift - drift) > max_force - force:
                 set_loading_branch(
                     law_parameters, law_state, i, block, side, _TOWARDS_PEAK, slope, peak_drift
@@ -532,9 +554,13 @@ def _functions() -> LawFunctions:
     def deteriorate(law_parameters, law_state, i, block, side):
         """Apply the deterioration of the side that is loaded after a zero crossing of the force.
 
-        Yield force and hardening, and the force of the capping line at zero drift, are multiplied
-        by 1 - D beta, and the maximum drift by 1 + D beta. D is the rate of the side, and beta the
-        lost fraction with the work since the last zero crossing.
+        `deterioration` returns a fraction beta for each of three quantities. beta depends on the
+        capacity of the quantity and on the work since the last zero crossing. With the parameter
+        `rate` of the side, D, the quantities change by these factors:
+
+            yield force and hardening                   1 - D beta    row _STRENGTH
+            force of the capping line at zero drift     1 - D beta    row _CAPPING
+            maximum drift                               1 + D beta    row HIGH_DRIFT or LOW_DRIFT
 
         Parameters
         ----------
@@ -553,7 +579,7 @@ def _functions() -> LawFunctions:
         Returns
         -------
         bool
-            True if the story fails (a beta exceeds 1).
+            True if the story fails: at least one of the three fractions beta exceeds 1.
         """
         first = extra_rows(law_state, block)
         total_work = law_state[block + rows.WORK, i]
@@ -573,12 +599,14 @@ def _functions() -> LawFunctions:
         """Apply the deterioration at a zero crossing of the force, and set the reloading branch.
 
         The point of maximum drift, with the drift dm and the force Fm, is moved to the deteriorated
-        backbone curve. With the pinching parameters kD (`drift`) and kF (`force`), reloading leads
-        from the drift z of the zero crossing first to the pinched point (x, F),
+        backbone curve. Reloading leads towards this point or the last peak (`set_branch_to_peak`).
+        With pinching, it leads first to the pinched point with the drift x and the force F:
 
             x = (1 - kD) (dm - Fm / Ku),   F = kF Fm (x - z) / (dm - z)
 
-        where Ku is the unloading stiffness.
+        kD and kF are the pinching parameters `drift` and `force`, z is the drift of the zero
+        crossing, and Ku is the unloading stiffness. If both parameters are 1, or if x is not ahead
+        of z, the pinched point is omitted.
 
         Parameters
         ----------
@@ -591,11 +619,12 @@ def _functions() -> LawFunctions:
             First row of the state in `law_state`: 0 for the committed state (the end of the last
             step or substep), otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
+            Side that is loaded after the zero crossing: 1 for the positive side of the story, -1
+            for the negative side. Drifts and forces of a side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         law_state[block + rows.FORCE, i] = 0.0
+        # Infinite: there has been no reversal since this zero crossing.
         law_state[first + _REVERSAL_DRIFT, i] = math.inf
         if deteriorate(law_parameters, law_state, i, block, side):
             fail(law_state, i, block, _FAILED)
@@ -622,7 +651,7 @@ def _functions() -> LawFunctions:
         # With both pinching parameters equal to 1, reloading has no pinched part: it leads directly
         # towards the last peak or the point of maximum drift.
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
-            # Compute the pinched point and lead the branch to this point, unless the point is
+            # Compute the pinched point (x, F). The branch leads to this point, unless the point is
             # behind the zero crossing.
             pinched_drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (
                 max_drift - max_force / stiffness
@@ -654,9 +683,10 @@ def _functions() -> LawFunctions:
         """Set the branch after an interrupted unloading that returned to the last reversal.
 
         The story has been loaded again along the unloading line and has reached the last reversal.
-        Loading continues towards the pinched point if this point has not been reached and the line
-        to the pinched point is less steep than the line to the point of maximum drift; otherwise
-        towards the point of maximum drift.
+        Loading continues towards the pinched point, the end of the flatter first part of reloading,
+        if the story has not yet reached this point and the line to this point is less steep than
+        the line to the point of maximum drift. Otherwise it continues towards the point of maximum
+        drift.
 
         Parameters
         ----------
@@ -686,6 +716,8 @@ def _functions() -> LawFunctions:
             and pinched_force < max_force
         ):
             slope = (pinched_force - force) / (pinched_drift - drift)
+            # The line to the pinched point is less steep if it passes below the point of maximum
+            # drift.
             if slope * (max_drift - drift) < max_force - force:
                 set_loading_branch(
                     law_parameters, law_state, i, block, side, _PINCHED, slope, pinched_drift
@@ -697,16 +729,20 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at its end.
 
-        After a reversal on a loading branch, the story unloads (or crosses zero force, if the force
-        is not positive on the side of loading). The other ends of branches, with their types in row
-        INTERNAL, are
+        Row INTERNAL contains the type of the current branch. The next branch depends on the type
+        and on the point where the branch ends:
 
-            unloading, to zero force           deterioration, then reloading of the other side
-            unloading, back to the reversal    reloading
-            ultimate drift                     failure
-            pinched part of reloading          reloading towards the last peak
-            towards the last peak              reloading towards the point of maximum drift
-            towards the maximum drift          backbone curve, and then its next line
+            elastic (type 0), at a yield point     backbone curve
+            loading, reversal                      unloading
+            loading, reversal, force not yet       deterioration, then reloading of the other side
+                positive on the side of loading
+            unloading, at zero force               deterioration, then reloading of the other side
+            unloading, back at the reversal        reloading
+            loading, at the ultimate drift         failure
+            pinched part of reloading              reloading towards the last peak
+            towards the last peak                  reloading towards the point of maximum drift
+            towards the maximum drift              backbone curve
+            line of the backbone curve             next line of the backbone curve
 
         Parameters
         ----------
@@ -770,7 +806,9 @@ def _functions() -> LawFunctions:
     def enter(law_parameters, law_state, i):
         """Set the initial law state of story `i`: elastic, between the yield points.
 
-        The yield points are also the initial points of maximum drift and the last peaks.
+        The yield points are also the initial points of maximum drift and the initial last peaks.
+        The remaining fractions of strength (_STRENGTH) and of the capping line (_CAPPING) are 1.
+        _REVERSAL_DRIFT is infinite, because there has been no reversal.
 
         Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
         the first rows of column `i` of `law_state`, is changed.

@@ -115,6 +115,7 @@ def _functions() -> LawFunctions:
         point : int
             Number of the point, 1 to 4.
         """
+        # The rows of a side contain drift and force of point 1, then of point 2, and so on.
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * (point - 1), i]
 
     @inline
@@ -133,6 +134,7 @@ def _functions() -> LawFunctions:
         point : int
             Number of the point, 1 to 4.
         """
+        # The rows of a side contain drift and force of point 1, then of point 2, and so on.
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * point - 1, i]
 
     @inline
@@ -254,10 +256,12 @@ def _functions() -> LawFunctions:
     def loss(law_parameters, i, row, drift_ratio, used_capacity):
         """Return the fraction of a type of degradation: stiffness, drift or strength.
 
-        It is peak drift_ratio^peak_exponent + work used_capacity^work_exponent, at most the limit
-        of this type. The five parameters of a type are in consecutive rows: peak, work,
-        peak_exponent, work_exponent and limit. `degradation` describes the effect of the
-        fraction.
+        The fraction is
+
+            peak drift_ratio^peak_exponent + work used_capacity^work_exponent,   at most limit
+
+        The five parameters of a type are in consecutive rows, from `row` on: peak, work,
+        peak_exponent, work_exponent and limit. `degradation` describes the effect of the fraction.
 
         Parameters
         ----------
@@ -288,10 +292,10 @@ def _functions() -> LawFunctions:
     def has_yielded(law_parameters, law_state, i, block):
         """Return True if the maximum drift of a side exceeds the first point of the backbone curve.
 
-        The current drift is included if the story is on the backbone curve. The maximum drifts of
-        the positive side (row HIGH_DRIFT) and of the negative side (row LOW_DRIFT) are both
-        positive in this law. Row INTERNAL is the type of the branch (_ON_PATH or _ON_BACKBONE)
-        with the sign of its side.
+        The maximum drifts of the positive side (row HIGH_DRIFT) and of the negative side (row
+        LOW_DRIFT) are both positive in this law. They are updated only at reversals. The current
+        drift is therefore included if the story is on the backbone curve. Row INTERNAL is the type
+        of the branch (_ON_PATH or _ON_BACKBONE) with the sign of its side.
 
         Parameters
         ----------
@@ -424,16 +428,22 @@ def _functions() -> LawFunctions:
         """Return the three points of a path if drifts and forces increase, otherwise a replacement.
 
         The path leads from the start to the end of unloading, to the end of the pinched part, and
-        to the point of maximum drift. If a drift or force decreases on the way, the path is
-        replaced by two lines through the origin, if the slope of the direct line is between both
-        limits, or otherwise by the direct line to the last point.
+        to the point of maximum drift. The direct line leads from the start to the point of maximum
+        drift. The result is, as in Pinching4,
+
+            1. the path itself, if drift and force do not decrease on the way
+            2. otherwise, a line to the origin and a line from there to the point of maximum drift,
+               if the slope of the direct line is between `min_slope` and `max_slope`
+            3. otherwise, the direct line
 
         Parameters
         ----------
         start_drift, start_force : float
-            Drift (m) and force (N) at the start of the path.
+            Drift (m) and force (N) at the start of the path. All drifts and forces are positive in
+            the direction of the path.
         points : tuple of float
-            Drift and force of the three points.
+            Drift and force of the end of unloading, of the end of the pinched part, and of the
+            point of maximum drift.
         min_slope, max_slope : float
             Limits of the slope of the direct line between which the two lines through the origin
             are used, N/m.
@@ -441,8 +451,8 @@ def _functions() -> LawFunctions:
         Returns
         -------
         tuple of float
-            Drift (m) and force (N) of the three points, in the order of `points`. Replaced points
-            coincide: the first two with the origin, or with the last point for the direct line.
+            Drift (m) and force (N) of the three points, in the order of `points`. In case 2, the
+            first two points are the origin. In case 3, all points are the last point.
         """
         unloading_drift, unloading_force, pinched_drift, pinched_force, end_drift, end_force = (
             points
@@ -467,9 +477,13 @@ def _functions() -> LawFunctions:
     ):
         """Return the end of the pinched part of reloading: drift (m) and force (N).
 
-        It has the fractions `drift` and `force` (parameters `pinching.drift` and `pinching.force`)
-        of the point of maximum drift. The drift is reduced if the last part of the path would be
-        steeper than the loading stiffness.
+        Reloading has a flat (pinched) part that follows unloading, and a last part that leads to
+        the point of maximum drift. The pinched part ends at the fractions `pinching.drift` and
+        `pinching.force` of drift and force of the point of maximum drift, with two exceptions:
+
+            - If `pinching.force` does not exceed the fraction `pinching.unloading`, at which
+              unloading ends, the force is replaced.
+            - If the last part would be steeper than the loading stiffness, the drift is reduced.
 
         Parameters
         ----------
@@ -493,8 +507,10 @@ def _functions() -> LawFunctions:
         unloading_fraction = pinching(law_parameters, i, side, 2)
         pinched_drift = pinching(law_parameters, i, side, 0) * max_drift
         pinched_force = force_fraction * force
-        # If the fractions do not permit a pinched part, point 2 is placed at a force slightly
-        # (1e-6) above the end of unloading and above the force of the last point, as in Pinching4.
+        # Without a pinched part, the force is slightly (1e-6) larger than the force at the end of
+        # unloading and the degraded force of the fourth backbone point, as in Pinching4. Unloading
+        # ends at a fraction of the degraded force of the third backbone point, or of the force at
+        # the maximum drift if this drift exceeds the third point.
         if force_fraction - unloading_fraction <= _NO_PINCHING:
             third_force = (
                 force
@@ -514,7 +530,8 @@ def _functions() -> LawFunctions:
     def path(law_parameters, i, side, start_drift, start_force, previous_max_drift, losses):
         """Return the path after a reversal: drift and force of three points.
 
-        The path leads from the reversal in straight lines to
+        `side` is the side towards which the story moves after the reversal. All drifts and forces
+        are positive in this direction. The path leads from the reversal in straight lines to
 
             1. the end of unloading. Its force is the pinching parameter `unloading` times the
                degraded force of the third backbone point, or of the fourth point if the maximum
@@ -528,7 +545,7 @@ def _functions() -> LawFunctions:
         replaced by the direct line from the reversal to point 3: all three points are then point 3.
         This is the case if
 
-            - the reversal is at zero drift or on the side of the movement
+            - the drift of the reversal is zero or has the sign of the movement
             - point 2 is behind the reversal
             - the pinched part is steeper than the stiffnesses of loading and of unloading
             - a drift or force still decreases after the corrections (`validated_path`, which
@@ -557,7 +574,7 @@ def _functions() -> LawFunctions:
             Drift (m) and force (N) of point 1, of point 2 and of point 3, positive on this side.
         """
         # Compute point 3 from the losses of stiffness (losses[0]), maximum drift (losses[1]) and
-        # strength (losses[2]). If the story does not cross zero drift, the path is the direct line.
+        # strength (losses[2]). If the path does not cross zero drift, it is the direct line.
         strength_factor = 1.0 - losses[2]
         k = stiffness(law_parameters, i, side) * (1.0 - losses[0])
         end_drift = previous_max_drift * (1.0 + losses[1])
@@ -596,9 +613,10 @@ def _functions() -> LawFunctions:
             # therefore the direct line.
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         elif pinched_drift < unloading_drift or pinched_force < unloading_force:
-            # The pinched part would lead backwards or fall. If unloading ends on the side of the
-            # movement, its end is moved midway between the reversal and point 2. Otherwise, if
-            # point 2 is on the side of the reversal, it is moved midway between points 1 and 3.
+            # The pinched part would lead backwards or fall. There are three corrections:
+            # 1. If point 1 has a positive drift, it is moved midway between reversal and point 2.
+            # 2. If point 2 has a negative drift, it is moved midway between points 1 and 3.
+            # 3. Otherwise both points are moved.
             if unloading_drift > 0.0:
                 unloading_drift = 0.5 * (start_drift + pinched_drift)
                 unloading_force = 0.5 * (start_force + pinched_force)
@@ -606,7 +624,8 @@ def _functions() -> LawFunctions:
                 pinched_drift = 0.5 * (unloading_drift + end_drift)
                 pinched_force = 0.5 * (unloading_force + end_force)
             else:
-                # Move both points along their lines to forces of 1 % below and above their mean.
+                # Move point 1 along the unloading line, and point 2 along the last line, to forces
+                # 1 % below and above the mean of both forces.
                 mean = 0.5 * (unloading_force + pinched_force)
                 first_slope = (unloading_force - start_force) / (unloading_drift - start_drift)
                 last_slope_of_path = (end_force - pinched_force) / (end_drift - pinched_drift)
@@ -725,7 +744,9 @@ def _functions() -> LawFunctions:
     def continue_path(law_parameters, law_state, i, block, side):
         """Set the next of the three linear parts of the current path.
 
-        After the end of the path, the story continues on the backbone curve.
+        The path leads from the last reversal to the end of unloading (point 1), to the end of the
+        pinched part (point 2) and to the point of maximum drift (point 3). After the end of the
+        path, the story continues on the backbone curve.
 
         Parameters
         ----------
@@ -745,8 +766,9 @@ def _functions() -> LawFunctions:
         drift = side * law_state[block + rows.DRIFT, i]
         force = side * law_state[block + rows.FORCE, i]
         # The rows from _PATH_POINTS on contain drift and force of point 1, of point 2 and of point
-        # 3, whose drift is the maximum drift. The branch leads to the first point not yet reached.
-        max_drift = law_state[first + _PATH_POINTS + 4, i]
+        # 3, which is the point of maximum drift. `knot` is the row of the drift of a point; the
+        # next row contains its force. The branch leads to the first point not yet reached.
+        max_drift = law_state[first + _PATH_POINTS + 4, i]  # drift of point 3
         for knot in range(_PATH_POINTS, _PATH_POINTS + 6, 2):
             end = law_state[first + knot, i]
             if drift < end - _REACHED_TOLERANCE * max_drift:
@@ -786,7 +808,7 @@ def _functions() -> LawFunctions:
             maximum_row = side_row(-side, rows.HIGH_DRIFT)
             increased_drift = law_state[block + maximum_row, i] * (1.0 + losses[1])
             law_state[block + maximum_row, i] = max(increased_drift, -side * drift)
-        # `path` applies the drift fraction to the maximum drift of the other side.
+        # `path` increases the maximum drift of `side` by the drift fraction, losses[1].
         stiffness_loss, _, strength_loss = losses
         law_state[first + _STIFFNESS_LOSS, i] = stiffness_loss
         law_state[first + _STRENGTH_LOSS, i] = strength_loss
@@ -808,9 +830,16 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at its end.
 
-        A reversal starts a path to the other side. At the ultimate drift the story fails. At other
-        ends, the story continues along the path or along the backbone curve. The losses at the
-        last drift of the backbone curve are stored, because they remain constant above it.
+        Row INTERNAL contains the type of the current branch. The next branch depends on the type
+        and on the point where the branch ends:
+
+            reversal                                 path towards the other side (`start_path`)
+            ultimate drift                           failure
+            path (_ON_PATH), at one of its points    next part of the path (`continue_path`)
+            backbone curve, at one of its points     next line of the backbone curve
+
+        If the story degrades and reaches the last drift of the backbone curve, the losses are
+        stored as well, because they remain constant above this drift.
 
         Parameters
         ----------
@@ -827,7 +856,8 @@ def _functions() -> LawFunctions:
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
         branch_type = abs(law_state[block + rows.INTERNAL, i])
-        # ABOVE is 1 and BELOW is -1: the event is also the side of the story that is loaded.
+        # ABOVE is 1 and BELOW is -1: these events are also the side of the story that is loaded.
+        # `reached_drift` is positive on this side; it is not used after a reversal.
         reached_drift = event * law_state[block + rows.DRIFT, i]
         if event == rows.REVERSED:
             start_path(law_parameters, law_state, i, block, -law_state[block + rows.RATE_SIGN, i])
@@ -853,8 +883,9 @@ def _functions() -> LawFunctions:
     def released_energy(start_drift, start_force, points):
         """Return the energy that the story releases from a negative force to zero force, J.
 
-        It is the area between the path, which consists of up to three linear parts, and the drift
-        axis.
+        The story follows a path of up to three linear parts. Drifts and forces are positive in the
+        direction of the path, so that the force is negative at first and increases. The energy is
+        the area between the path and the drift axis, up to the drift where the force is zero.
 
         Parameters
         ----------
@@ -865,6 +896,7 @@ def _functions() -> LawFunctions:
         """
         # Sum up the areas of the linear parts: trapezoids as long as the force is negative, then
         # the triangle up to zero force. Points behind the start have already been passed.
+        # `points` contains drift and force of the points in turn.
         energy = 0.0
         for row in range(0, 6, 2):
             end, force = points[row], points[row + 1]
@@ -879,15 +911,19 @@ def _functions() -> LawFunctions:
 
     @outlined
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy of the committed state, J: the energy released until the force
-        is zero.
+        """Return the stored energy of the committed state, J, which unloading to zero force
+        releases.
 
-        After a reversal the story follows a path of up to three straight lines to the point of
-        maximum drift of the other side. The energy is the area between this path, up to zero force,
-        and the drift axis. If the story is unloading, the rest of its current path is used,
-        otherwise the path that would follow a reversal at the current state. Before the first
-        branch change the energy is F^2 / (2 k) with the force F and the initial stiffness k. The
-        law state is not changed.
+        After a reversal, the story follows a path of up to three straight lines to the point of
+        maximum drift of the other side. The energy is the area between this path and the drift
+        axis, up to zero force (`released_energy`). The path depends on the state:
+
+            before the first branch change    straight line to the origin: the energy is F^2 / (2 k)
+                                              with the force F and the initial stiffness k
+            unloading                         remaining part of the current path
+            loading                           path that would follow a reversal at this state
+
+        The law state is not changed.
 
         Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
         story `i`.
@@ -981,9 +1017,11 @@ def _functions() -> LawFunctions:
     def enter(law_parameters, law_state, i):
         """Set the initial maximum drifts and the limits of the first branch of story `i`.
 
-        The maximum drifts are the drifts at the first points of the backbone curves. The first
-        branch ends at these points, or at a very small drift (_MIN_REVERSAL) if paths before the
-        first yielding do not coincide with one straight line.
+        The initial maximum drift of a side is the drift of the first point of its backbone curve.
+        The first branch ends at this drift, or at the ultimate drift if it is smaller. If the paths
+        before the first yielding do not coincide with a straight line, reversals below the first
+        point change the path. The first branch then ends at the very small fraction _MIN_REVERSAL
+        of the drift.
 
         Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
         the first rows of column `i` of `law_state`, is changed.
@@ -1018,8 +1056,8 @@ def _stiffens(values: Sequence[float]) -> bool:
     side.
 
     `values` are the parameters in the order of `LAW.parameters`: drift (m) and force (N) of the
-    four points of the positive side, then of the four points of the negative side, and then
-    parameters that are not used here.
+    four points of the positive side (_SIDE = 8 values), drift and force of the four points of the
+    negative side, and then parameters that are not used here.
     """
     first_slope = values[1] / values[0]  # force divided by drift of the first point, N/m
     return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first_slope * (

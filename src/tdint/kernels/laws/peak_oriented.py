@@ -128,10 +128,17 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at a reversal or at its limit.
 
-        After a reversal, the story unloads to zero force with the unloading stiffness. At zero
-        reloads towards the point of maximum drift on the other side, (dmax, Fmax). From this point
-        on, it yields along the backbone curve with the slope hardening times initial stiffness. The
-        type of the branch in row INTERNAL is positive on the positive side.
+        The branches follow each other in this order:
+
+            1. After a reversal, the story unloads with the unloading stiffness. The branch is valid
+               in both directions (RATE_SIGN 0), from the reversal to zero force.
+            2. From either end of this branch, the story reloads in its direction of movement,
+               towards the point of maximum drift of this side.
+            3. From this point on, the story yields along the backbone curve. The slope is the
+               parameter `hardening` times the initial stiffness.
+
+        Row INTERNAL is the type of the branch (_UNLOADING, _RELOADING or _YIELDING), with a
+        negative sign on the negative side.
 
         Parameters
         ----------
@@ -161,15 +168,15 @@ def _functions() -> LawFunctions:
                     law_state[block + rows.LOW_DRIFT, i] = drift
                     law_state[block + rows.LOW_FORCE, i] = force
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-            zero_drift = drift - force / slope
+            zero_drift = drift - force / slope  # drift at which the force is zero
             law_state[block + rows.INTERNAL, i] = side * _UNLOADING
             law_state[block + rows.SLOPE, i] = slope
             law_state[block + rows.RATE_SIGN, i] = 0.0
             law_state[block + rows.UPPER, i] = max(drift, zero_drift)
             law_state[block + rows.LOWER, i] = min(drift, zero_drift)
             return
-        # The branch ended in the direction of `event`. Loading continues on that side, towards the
-        # point of maximum drift or on the backbone curve.
+        # The branch ended in the direction of `event` (ABOVE is 1, BELOW is -1). Loading continues
+        # on that side, towards the point of maximum drift (`target`) or on the backbone curve.
         target = (
             law_state[block + rows.HIGH_DRIFT, i]
             if event > 0.0

@@ -14,9 +14,10 @@ def _functions() -> LawFunctions:
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force c1 d + c2 d^2 + ... at the drift d; return the tangent stiffness, N/m.
 
-        The force is written to block `trial`. Horner's scheme is used because the compiler can
-        contract a sum of two products in two ways, depending on the variant, and the results would
-        differ by rounding.
+        The polynomial and its derivative are evaluated by Horner's scheme, from the highest
+        power to the lowest. In a sum of products, the compiler could combine products and sums in
+        different ways in different variants of the code, and the results would differ by rounding.
+        The force is written to block `trial`.
 
         Parameters
         ----------
@@ -45,7 +46,9 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the elastic energy of the committed state, the sum of c_j d^(j + 1) / (j + 1), J.
 
-        c_j are the coefficients of the force c1 d + c2 d^2 + ... at the drift d.
+        c_j (j = 1, 2, ...) are the coefficients of the force c1 d + c2 d^2 + ... at the drift d.
+        The sum is d^2 times a polynomial, which is evaluated by Horner's scheme, from the highest
+        power to the lowest.
 
         Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
         story `i`.
@@ -53,6 +56,7 @@ def _functions() -> LawFunctions:
         d = law_state[rows.DRIFT, i]
         energy = 0.0
         for row in range(law_parameters.shape[0] - 1, rows.FIRST_PARAMETER - 1, -1):
+            # The divisor is j + 1; the coefficient c1 is in row FIRST_PARAMETER.
             energy = energy * d + law_parameters[row, i] / (row - rows.FIRST_PARAMETER + 2)
         return energy * d * d
 
@@ -60,11 +64,11 @@ def _functions() -> LawFunctions:
     def points(law_parameters, law_state, i, drift_change):
         """Return the number of Gauss points that integrate the force exactly over a path.
 
-        The integrals are the mean of the force and its first moment (the force times s) over a part
-        of a step. If the force is a polynomial of degree q of the drift, and the drift is a
-        parabola of the time s, then the force times s is a polynomial of degree 2 q + 1 of s. The
-        Gauss rule with q + 1 points integrates it exactly. The number is a float because other laws
-        return a number that is not an integer; the caller rounds it up.
+        The caller integrates the force f and the product f s over the time s of a part of a step.
+        If f is a polynomial of degree q in the drift, and the drift is a parabola in s, then f s is
+        a polynomial of degree 2 q + 1 in s. The Gauss rule with q + 1 points integrates this
+        polynomial exactly. The number is a float because other laws return a number that is not an
+        integer; the caller rounds it up.
 
         Parameters
         ----------

@@ -108,11 +108,15 @@ def select_function(
 ) -> Any:
     """Return a compiled function that selects the law of a story and calls its function `hook`.
 
-    The result is a chain of conditions on the number of the law. The conditions of frequent laws
-    (linear, bilinear) and of separately compiled laws are inlined; the conditions of the other laws
-    are compiled as a single function, which is called. A frequent or separately compiled law
-    without the function `hook` has a condition as well, which selects `otherwise`, so that this
-    call is avoided. Other laws without this function reach `otherwise` at the end of the chain.
+    The result is a chain of conditions on the number of the law (`code`), in this order:
+
+        frequent laws         linear and bilinear, with numbers below _FREQUENT: inlined
+        separate laws         all separately compiled laws, with the number _SEPARATE: inlined
+        rare laws             the other laws: compiled as one function, which is called
+
+    A law without the function `hook` uses `otherwise`. A frequent or separate law has a condition
+    also in this case, so that the call for the rare laws is avoided. A rare law without the
+    function has no condition; it reaches `otherwise` at the end of the chain.
 
     Parameters
     ----------
@@ -146,7 +150,7 @@ def select_function(
         return call
     order = _selection_order()
     # Collect pairs of the number of a law and its function. The condition `code < _FREQUENT`
-    # includes the separately compiled laws, because _SEPARATE is -1.
+    # is true for frequent laws and for separately compiled laws, because _SEPARATE is -1.
     implementations = []
     for code in order:
         functions = SEPARATE_LAW_FUNCTIONS if code == _SEPARATE else _functions(LAWS[code])
@@ -154,8 +158,9 @@ def select_function(
         if implementation is not None:
             implementations.append((code, implementation))
     first_rare = next((code for code, _ in implementations if code >= _FREQUENT), None)
-    # The chain is built from its end. If each law has its own function, the function of the last
-    # law needs no condition, because other numbers do not occur.
+    # The chain is built from its end. `function` is the part that has been built. If each law has
+    # its own function, the function of the last law needs no condition, because other numbers do
+    # not occur.
     has_other_laws = len(implementations) < len(order) or not implementations
     function = otherwise if has_other_laws else None
     # Each pass puts the condition of one law in front of the chain `function`. The condition of the
@@ -247,8 +252,8 @@ def case_with_4_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
     It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
     `case_with_3_arguments` does. The functions have four arguments: (law_parameters, law_state, i)
-    and one more argument. A separate function for each number of arguments is
-    necessary because compiled functions cannot have a variable number of arguments.
+    and one more argument. A separate function for each number of arguments is necessary
+    because compiled functions cannot have a variable number of arguments.
 
     Parameters
     ----------
@@ -280,8 +285,8 @@ def case_with_5_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
     It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
     `case_with_3_arguments` does. The functions have five arguments: (law_parameters, law_state, i)
-    and two more arguments. A separate function for each number of arguments is
-    necessary because compiled functions cannot have a variable number of arguments.
+    and two more arguments. A separate function for each number of arguments is necessary
+    because compiled functions cannot have a variable number of arguments.
 
     Parameters
     ----------
@@ -313,8 +318,8 @@ def case_with_6_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
     It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
     `case_with_3_arguments` does. The functions have six arguments: (law_parameters, law_state, i)
-    and three more arguments. A separate function for each number of arguments is
-    necessary because compiled functions cannot have a variable number of arguments.
+    and three more arguments. A separate function for each number of arguments is necessary
+    because compiled functions cannot have a variable number of arguments.
 
     Parameters
     ----------

@@ -62,12 +62,13 @@ def _functions() -> LawFunctions:
 
     @inline
     def points(law_parameters, law_state, i, drift_change):
-        """Return the number of Gauss points for an integration error of about 1e-10 of the strength
-        F.
+        """Return the number of Gauss points that integrate the force over a path with an error of
+        about 1e-10 of the strength.
 
-        The force is F tanh(k d / F). The number increases with the change of k d / F along the
-        path. Convergence is limited by the poles of tanh x at +-i pi / 2, which are the nearest to
-        the real axis.
+        The force is F tanh(x) with x = k d / F: strength F, initial stiffness k and drift d. The
+        number, 3 + 3.2 times the change of x along the path, is not an integer; the caller rounds
+        it up. It increases with the change of x because tanh has poles near the real axis, at x =
+        +-i pi / 2, which limit the convergence of the Gauss rule.
 
         Parameters
         ----------

@@ -210,10 +210,13 @@ def _functions() -> LawFunctions:
     def drift_at_pinching_end(law_parameters, law_state, i, block, side, target, force, slope):
         """Return the drift at the end of the first, flatter part of reloading, m.
 
-        With the drift z at the last zero crossing of the force (row _ZERO), the law parameter
-        `pinching` p, and the point of maximum drift t with the force M, it is
-        z + p (t - (1 - p) M / ku - z), where ku is the unloading stiffness. The drift is positive
-        on the side of loading.
+        The drift is
+
+            z + p (dmax - (1 - p) Fmax / ku - z)
+
+        with the drift z at the last zero crossing of the force (row _ZERO), the law parameter
+        `pinching` p, the point of maximum drift dmax with the force Fmax, and the unloading
+        stiffness ku from this point. Drifts are positive on the side of loading.
 
         Parameters
         ----------
@@ -229,9 +232,9 @@ def _functions() -> LawFunctions:
             1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
             side are positive in its direction.
         target, force : float
-            Maximum drift (m) and its force (N) on this side.
+            Maximum drift dmax (m) on this side, and its force Fmax (N).
         slope : float
-            Unloading stiffness from that point, N/m.
+            Unloading stiffness ku, N/m.
         """
         zero_drift = side * law_state[block + _ZERO, i]
         pinching = law_parameters[_PINCHING, i]
@@ -332,8 +335,8 @@ def _functions() -> LawFunctions:
             First row of the state in `law_state`: 0 for the committed state (the end of the last
             step or substep), otherwise the first row of a trial state.
         side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
+            Side that is loaded after the zero crossing: 1 for the positive side of the story, -1
+            for the negative side. Drifts and forces of a side are positive in its direction.
         """
         zero_drift = side * law_state[block + rows.DRIFT, i]
         law_state[block + rows.FORCE, i] = 0.0
@@ -356,15 +359,17 @@ def _functions() -> LawFunctions:
         # The story is loaded with the unloading stiffness up to the intersection with the second
         # part of the reloading, or otherwise with the backbone curve.
         end_drift = math.inf
-        # Compute the drift where the unloading line meets the line of the second part.
+        # Compute the drift d where the unloading line meets the line of the second part:
+        # slope (d - zero_drift) = pinched_force + second_slope (d - pinching_end).
         if target > pinching_end:
             second_slope = (target_force - pinched_force) / (target - pinching_end)
             if slope > second_slope:
                 end_drift = (pinched_force - second_slope * pinching_end + slope * zero_drift) / (
                     slope - second_slope
                 )
-        # If this point is not on the second part, the unloading line ends at the backbone curve: at
-        # its hardening line, or beyond the ultimate drift at its constant part.
+        # If this point is not on the second part, the unloading line ends at the backbone curve. It
+        # meets the constant part, at the ultimate force, unless it meets the hardening line before
+        # the ultimate drift.
         if end_drift > target or end_drift < max(pinching_end, zero_drift):
             hardening_slope = hardening(law_parameters, i)
             end_drift = zero_drift + law_parameters[_ULTIMATE_FORCE, i] / slope
@@ -383,9 +388,14 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at its end.
 
-        A reversal is followed by unloading, and unloading by a zero crossing of the force or by
-        further loading. The end of another branch is followed by the next part of reloading or of
-        the backbone curve. A reversal also stores the maximum drift of its side.
+        Row INTERNAL contains the type of the current branch. The next branch depends on the type
+        and on the point where the branch ends:
+
+            elastic (type 0), at a yield drift     backbone curve
+            loading, reversal                      unloading; the maximum drift is stored
+            unloading line, at zero force          reloading of the other side
+            unloading line, at its other end       reloading or backbone curve of the same side
+            part of reloading or of the backbone   next part of reloading or of the backbone
 
         Parameters
         ----------
@@ -421,8 +431,8 @@ def _functions() -> LawFunctions:
                 slope,
                 side * law_state[block + rows.DRIFT, i],
             )
-        # The event is the side towards which the drift moves (ABOVE is 1, BELOW is -1). The
-        # unloading line of the other side ends at zero force.
+        # The event is the side towards which the drift moves (ABOVE is 1, BELOW is -1). If this is
+        # not the side of the unloading line, the line ends at zero force.
         elif abs(branch_type) == _UNLOADING_LINE and event * branch_type < 0.0:
             cross_zero_force(law_parameters, law_state, i, block, event)
         else:
