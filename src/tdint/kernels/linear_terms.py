@@ -89,9 +89,14 @@ def force_moment(forces, j, t, h):
     """Return the first moment of floor force `j` over [t, t + h], N.
 
     The first moment is 12 int s p ds, with the force p and the time s from -1/2 at the start to 1/2
-    at the end of the step. With the rate R of the force at the middle of the step, the odd part of
-    the force in s is R h / (2 x) sin(2 x s) with x = OMEGA h / 2. Its moment is 3 R h (sin x - x
-    cos x) / x^3. The result is exact.
+    at the end of the step. The harmonic force is the sum of an even and an odd function of s. The
+    even function has the moment 0. With x = OMEGA h / 2 and the rate R of the force at the middle
+    of the step (N/s),
+
+        odd function    R h sin(2 x s) / (2 x)
+        its moment      3 R h (sin x - x cos x) / x^3
+
+    The result is exact, except for rounding.
 
     Parameters
     ----------
@@ -171,8 +176,9 @@ def _add_forces(forces, t, scratch, row):
 def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     """Store the exact impulse of the load of all floors over [t, t + h] in a scratch row, N s.
 
-    The load is p = -m ag + forces on floors. The ground acceleration ag is linear within the step,
-    and its impulse is -h m (ag0 + ag1) / 2.
+    The load of a floor is p = -m ag + forces on the floor, with the mass m and the ground
+    acceleration ag. ag is linear within the step, from ag0 to ag1. The impulse of -m ag is
+    therefore -h m (ag0 + ag1) / 2.
 
     Parameters
     ----------
@@ -224,14 +230,19 @@ def _add_impulses(forces, t, h, scratch, row):
 def mean_load(linear_terms, forces, load, h, r, scratch, row):
     """Store mean and first moment of the load over a step in two consecutive scratch rows, N.
 
-    With the load p = -m ag + forces on floors, and s from -1/2 to 1/2 over the step, the mean is
-    int p ds and the first moment 12 int s p ds. The ground acceleration ag is linear within the
-    step.
+    The load of a floor is p = -m ag + forces on the floor, with the mass m and the ground
+    acceleration ag, which is linear within the step. With the time s from -1/2 at the start to 1/2
+    at the end of the step, the mean is int p ds and the first moment is 12 int s p ds.
 
-    With r > 0, the moment of a floor force is p1 - p0 + 12 r ((p0 + p1) / 2 - mean), with the force
-    p0 and p1 at both endpoints. A part of the building that is so stiff that its mass is negligible
-    then follows the force at the endpoints of the steps. For a linear force this moment is equal to
-    the first moment.
+    The method moment4 with the coefficient r of numerical dissipation uses another moment of the
+    floor forces if r > 0. With the mean of a floor force q over the step, and its values q0 at the
+    start and q1 at the end, this moment is
+
+        q1 - q0 + 12 r ((q0 + q1) / 2 - mean)
+
+    The displacement of a very stiff part of the building, where inertia is negligible, then agrees
+    with the force at the endpoints of the steps. For a force that is linear in time, the two
+    moments are equal.
 
     Parameters
     ----------
@@ -266,9 +277,15 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
 def _add_means(forces, t, h, r, scratch, row):
     """Add mean and first moment of the forces on floors over a step to two scratch rows, N.
 
-    With s from -1/2 to 1/2 over the step, they are int p ds and 12 int s p ds. With r > 0, the
-    first moment is replaced by p1 - p0 + 12 r ((p0 + p1) / 2 - mean) with the forces p0 and p1 at
-    both endpoints. Very stiff parts of the building then follow the force at the endpoints.
+    For a force q, and with the time s from -1/2 at the start to 1/2 at the end of the step,
+
+        mean            int q ds
+        first moment    12 int s q ds                              if r = 0
+                        q1 - q0 + 12 r ((q0 + q1) / 2 - mean)      if r > 0
+
+    q0 and q1 are the forces at the start and at the end. The formula for r > 0 is used with
+    numerical dissipation: the displacements of very stiff parts of the building then agree with the
+    force at the endpoints of the steps.
 
     Parameters
     ----------
@@ -364,8 +381,9 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
 def power_damper(linear_terms, i, rate):
     """Return the force of the power-law dashpot of story `i` (N) and its derivative (N s/m).
 
-    The force is c v (v^2 + v0^2)^e at the drift rate v, and the derivative is with respect to v.
-    Both are 0 without a dashpot.
+    The force is c v (v^2 + v0^2)^e at the drift rate v = `rate`, and the derivative is with respect
+    to v. The coefficient c, the threshold rate v0 and the exponent e are properties of the story
+    (see `_power_damper`). Without a dashpot (c = 0), force and derivative are 0.
 
     Parameters
     ----------
@@ -415,9 +433,10 @@ def _power_damper(linear_terms, i, rate):
 def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, row, sums):
     """Store the internal forces C v + f(u) of all floors in a scratch row, N.
 
-    The force of a story is the sum of restoring force, P-delta, linear damper and power-law
-    dashpot. The internal force of a floor is the force of the story below minus the force of the
-    story above, plus floor damper and modal damping.
+    v are the velocities and u the displacements of the floors. The force of a story is the sum of
+    restoring force, P-delta, linear damper and power-law dashpot. The internal force of a floor is
+    the force of the story below minus the force of the story above, plus the forces of floor damper
+    and modal damping.
 
     Parameters
     ----------

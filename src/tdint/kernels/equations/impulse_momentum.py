@@ -142,12 +142,19 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
 
         M (u1 - u0) = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1))
 
-    with u0, v0, a0 at the start and u1, v1, a1 at the end of the step, and momentum, M (v1 - v0) +
-    C (u1 - u0) + S = I, with the impulses I of the load and S of the restoring forces. S includes
-    the story dampers. Floor dampers and modal damping, the remaining part of C (u1 - u0), are
-    omitted from the sum of the absolute values, which makes the requirement slightly stricter. Row
-    SIZE adds the rounding errors of the displacements to the sums: residuals below these errors are
-    always small enough.
+    and momentum,
+
+        M (v1 - v0) + C (u1 - u0) + S = I
+
+    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
+    the step. I is the impulse of the load and S the impulse of the stories, including story
+    dampers. The sums differ from the equations in two points:
+
+    - The coefficients 1 - theta, theta and alpha are replaced by 1.
+    - C (floor dampers and modal damping) is omitted, so that the requirement is slightly stricter.
+
+    Row SIZE adds the rounding errors of the displacements to the sums: residuals below these errors
+    are always small enough.
 
     Parameters
     ----------
@@ -157,7 +164,7 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     tolerance : float
         Maximum relative residual.
     beta : float
-        Coefficient of the kinematic equation. theta and alpha are replaced by 1 in the sums.
+        Coefficient of a1 in the kinematic equation.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
@@ -200,12 +207,13 @@ def correct(beta, modal, h, factors, n):
     v0.
 
     Rows R1 and R2 of the scratch array contain the negative residuals of kinematics and momentum,
-    and receive the corrections of rows DU (m) and DV (m/s).
+    and receive the corrections of rows DU (m) and DV (m/s). The kinematic equation contains the
+    acceleration a1 at the end of the step as -beta h^2 a1.
 
     Parameters
     ----------
     beta : float
-        Coefficient of the kinematic equation.
+        Coefficient of a1 in the kinematic equation.
     modal : ndarray
         Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     h : float

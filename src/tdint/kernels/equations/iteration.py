@@ -52,7 +52,10 @@ _REQUIRED_DECREASE = 1e-4
 
 @inline
 def update_run_maxima(scratch, row, mismatch, size):
-    """Update the maxima over the run that `tolerance_of_run` uses.
+    """Update the maxima over the run that determine the tolerance of Newton's method.
+
+    `tolerance_of_run` divides the maximum of `mismatch` by the maximum of `size`. The quotient is a
+    measure of the error of the steps, of order 4 in the time step.
 
     Parameters
     ----------
@@ -61,8 +64,9 @@ def update_run_maxima(scratch, row, mismatch, size):
     row : int
         Row of the maxima: of the mismatch in column 0, of the size in column 1.
     mismatch, size : float
-        Mismatch of the accelerations in the step, and its reference quantity. Both have the same
-        unit.
+        Values of the step, both in the same unit. `mismatch` is a sum of squared differences
+        between two approximations of the accelerations of the floors. `size` is the corresponding
+        sum of squared accelerations.
     """
     scratch[row, 0] = max(mismatch, scratch[row, 0])
     scratch[row, 1] = max(size, scratch[row, 1])
@@ -72,9 +76,10 @@ def update_run_maxima(scratch, row, mismatch, size):
 def tolerance_of_run(scratch, row, tolerance_per_mismatch):
     """Return the relative tolerance of the residuals of Newton's method in a step.
 
-    It is `tolerance_per_mismatch` times the relative mismatch of the accelerations in the run,
-    which is of order 4 in the time step, but at least RESIDUAL_TOLERANCE and at most
-    _MAX_TOLERANCE.
+    The tolerance is `tolerance_per_mismatch` times the relative mismatch, but at least
+    RESIDUAL_TOLERANCE and at most _MAX_TOLERANCE. The relative mismatch is a measure of the error
+    of the steps in the run: the squared difference between two approximations of the accelerations,
+    divided by the squared accelerations (`update_run_maxima`). It is of order 4 in the time step.
 
     Parameters
     ----------
@@ -207,7 +212,8 @@ def is_balanced(is_last, tolerance, step_status, i, residual, scale):
         Sum of the absolute values of the terms, in the unit of `residual`.
     """
     is_small = abs(residual) <= tolerance * scale + RESIDUAL_FLOOR
-    # "not ... <=" is also True for nan, so an equation with invalid values is reported.
+    # Report the equation with the largest relative residual. "not ... <=" is also True for nan.
+    # Therefore, an equation with invalid values is reported.
     if is_last and not is_small and not abs(residual) / scale <= step_status[rows.RESIDUAL]:
         step_status[rows.RESIDUAL] = abs(residual) / scale
         step_status[rows.WORST_STORY] = i

@@ -143,8 +143,8 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         scratch, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE
     )
     # If by_u is 0, the displacements are known and the stiffness does not contribute. The row of
-    # the tangents then contains by_v times the derivative of the dashpots (`_story_forces`), with
-    # the factor 1.
+    # the tangents then contains by_v times the derivative of the dashpot forces (`_story_forces`),
+    # and its factor in the matrix is 1 instead of by_u.
     combination = Combination(by_a, by_v, by_u if by_u != 0.0 else 1.0)
     for i in range(n):
         scratch[ROW.X, i] = 0.0
@@ -195,12 +195,18 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
     """Compute story forces and tangents for the current displacements and velocities.
 
     The force of a story (row SUM, N) is the sum of restoring force, P-delta, linear damper and
-    power-law dashpot. The tangent (row TANGENT, N/m) includes the tangent stiffness of the
-    restoring force. A power-law dashpot with the derivative s of its force with respect to the
-    drift rate (N s/m) adds by_v / by_u times s, because velocity and displacement depend on the
-    same unknown x: u = U + by_u x, v = V + by_v x. If by_u is 0, the displacements are known and
-    stiffnesses do not contribute. The row TANGENT then contains by_v s, minus the geometric
-    stiffness that `factor_combination` adds, and the factorization uses 1 instead of by_u.
+    power-law dashpot. Displacement and velocity of a floor are functions of the same unknown x, an
+    acceleration: u = U + by_u x, v = V + by_v x. The matrix of Newton's method contains by_u times
+    the tangents of the stories in row TANGENT (N/m). With the tangent stiffness k of the restoring
+    force, the derivative s of the force of a power-law dashpot with respect to the drift rate
+    (N s/m), and the geometric stiffness g, row TANGENT receives
+
+        if by_u is not 0    k + (by_v / by_u) s
+        if by_u is 0        by_v s - g
+
+    If by_u is 0, the displacements are known and stiffnesses do not contribute. The matrix then
+    contains 1 times (instead of by_u times) row TANGENT. The geometric stiffness g is subtracted
+    because `factor_combination` adds g to each tangent.
 
     Parameters
     ----------
@@ -239,7 +245,8 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         tangent_scale = law_parameters[rows.STIFFNESS, i]
         if by_u == 0.0:
-            # `factor_combination` adds GEOMETRIC to each tangent; it is subtracted here in advance.
+            # The row contains by_v s - g instead of a stiffness; its change is compared with the
+            # mass.
             tangent = by_v * dashpot_tangent - linear_terms[rows.GEOMETRIC, i]
             tangent_scale = linear_terms[rows.MASS, i]
         elif dashpot_tangent != 0.0:
@@ -271,8 +278,9 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
     """Compute the residuals p - M a - C v - f(u) of all floors (row RESIDUAL, N), and test
     convergence.
 
-    The force f on a floor is the force of the story below minus that of the story above (row SUM,
-    N), including story dampers. C contains the floor dampers and modal damping.
+    p is the load, M a the inertia force and C v the damping force. The force f on a floor is the
+    force of the story below minus the force of the story above (row SUM, N), with story dampers.
+    C contains the floor dampers and modal damping.
 
     Parameters
     ----------

@@ -577,7 +577,8 @@ def _factor_full(factors, damping, n):
         for i in range(k + 1, n):
             b0, b1 = scratch[xx + i, k], scratch[xy + i, k]
             b2, b3 = scratch[yx + i, k], scratch[yy + i, k]
-            # The block of L is the block below the pivot times the inverse pivot.
+            # The block (m0 ... m3) of L is the block (b0 ... b3) below the pivot times the inverse
+            # pivot. Subtract L times the row of the pivot, with the blocks (u0 ... u3) of U.
             m0 = b0 * i0 + b1 * i2
             m1 = b0 * i1 + b1 * i3
             m2 = b2 * i0 + b3 * i2
@@ -696,10 +697,14 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     No pivot is zero if 1 / l has a positive real part and is not real, even if stiffnesses are
     negative.
 
-    Proof: Let z be a vector with (block z) = 0 for a singular leading block of the matrix. Then
-    z* (block z) / l^2 = m s^2 + c s + k = 0, with s = 1 / l and the real numbers m > 0, c >= 0 and
-    k, the quadratic forms of M, C and K. Roots s that are not real have the real part -c / (2 m),
-    which is not positive.
+    Proof: If a pivot is zero, a leading block B of the matrix is singular, and B z = 0 for a
+    complex vector z. Multiplication by the conjugate transpose z* and division by l^2 give
+
+        z* B z / l^2 = m s^2 + c s + k = 0,   s = 1 / l
+
+    m = z* M z > 0, c = z* C z >= 0 and k = z* K z are real numbers (M, C and K are the leading
+    blocks of the same size here). If s is not real, its real part is -c / (2 m), which is not
+    positive.
 
     Parameters
     ----------
@@ -734,8 +739,8 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     inverse_re = 0.0  # inverse of the pivot of the floor below
     inverse_im = 0.0
     for i in range(n):
-        # The pivot p + i q is the diagonal minus the contribution of the eliminated floor below,
-        # which is coupled by -b on both sides of the diagonal.
+        # The pivot p + i q is the diagonal entry minus b^2 / (pivot of the floor below). The entry
+        # between both floors is -b.
         b_re = link * story_re
         b_im = link * story_im
         # b divided by the pivot of the floor below. The multiplier of the elimination has the
@@ -866,8 +871,9 @@ def _woodbury_storing_function(solve_undamped):
                 scratch[x, i] = modal[j, i] if j < modes else 0.0
                 scratch[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
             solve_undamped(factors, x, x + 1, n)
-        # Small matrix: row j is the equation of mode j in x, row modes + j that of mode j in y.
-        # `product_x` and `product_y` are mode j times the two parts of solution k.
+        # Compute the small matrix I + D U T^-1 U^T. Row j is the equation of mode j in x, and row
+        # modes + j is the equation of mode j in y. `product_x` and `product_y` are the products of
+        # mode j with the x part and with the y part of solution k.
         for j in range(modes):
             for k in range(2 * modes):
                 product_x = 0.0
