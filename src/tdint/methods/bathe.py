@@ -58,15 +58,17 @@ def step(
 ):
     """Integrate the equations of motion over one time step of the Bathe method.
 
-    The step of length h from t0 consists of two substeps with equilibrium M a + C v + f(u) = p at
-    the end of each,
+    The step of length h from t0 consists of two substeps,
 
         t0 + gamma h:  vg = v0 + gamma h (a0 + ag) / 2      ug = u0 + gamma h (v0 + vg) / 2
         t0 + h:        v1 = v0 + h (q0 a0 + q1 ag + q2 a1)  u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
 
-    The unknown of a substep is the change of the acceleration of each floor. The hysteretic laws
-    follow the path from the committed state to the inner point (block FIRST_TRIAL) and from this
-    state to the end (SECOND_TRIAL).
+    with displacement u, velocity v and acceleration a at the start (0), at the inner point
+    t0 + gamma h (g) and at the end (1). Equilibrium M a + C v + f(u) = p is satisfied at the inner
+    point and at the end, with the mass and damping matrices M and C, the restoring forces f and the
+    loads p. The unknown of a substep is the change of the acceleration of each floor from its first
+    guess. The hysteretic laws follow the path from the committed state to the inner point (block
+    FIRST_TRIAL) and from this state to the end (SECOND_TRIAL).
 
     Parameters
     ----------
@@ -98,8 +100,9 @@ def step(
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
-    # The matrix of a substep depends only on the weight of the acceleration at its end. If both
-    # weights are equal, the substeps share one factorization.
+    # The matrix of a substep depends only on the weight of the acceleration at its end: gamma / 2
+    # in the first substep, q2 in the second. If the weights are equal, the substeps share one
+    # factorization.
     has_equal_matrices = coefficients[Q2] == 0.5 * coefficients[GAMMA]
     # Otherwise, the rows after _FACTORS contain two factorizations of equal size.
     second_factors = _FACTORS if has_equal_matrices else (_FACTORS + scratch.shape[0]) // 2
@@ -127,6 +130,8 @@ def step(
             _guess_end(coefficients, h, state, scratch, n)
         ground = load[rows.GROUND_0] + fraction * (load[rows.GROUND_1] - load[rows.GROUND_0])
         floor_load(linear_terms, forces, load[rows.TIME] + fraction * h, ground, scratch, ROW.LOAD)
+        # Per unit of the unknown, the displacement changes by by_v^2, the velocity by by_v and the
+        # acceleration by 1.
         code = solve_equilibrium(
             EffectiveCoefficients(by_v * by_v, by_v, 1.0), factors, previous, trial, scene, memory
         )
@@ -148,8 +153,8 @@ def step(
 def _guess_inner(half_length, state, scratch, n):
     """Store the first guess of the first substep: a constant acceleration a0.
 
-    With the length 2 d of the substep, the guess is v = v0 + 2 d a0 and u = u0 + d (v0 + v) at its
-    end.
+    With displacement u0, velocity v0 and acceleration a0 at the start and the length 2 d of the
+    substep, the guess at its end is v = v0 + 2 d a0 and u = u0 + d (v0 + v).
 
     Parameters
     ----------
@@ -176,7 +181,8 @@ def _guess_inner(half_length, state, scratch, n):
 def _guess_end(coefficients, h, state, scratch, n):
     """Store the first guess of the second substep: the acceleration ag of the inner point.
 
-    With the velocity vg at the inner point, the guess at the end of the step of length h is
+    With displacement u0, velocity v0 and acceleration a0 at the start of the step of length h, and
+    the velocity vg and the acceleration ag at the inner point, the guess at the end of the step is
 
         v = v0 + h (q0 a0 + (q1 + q2) ag),   u = u0 + h (q0 v0 + q1 vg + q2 v)
 
@@ -227,10 +233,14 @@ def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
         q1 = (1 + rho_inf) / (4 - 2 gamma (1 - rho_inf)),   q0 = 1/2 - (1 - gamma) q1
         q2 = 1/2 - gamma q1
 
-    The first substep, with the velocity vg and the acceleration ag at its end, uses average
-    acceleration. The end of the step is v1 = v0 + h (q0 a0 + q1 ag + q2 a1) and
-    u1 = u0 + h (q0 v0 + q1 vg + q2 v1). If q2 equals gamma / 2 up to rounding, it is set to exactly
-    this value, by which `step` recognizes that both substeps have the same matrix.
+    With displacement u, velocity v and acceleration a at the start (0), at the end of the first
+    substep (g) and at the end of the step of length h (1), the coefficients are the weights in
+
+        v1 = v0 + h (q0 a0 + q1 ag + q2 a1),   u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
+
+    The first substep uses average acceleration. `step` compares q2 with gamma / 2 to recognize that
+    both substeps have the same matrix. If q2 equals gamma / 2 up to rounding, it is therefore set
+    to exactly this value.
     """
     q1 = (1.0 + rho_inf) / (4.0 - 2.0 * gamma * (1.0 - rho_inf))
     q0 = 0.5 - (1.0 - gamma) * q1

@@ -90,15 +90,20 @@ def step(
 ):
     """Integrate the equations of motion over one time step of KR-alpha or CR.
 
-    With q, the acceleration variable of the method, and the initial stiffness K0,
+    The equations of a step of length h are
 
         u1 = u0 + h v0 + h^2/2 q0,   v1 = v0 + h ((1 - gamma) q0 + gamma q1)
         (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0
         r = p - C v - f(u) - beta h^2 K0 q
 
-    where p are the loads and f(u) the restoring forces. The displacements u1 are explicit. The new
-    q1 follows from one linear system with the matrix (1 - alpha_m) M + (1 - alpha_f) (gamma h C +
-    beta h^2 K0) for the change q1 - q0.
+    with displacement u, velocity v and the variable q of the method at the start (0) and at the end
+    (1). q replaces the acceleration and has its unit. M and C are the mass and damping matrices, p
+    the loads, f the restoring forces and K0 the initial stiffness matrix.
+
+    The displacements u1 follow from the start of the step. The change q1 - q0 follows from a linear
+    system with the matrix (1 - alpha_m) M + (1 - alpha_f) (gamma h C + beta h^2 K0). Its right side
+    is the residual for q1 = q0. Loads, forces and velocities in this residual are weighted means
+    of start and end with the weights alpha_f and 1 - alpha_f: values at the weighted point.
 
     Parameters
     ----------
@@ -131,8 +136,8 @@ def step(
     memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
     end_weight = 1.0 - coefficients[ALPHA_F]
-    by_c = coefficients[GAMMA] * h
-    by_k = coefficients[BETA] * h * h
+    by_c = coefficients[GAMMA] * h  # factor of C in the matrix, s
+    by_k = coefficients[BETA] * h * h  # factor of K0 in the matrix, s^2
     if step_status[rows.STEPS_DONE] == 0.0:  # first step of a run
         _initialize_q(linear_terms, law_parameters, by_k, state, factors, n)
         step_status[rows.FACTORED_STEP] = 0.0
@@ -142,7 +147,7 @@ def step(
             linear_terms, modal, law_parameters, rows.STIFFNESS, combination, factors, n
         )
         step_status[rows.FACTORED_STEP] = h
-    # The residual at the weighted point for q1 = q0 is the right side for the change of q.
+    # Compute the right side of the linear system in row X. Row SUM contains the story forces.
     _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n)
     _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory)
     for i in range(n):
@@ -156,8 +161,8 @@ def step(
             - floor_force
         )
     add_modal_force(modal, scratch, _ROW.V, -1.0, scratch, _ROW.X, n)
-    # X is now q1 - q0; v1 = v0 + h q0 + gamma h (q1 - q0).
     solve_damped(factors, modal, _ROW.X, n)
+    # Row X now contains q1 - q0. The new velocity is v1 = v0 + h q0 + gamma h (q1 - q0).
     for i in range(n):
         q = state[rows.ACCELERATION, i]
         state[rows.VELOCITY, i] += h * q + by_c * scratch[_ROW.X, i]
@@ -169,8 +174,13 @@ def step(
 def _initialize_q(linear_terms, law_parameters, by_k, state, factors, n):
     """Replace the initial acceleration a0 in the state by q0, from (M + beta h^2 K0) q0 = M a0.
 
-    q is the acceleration variable of KR-alpha, M q = p - C v - f(u) - beta h^2 K0 q at the start,
-    with the initial stiffness K0. a0 is the acceleration from equilibrium, M a0 = p - C v - f(u).
+    q is the variable that replaces the acceleration in the method KR-alpha. At the start of a run,
+    q0 and the acceleration a0 from equilibrium satisfy
+
+        M q0 = p - C v - f(u) - beta h^2 K0 q0,   M a0 = p - C v - f(u)
+
+    with the mass and damping matrices M and C, the initial stiffness matrix K0, the loads p and the
+    restoring forces f. The equation for q0 is the difference of these equations.
 
     Parameters
     ----------
@@ -202,8 +212,8 @@ def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
     """Store the load at the weighted point of the step in row LOAD, N: (1 - alpha_f) p1 + alpha_f
     p0.
 
-    p0 and p1 are the loads at the start and at the end of the step. p0 is not needed for the weight
-    1 - alpha_f = 1.
+    p0 and p1 are the loads at the start and at the end of the step. If the weight 1 - alpha_f is 1,
+    p0 is not computed.
 
     Parameters
     ----------
@@ -233,15 +243,19 @@ def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
 def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory):
     """Move displacements and hysteretic laws to the end of the step.
 
-    With q, the acceleration variable of the method, the displacement at the end, u1 = u0 + h v0 +
-    h^2/2 q0, depends on the start of the step only. Velocity and story forces at the weighted point
-    are stored for q1 = q0:
+    The variable q of the method replaces the acceleration (row ACCELERATION of the state). The
+    displacement at the end of the step of length h, u1 = u0 + h v0 + h^2/2 q0, depends only on
+    displacement u0, velocity v0 and q0 at the start.
 
-        row V      v0 + (1 - alpha_f) h q0
-        row SUM    (1 - alpha_f) f1 + alpha_f f0 + beta h^2 k0 (q0 of the drift) + C (rate of V)
+    The function also stores the terms of the linear system for q1 - q0 (`step`), computed for
+    q1 = q0, with the weights alpha_f of the start and 1 - alpha_f of the end of the step:
 
-    with the story force f (restoring force and P-delta) at the start (0) and at the end (1), the
-    initial stiffness k0, including P-delta, and the story damper C.
+        row V, for each floor     v = v0 + (1 - alpha_f) h q0
+        row SUM, for each story   (1 - alpha_f) f1 + alpha_f f0 + beta h^2 k0 dq + c dv
+
+    f0 and f1 are the forces of the story (restoring force and P-delta) at the start and at the end,
+    k0 its initial stiffness including P-delta and c its damper. dq and dv are the differences of q0
+    and v between the floors above and below the story.
 
     Parameters
     ----------
@@ -302,8 +316,9 @@ def chang_step(
 ):
     """Integrate the equations of motion over one time step of the method of Chang (2002).
 
-    The displacement at the end of the step depends on the start of the step only. With the initial
-    stiffness K0 and the acceleration a0,
+    The displacement u1 at the end of the step of length h depends only on displacement u0, velocity
+    v0 and acceleration a0 at the start. With the mass, damping and initial stiffness matrices M, C
+    and K0,
 
         u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0),   D = M + h/2 C + h^2/4 K0
 
@@ -374,7 +389,8 @@ def chang_step(
         u_below = u
         state[rows.DISPLACEMENT, i] = u
         scratch[_ROW.V, i] = v + half_h * state[rows.ACCELERATION, i]
-    # Solve for the acceleration at the end, from equilibrium with the predicted velocity.
+    # Solve for the acceleration a1 at the end, from equilibrium with the predicted velocity. Row X
+    # first receives the internal forces, then the right side, then a1.
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     internal_forces(linear_terms, modal, law_state, 0, scratch, _ROW.V, _ROW.X, _ROW.SUM)
     for i in range(n):
@@ -483,9 +499,9 @@ def kr_alpha(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients alpha_m, alpha_f, beta and gamma of KR-alpha (Kolay and Ricles 2014).
 
     They are the coefficients of the generalized-alpha method with the spectral radius `rho_inf` at
-    infinite frequency: alpha_m and alpha_f are the fractions of the step, counted from its end, at
-    which the inertial force and the other forces are evaluated; beta and gamma are the parameters
-    of Newmark's formulas.
+    infinite frequency. The inertial force is evaluated at the fraction alpha_m of the step before
+    its end, all other forces at the fraction alpha_f before its end. beta and gamma are the
+    parameters of Newmark's formulas.
     """
     alpha_m = (2.0 * rho_inf - 1.0) / (1.0 + rho_inf)
     alpha_f = rho_inf / (1.0 + rho_inf)

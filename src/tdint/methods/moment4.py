@@ -79,23 +79,30 @@ def step(
 ):
     """Integrate the equations of motion over one time step of moment4.
 
-    With the time t from 0 to 1 over the step and s = t - 1/2, the displacement of a floor is the
-    parabola u0 + D0 t + D1 (t^2 - t) / 2, and the equations of motion are integrated with the
-    weights 1 and 12 s:
+    The time t increases from 0 to 1 over the step of length h, and s = t - 1/2. The displacement of
+    a floor is the parabola
 
-        impulse         M a0 / h^2 + C D0 / h + int f dt = int p dt
-        first moment    M a1 / h^2 + C D1 / h + 12 int s f dt + r K D1 = 12 int s p dt
-        end             u1 = u0 + D0,   v1 = v0 + a0 / h
+        u(t) = u0 + D0 t + D1 (t^2 - t) / 2
 
-    with the restoring forces f, the loads p and the initial stiffness K. a0 and a1 are h^2 times
-    the mean of the acceleration and h^2 times its change over the step,
+    with the displacement u0 at the start and the unknowns D0 (change of displacement over the step,
+    m) and D1 (h times the change of velocity du/dt along the parabola, m). The acceleration is
+    A0 + A1 s, with its mean A0 and its change A1 over the step:
 
-        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+        h^2 A1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   h^2 A0 = D1 - r h^2 A1
 
-    The terms with r are the numerical damping; r is 0 for rho_inf = 1. The step has three stages:
-    integrals of the load, solution for D0 and D1 of all floors, and update of the state. If a story
-    changes its branch or reverses, the peaks within the step are computed before the update,
-    because they require the state at the start of the step.
+    where v0 is the velocity at the start. The equations of motion are integrated over the step with
+    the weights 1 (impulse) and 12 s (first moment):
+
+        impulse         M A0 + C D0 / h + int f dt = int p dt
+        first moment    M A1 + C D1 / h + 12 int s f dt + r K D1 = 12 int s p dt
+        end             u1 = u0 + D0,   v1 = v0 + h A0
+
+    with the mass and damping matrices M and C, the restoring forces f, the loads p and the initial
+    stiffness matrix K. The terms with r are the numerical damping; r is 0 for rho_inf = 1.
+
+    The step has three stages: integrals of the load, solution for D0 and D1 of all floors, and
+    update of the state. If a story changes its branch or reverses, the peaks within the step are
+    computed before the update, because they require the state at the start of the step.
 
     Parameters
     ----------
@@ -144,10 +151,14 @@ def step(
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients of the step: r, 12 / (1 + 6 r) and the tolerance of the residuals.
 
-    r = (1 - rho_inf) / (6 (1 + rho_inf)) for a spectral radius `rho_inf` at infinite frequency; r =
-    0 is the method without numerical dissipation. 12 / (1 + 6 r) is the factor in the change of the
-    acceleration over the step, a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r), with the displacement u0 +
-    D0 t + D1 (t^2 - t) / 2.
+    r = (1 - rho_inf) / (6 (1 + rho_inf)) for a spectral radius `rho_inf` at infinite frequency. For
+    r = 0, the method has no numerical dissipation. The second coefficient is a factor in the change
+    A1 of the acceleration over the step of length h,
+
+        h^2 A1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r)
+
+    with the velocity v0 at the start and the displacement u0 + D0 t + D1 (t^2 - t) / 2, where t
+    increases from 0 to 1 over the step.
     """
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     return r, 12.0 / (1.0 + 6.0 * r), MAX_RESIDUAL

@@ -77,17 +77,23 @@ def step(
 ):
     """Integrate the equations of motion over one time step of Houbolt's or Park's method.
 
-    With the mean velocities w1, w0, w_ and mean accelerations b1, b0, b_ of this step and of the
-    last two steps, each of length h, the formulas are
+    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
+    the step of length h. w1, w0, w_ are the mean velocities of this step, of the last step and of
+    the step before the last step, and b1, b0, b_ the mean accelerations of these steps. The
+    formulas are
 
         w1 = (u1 - u0) / h,   b1 = (v1 - v0) / h
         v1 = V . (w1, w0, w_),   a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
         M a1 + C v1 + f(u1) = p1
 
-    with three weights of the method in each of V, W and B, the restoring forces f and the load p1
-    at the end. The first START steps use average acceleration instead. In both cases, the response
-    at the end is a linear function of the unknown x of each floor (`solve_equilibrium`): the change
-    of the acceleration (average acceleration), or the correction of w1 divided by h.
+    with the mass and damping matrices M and C, the restoring forces f and the load p1 at the end.
+    V, W and B contain three weights of the method each; the dot is the sum of products. The first
+    START steps use average acceleration instead.
+
+    `solve_equilibrium` computes an unknown x (m/s^2) for each floor. The response at the end is a
+    first guess plus x times constants. With average acceleration, x is the change of the
+    acceleration over the step. With the multi-step formulas, h x is the correction of the guessed
+    mean velocity w1.
 
     Parameters
     ----------
@@ -129,13 +135,15 @@ def step(
         by_a = 1.0
         _guess_average_acceleration(h, state, scratch, n)
     else:
-        by_w = h  # v1, b1 and a1 change by V_1 h x, V_1 x and (W_1 + B_1 V_1) x
+        # With the first weights V_1, W_1, B_1 of V, W and B, the changes for the unknown x are
+        # h x of w1, V_1 h x of v1, V_1 x of b1 and (W_1 + B_1 V_1) x of a1.
+        by_w = h
         by_v = weights[V_BY_W] * h
         by_a = weights[A_BY_W] + weights[A_BY_B] * weights[V_BY_W]
         _guess_multi_step(weights, h, state, scratch, n)
     if step_status[rows.FACTORED_STEP] != by_v:
-        # by_v identifies the matrix: it differs between time steps, and between the first steps
-        # and the multi-step formulas.
+        # by_v identifies the matrix: its value changes with h, and between average acceleration and
+        # the multi-step formulas.
         invalidate(scratch, _FACTORS, n)
         step_status[rows.FACTORED_STEP] = by_v
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, ROW.LOAD)
@@ -161,8 +169,9 @@ def step(
 def _guess_average_acceleration(h, state, scratch, n):
     """Store the first guess of a step with average acceleration: a constant acceleration a.
 
-    The guess is w = v + h a / 2 for the mean velocity, u + h w for the displacement and v + h a for
-    the velocity at the end. The unknown x of the step is the change of the acceleration.
+    With displacement u, velocity v and acceleration a at the start of the step of length h, the
+    guess is w = v + h a / 2 for the mean velocity, u + h w for the displacement and v + h a for the
+    velocity at the end. The step then computes the change of the acceleration.
 
     Parameters
     ----------
@@ -189,13 +198,12 @@ def _guess_average_acceleration(h, state, scratch, n):
 def _guess_multi_step(coefficients, h, state, scratch, n):
     """Store the first guess of a multi-step method: the mean velocity w1 is extrapolated linearly.
 
-    With the mean velocities w0 and w_ and the mean accelerations b0 and b_ of the last two steps,
-    and the weights V, W and B of the method, the guess is
+    w0 and w_ are the mean velocities, b0 and b_ the mean accelerations of the last step and of the
+    step before the last step. V, W and B contain three weights of the method each; the dot is
+    the sum of products. With displacement u0 and velocity v0 at the start of the step, the guess is
 
         w1 = 2 w0 - w_,   u1 = u0 + h w1,   v1 = V . (w1, w0, w_),   b1 = (v1 - v0) / h
         a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
-
-    The unknown x of the step is the correction of w1, divided by h.
 
     Parameters
     ----------
@@ -205,7 +213,7 @@ def _guess_multi_step(coefficients, h, state, scratch, n):
         Time step, s.
     state : ndarray
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
+        step, and mean velocities (m/s) and mean accelerations (m/s^2) of the last two steps.
     scratch : ndarray
         The guessed mean velocity and the rows U (m), V (m/s) and A (m/s^2) are set.
     n : int
@@ -240,10 +248,15 @@ def _guess_multi_step(coefficients, h, state, scratch, n):
 def _family(*memory: int) -> Family:
     """Return the family of the multi-step methods, with the independent rows of the state.
 
-    `memory` contains the numbers of the independent rows, in which Houbolt's and Park's method
-    differ. `shifts` are the changes of the state for a unit jump of the accelerations between two
-    steps. The motion before the jump is then replaced by t^2 / 2, with t = 0 at the jump. Its mean
-    velocities are -h/2 and -3 h/2 over the last two steps, and its mean accelerations are 1.
+    `memory` contains the numbers of the independent rows; Houbolt's and Park's method have
+    different independent rows. The rows of the state are displacement, velocity, acceleration, the
+    mean velocities of the last step and of the step before, and the mean accelerations of these
+    steps. `derivatives` contains the order of the time derivative of each row.
+
+    `shifts` contains the change of each row for a unit jump of the accelerations between two steps
+    of length h, divided by h^(2 - derivative). At the jump, the motion t^2 / 2, with t = 0 at the
+    jump, is added to the motion of the previous steps. The means of this motion over the last two
+    steps are the velocities -h/2 and -3 h/2 and the accelerations 1.
     """
     return Family(
         "multi-step",

@@ -82,17 +82,20 @@ def step(
 ):
     """Advance the state by one step of two explicit substeps.
 
-    With accelerations from M a = p - C v - f(u), the substep to t0 + p h (suffix c) and the step of
-    length h from t0 are
+    Displacement u, velocity v and acceleration a have the suffix 0 at the start t0 of the step of
+    length h, c at the end t0 + p h of the first substep, and 1 at the end t0 + h:
 
-        uc = u0 + p h v0 + (p h)^2 / 2 a0,   ac from uc and the velocity v0 + p h a0
+        uc = u0 + p h v0 + (p h)^2 / 2 a0
+        M ac = load(t0 + p h) - C (v0 + p h a0) - f(uc)
         u1 = u0 + h v0 + h^2 (b0 a0 + bc ac)
-        w1 = v0 + h (c0 a0 + cc ac),   a1 from u1 and the velocity w1
+        w1 = v0 + h (c0 a0 + cc ac)
+        M a1 = load(t0 + h) - C w1 - f(u1)
         v1 = v0 + h (d0 a0 + dc ac + d1 a1)
 
-    with the weights b, c and d of the method. The hysteretic laws follow the path from the
-    committed state to the end of the first substep (block FIRST_TRIAL of the law states) and from
-    this state to the end of the step (SECOND_TRIAL).
+    with the mass and damping matrices M and C, the restoring forces f, the predicted velocity w1 of
+    the damping forces, and the weights b, c and d of the method. The hysteretic laws follow the
+    path from the committed state to the end of the first substep (block FIRST_TRIAL of the law
+    states) and from this state to the end of the step (SECOND_TRIAL).
 
     Parameters
     ----------
@@ -199,10 +202,14 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
 def coefficients_of(p: float) -> tuple[float, ...]:
     """Return the coefficients of a step of the method with the first substep p.
 
-    With r = 1 - p, the accelerations a0, ac and a1 have the weights p/2 and r/2 in u1 (times h^2),
-    1 - 1/(2 p) and 1/(2 p) in w1 (times h), and p/2 + r q0, p/2 + r (1/2 + q1) and r q2 in v1
-    (times h), where q1 = (1 - 2 p) / (2 p r), q2 = 1/2 - p q1 and q0 = 1/2 - q1 - q2 (Noh and Bathe
-    2013).
+    The coefficients are the weights of the accelerations a0 at the start, ac at the end of the
+    first substep and a1 at the end of the step of length h (Noh and Bathe 2013). u1 and v1 are
+    displacement and velocity at the end, w1 the predicted velocity of the damping forces:
+
+        u1 = u0 + h v0 + h^2 (p/2 a0 + r/2 ac)
+        w1 = v0 + h ((1 - 1/(2 p)) a0 + 1/(2 p) ac)
+        v1 = v0 + h ((p/2 + r q0) a0 + (p/2 + r (1/2 + q1)) ac + r q2 a1)
+        r = 1 - p,   q1 = (1 - 2 p) / (2 p r),   q2 = 1/2 - p q1,   q0 = 1/2 - q1 - q2
 
     Parameters
     ----------
@@ -218,7 +225,9 @@ def coefficients_of(p: float) -> tuple[float, ...]:
     q1 = (1.0 - 2.0 * p) / (2.0 * p * r)
     q2 = 0.5 - p * q1
     q0 = 0.5 - q1 - q2
-    w_by_ac = 0.5 / p  # v0 + h times the mean of the accelerations, linear through a0 and ac
+    # w1 is v0 plus h times the mean of an acceleration that is linear in time, with the values a0
+    # and ac at t0 and t0 + p h.
+    w_by_ac = 0.5 / p
     return (
         p,
         0.5 * p,
@@ -234,10 +243,12 @@ def coefficients_of(p: float) -> tuple[float, ...]:
 def stability_limit(p: float) -> float:
     """Return the largest stable omega h of an oscillator u'' + omega^2 u = 0 with the step h.
 
-    The accelerations are -omega^2 times the displacements at the start, at the inner point and at
-    the end (`step`). The step multiplies (u, h v) by a matrix. Its trace T and determinant D are
-    polynomials of y = (omega h)^2. The eigenvalues are complex up to omega h of about 3.7 and
-    decay. At the limit an eigenvalue is 1, so 1 - T + D = 0.
+    The accelerations are -omega^2 times the displacements u0 at the start, uc at the end of the
+    first substep and u1 at the end of the step (`step`). The step multiplies (u, h v), with the
+    velocity v, by a 2 x 2 matrix. Its trace T and determinant D are polynomials of
+    y = (omega h)^2. Up to omega h of about 3.7, the eigenvalues are complex, with absolute values
+    below 1. At the stability limit, an eigenvalue is 1. The characteristic polynomial z^2 - T z + D
+    is therefore zero for z = 1: 1 - T + D = 0.
 
     Parameters
     ----------
@@ -253,8 +264,8 @@ def stability_limit(p: float) -> float:
 
     _, u_by_a0, u_by_ac, _, _, v_by_a0, v_by_ac, v_by_a1 = coefficients_of(p)
     y = Polynomial([0.0, 1.0])
-    # h^2 times an acceleration is -y times the displacement. uc, u1 and v1 contain the factors of
-    # u0 and of h v0 in uc, u1 and h v1.
+    # h^2 times an acceleration is -y times the displacement. The tuples `uc`, `u1` and `v1` contain
+    # the factors of u0 and of h v0 in uc, u1 and h v1, as polynomials of y.
     uc = (1.0 - 0.5 * p * p * y, Polynomial([p]))
     u1 = (1.0 - y * (u_by_a0 + u_by_ac * uc[0]), 1.0 - y * u_by_ac * uc[1])
     v1 = (
