@@ -148,8 +148,8 @@ def _functions() -> LawFunctions:
 
     @outlined
     def series(w, n, p):
-        """Return the drift change x in which the force increases from 0 to w, and the energy of
-        this path.
+        """Return the drift change x that increases the force from 0 to w, and the energy of this
+        path.
 
         The absolute dimensionless hysteretic force w satisfies dw/dx = 1 - p w^n, with the exponent
         n of the law. Drift change and energy are integrals from 0 to w and power series in p w^n:
@@ -252,7 +252,7 @@ def _functions() -> LawFunctions:
             u = -w
             if u <= series_limit:
                 # `path` is the drift change until w = 0. If less drift change remains, u at the end
-                # is the value from which the missing part, path - remaining, would lead to w = 0.
+                # is the solution for the missing part of the drift change, path - remaining.
                 # `series` returns negative energies for unloading: the dissipation is the energy
                 # for the last u minus the energy for the first u.
                 path, path_dissipation = series(u, n, -q)

@@ -207,7 +207,7 @@ def copy_branch(law_state, i, block):
 def branch_first(functions: LawFunctions) -> LawFunctions:
     """Return the functions of a law with a fast evaluation of paths that remain on one branch.
 
-    Most paths end on the linear branch on which they start. In this case only drift, force and work
+    Most paths start and end on the same linear branch. In this case only drift, force and work
     change. The new force function therefore writes only these rows to block `trial`. The other rows
     remain in the block that contains the branch; row BRANCH_OFFSET of block `trial` is the number
     of rows from `trial` to this block. The force function of the law (`functions.force`) copies
@@ -276,9 +276,9 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
             )
             law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
             return slope
-        # The path leaves its branch, and `follow` changes the branch. It requires that the block
-        # `previous` contains the branch; `copy_branch` replaces a reference to another block by a
-        # copy of the branch.
+        # The path does not remain on its branch, and `follow` changes the branch. It requires that
+        # the block `previous` contains the branch; `copy_branch` replaces a reference to another
+        # block by a copy of the branch.
         if previous != rows.COMMITTED:
             copy_branch(law_state, i, previous)
         law_state[trial + rows.BRANCH_OFFSET, i] = 0.0

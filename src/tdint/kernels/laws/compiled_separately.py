@@ -294,10 +294,9 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
 def _kernel(code: int) -> Kernel:
     """Return the kernel with all functions of the law with number `code`.
 
-    It is a copy of `_all_hooks`, which calls the placeholders `force`, `strain_energy` and others
-    (the names in `_HOOKS`). The copy has the name of the law and a namespace in which the
-    placeholders are the functions of the law. The result is cached: each law has one kernel per
-    process.
+    It is a copy of `_all_hooks`, which calls placeholders (`force`, `strain_energy` and the further
+    names in `_HOOKS`). The copy has the name of the law. Its namespace defines the placeholders as
+    the functions of the law. The result is cached: each law has one kernel per process.
     """
     functions = LAWS[code].functions()
     namespace = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}

@@ -457,7 +457,7 @@ def _functions() -> LawFunctions:
     def set_branch_to_peak(law_parameters, law_state, i, block, side):
         """Set the reloading branch of a side towards the last peak or the point of maximum drift.
 
-        The last peak is the point of the last reversal on this side. It is selected if all of these
+        The last peak is the point of the last reversal on this side. It is selected if three
         conditions are met, otherwise the point of maximum drift:
 
             - drift and force of the last peak are larger than the current drift and force

@@ -431,7 +431,7 @@ def _functions() -> LawFunctions:
         to the point of maximum drift. The direct line leads from the start to the point of maximum
         drift. The result is, as in Pinching4,
 
-            1. the path itself, if drift and force do not decrease on the way
+            1. the unchanged path, if drift and force do not decrease along the path
             2. otherwise, a line to the origin and a line from there to the point of maximum drift,
                if the slope of the direct line is between `min_slope` and `max_slope`
             3. otherwise, the direct line
@@ -481,8 +481,8 @@ def _functions() -> LawFunctions:
         the point of maximum drift. The pinched part ends at the fractions `pinching.drift` and
         `pinching.force` of drift and force of the point of maximum drift, with two exceptions:
 
-            - If `pinching.force` does not exceed the fraction `pinching.unloading`, at which
-              unloading ends, the force is replaced.
+            - Unloading ends at the fraction `pinching.unloading`. If `pinching.force` does not
+              exceed this fraction, the force is replaced.
             - If the last part would be steeper than the loading stiffness, the drift is reduced.
 
         Parameters
@@ -896,7 +896,7 @@ def _functions() -> LawFunctions:
         """
         # Sum up the areas of the linear parts: trapezoids as long as the force is negative, then
         # the triangle up to zero force. Points behind the start have already been passed.
-        # `points` contains drift and force of the points in turn.
+        # `points` alternates between the drift and the force of a point.
         energy = 0.0
         for row in range(0, 6, 2):
             end, force = points[row], points[row + 1]

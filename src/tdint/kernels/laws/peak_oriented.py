@@ -168,7 +168,7 @@ def _functions() -> LawFunctions:
                     law_state[block + rows.LOW_DRIFT, i] = drift
                     law_state[block + rows.LOW_FORCE, i] = force
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-            zero_drift = drift - force / slope  # drift at which the force is zero
+            zero_drift = drift - force / slope  # drift at zero force
             law_state[block + rows.INTERNAL, i] = side * _UNLOADING
             law_state[block + rows.SLOPE, i] = slope
             law_state[block + rows.RATE_SIGN, i] = 0.0
