@@ -520,10 +520,14 @@ def _store_internal_forces(linear_terms, h, scratch):
     """Store the internal forces of both stages for the next step, and update the mismatch of the
     run.
 
-    The internal force of a floor is the load minus the inertia, p - M a. The mismatch of a step is
-    the sum over floors and stages of the squared differences between these forces and their
-    prediction, divided by the masses. The maximum over the run, divided by the maximum of the sum
-    of M a^2, is of order 4 in the time step, because the extrapolation is of order 2.
+    The internal force of a floor is the load minus the inertia, p - M a, with the mass M and the
+    acceleration a of a stage. `_predict_stages` has predicted this force from the last step. The
+    length of the last step (s) is stored in the last column of row INTERNAL_FORCE.
+
+    The mismatch of a step is the sum over floors and stages of the squared differences between
+    these forces and their prediction, divided by the masses. The maximum over the run, divided by
+    the maximum of the sum of M a^2, is of order 4 in the time step, because the extrapolation is of
+    order 2.
 
     Parameters
     ----------
@@ -708,10 +712,14 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
 def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
     """Factor the matrix of Newton's method for the stage accelerations.
 
-    The matrix is I (x) M + h A (x) C + h^2 A^2 (x) K with the Butcher matrix A of the two stages
-    and the Kronecker product (x): the 2 x 2 block of a floor or story has the entry delta_ij m + h
-    A_ij c + h^2 (A^2)_ij k in row i and column j. The equations of each stage i use the tangents k
-    and c of the same stage.
+    The matrix is I (x) M + h A (x) C + h^2 A^2 (x) K with the 2 x 2 identity matrix I, the Butcher
+    matrix A of the two stages, the Kronecker product (x), the mass and damping matrices M and C and
+    the tangent stiffness matrix K. The 2 x 2 block of a floor or story has the entry
+
+        delta_ij m + h A_ij c + h^2 (A^2)_ij k
+
+    in row i and column j, where delta_ij is 1 for i = j and 0 otherwise. The equations of each
+    stage i use the tangent stiffness k and the damping coefficient c of the same stage.
 
     Parameters
     ----------

@@ -223,7 +223,7 @@ def generalized_alpha(
     Returns
     -------
     tuple of float
-        W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of the module, in
+        W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of `step`, in
         the notation of Zhou and Tamma (2004). Equilibrium is satisfied at the weighted point 1 -
         alpha_f of the step (W1), the inertial forces at 1 - alpha_m (L6W1); l3 is beta and l5 is
         gamma.
@@ -307,7 +307,7 @@ def _rho_inf(row: tuple[float, ...]) -> float:
 
     It is the maximum absolute eigenvalue of the amplification matrix for omega h to infinity, with
     the circular frequency omega and the time step h. `row` contains the seven coefficients W1,
-    L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of the module.
+    L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of `step`.
     """
     eigenvalues = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
     # Rounding errors separate a double eigenvalue into two that differ by up to 1e-8. Their mean
@@ -333,10 +333,11 @@ def _newmark_limit(beta: float, gamma: float) -> float:
 def collocation_theta(beta: float) -> float:
     """Return the parameter theta of optimal collocation for a given beta.
 
-    At this theta the two principal eigenvalues at infinite frequency coincide and become complex.
-    If theta is smaller, one of them approaches -1 within a few percent of theta, at the limit of
-    unconditional stability. Hilber and Hughes (1978) tabulate theta: 1.021712 for beta = 0.24,
-    1.159772 for beta = 0.20.
+    Equilibrium is satisfied at the time theta h after the start of the step of length h. At the
+    optimal theta, the two principal eigenvalues of the amplification matrix at infinite frequency
+    coincide and become complex. If theta decreases by a few percent, an eigenvalue approaches -1,
+    the limit of unconditional stability. Hilber and Hughes (1978) tabulate theta: 1.021712 for
+    beta = 0.24, 1.159772 for beta = 0.20.
 
     The value is found by bisection, and the upper end of the last interval is returned. Exact
     fractions are used so that rounding errors cannot change the sign of the discriminant.

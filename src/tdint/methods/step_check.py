@@ -119,8 +119,9 @@ def integrate_in_python(
 ) -> Workspace:
     """Integrate a building of two stories in plain Python with the time step `_H` / parts.
 
-    Both stories have the same hysteresis model. The building has an initial velocity and a harmonic
-    ground motion, no forces, and the duration `_SECONDS`. The arrays of the step are guarded: an
+    `_H` is 0.01 s, the largest time step of the check. Both stories have the same hysteresis model.
+    The building has an initial velocity and a harmonic ground motion of the duration `_SECONDS`
+    (1.2 s); no forces act on its floors. The arrays of the step are guarded: an
     index out of bounds raises an error.
 
     Parameters
