@@ -183,7 +183,16 @@ def register_method(method: Method, where: str | Origin = "") -> None:
 def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
     """Load a plug-in: register methods, hysteretic laws and intensity measures of a Python file.
 
-    The file is executed. Its tuples METHODS, LAWS and MEASURES contain the objects to register.
+    The file is executed at its first use in the process. It must define at least one tuple:
+
+        METHODS     integration methods (`Method`)
+        LAWS        hysteretic laws (`DriftLaw`)
+        MEASURES    intensity measures
+        PEERS       other programs for comparison in `tdint chart`: pairs of a name and a function
+
+    METHODS, LAWS and MEASURES are registered here; their objects can then be used by name. PEERS is
+    accepted, but not read here: `tdint chart` reads it from the module of the file. A file can be
+    loaded several times; its objects are registered only at the first time.
 
     Parameters
     ----------
@@ -193,9 +202,9 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
     Returns
     -------
     methods : list of Method
-        Methods of the file.
+        All methods of the file, including already registered methods.
     laws : list of DriftLaw
-        Hysteretic laws of the file.
+        All hysteretic laws of the file, including already registered laws.
 
     Raises
     ------
@@ -218,8 +227,9 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
                 if MEASURES.get(measure.name) is not measure:
                     check_name(measure.name, {*MEASURES, "sa", "sa-avg", "sdi"}, "measure", file)
                     MEASURES[measure.name] = measure
-    # Laws and methods of a file that was loaded before are not registered again: the registered
-    # objects are then identical.
+    # Laws and methods of a file that was loaded before are not registered again. A registered
+    # method is the object of the file. A registered law is a changed copy of the object of the
+    # file (`register_law`); the copy has the same attribute `functions`, which is compared instead.
     for law in laws:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
             register_law(law, Origin(file, module.__name__))

@@ -716,33 +716,41 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
 
 @outlined
 def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
-    """Evaluate a curved law of story `i` if the drift rate changes its sign within the step.
+    """Evaluate a curved law of story `i` over a step within which its drift reverses.
 
-    Row KINK receives 0 if the step must be divided at the reversal. This is the case if `law_state`
-    has extra rows; the law is then not evaluated. Otherwise KINK receives an error estimate (see
-    below). `keep_negligible_kinks` later replaces the estimate by 0 if the step must be divided.
-    KINK is also 0 if the story does not reverse.
-
-    The law is evaluated at three drifts in chronological order. The inner point of the quadrature
-    (suffix `_c`) can be before or after the reversal. The states of the law are stored in three
-    trial blocks of `law_state`:
+    The drift reverses if its rate has the direction of loading at the start of the step and the
+    opposite direction at the end. The law then moves to three drifts in chronological order. The
+    reversal can be before or after the inner point of the quadrature (suffix `_c`). The states of
+    the law are stored in three trial blocks of `law_state`:
 
         FIRST_TRIAL     inner point
         SECOND_TRIAL    end of the step
         THIRD_TRIAL     reversal
 
-    The drift within the step is the cubic Hermite interpolant of the drifts d0, d1 and drift rates
-    at both endpoints. With the time s from 0 to 1 over the step, r = 1 - s, and h times the drift
-    rates, q0 at the start and q1 at the end (m),
+    The law is not evaluated, and row KINK of the scratch array is set to 0, in two cases:
 
-        d(s) = d0 + s^2 (3 - 2 s) (d1 - d0) + s r (r q0 - s q1)
+    - The story does not reverse.
+    - A law of the building has extra rows in `law_state`, so that block THIRD_TRIAL is not
+      available. If the story reverses, the caller must divide the step at the reversal.
+
+    The drift within the step is the cubic Hermite interpolant of the drifts d0, d1 and drift rates
+    at both endpoints. The time s is 0 at the start and 1 at the end of the step. With r = 1 - s,
+    and with h times the drift rates at the start, q0, and at the end, q1 (m),
+
+        d(s)  = d0 + s^2 (3 - 2 s) (d1 - d0) + s r (r q0 - s q1)
         d'(s) = r^2 q0 + 2 s r (3 (d1 - d0) - q0 - q1) + s^2 q1
 
-    The reversal is the zero of d'(s). The tangent stiffness changes suddenly at the reversal (kink
-    of the force). The quadrature therefore has an error, and row KINK receives its estimate as a
-    fraction of the force at the reversal. The estimate is the change of the tangent stiffness,
-    times the smaller of the changes of drift before and after the reversal. A power-law dashpot
-    adds a fraction of its force.
+    The reversal is the zero of d'(s). The tangent stiffness changes suddenly there (kink of the
+    force), and the quadrature has an additional error. Row KINK receives an estimate of the error
+    as a fraction of the force f_r at the reversal:
+
+        KINK = (|k1 - k_r| min(distance before, distance after) + dashpot) / |f_r|
+
+    k_r and k1 are the tangent stiffnesses at the reversal, before it, and at the end of the step.
+    The distances are the changes of drift from the start to the reversal and from the reversal to
+    the end. `dashpot` is a fraction of the force of a power-law dashpot, if the story has such a
+    dashpot. From KINK, `keep_negligible_kinks` later decides whether the reversal can remain within
+    the step.
 
     Parameters
     ----------
@@ -766,8 +774,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         these points, N/m. `tangent` includes that a change of the drift at the end moves the
         reversal; `tangent_c` neglects this effect.
     is_reversed : bool
-        True if the story reverses and the law was evaluated. If the story does not reverse, or if
-        `law_state` has extra rows, the law is not evaluated, KINK is 0, and all results are 0.
+        True if the law was evaluated. Otherwise, `tangent_c` and `tangent` are 0.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -779,8 +786,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     # direction of loading. The story reverses if the first is positive and the second negative.
     scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
     scaled_rate_1 = sign * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
-    # KINK 0 means that the step must be divided at a reversal. This is always the case if a law of
-    # the building has extra rows: THIRD_TRIAL then contains those rows at the start of the step
+    # KINK 0 means that no reversal can remain within the step. This is always the case if a law of
+    # the building has extra rows: THIRD_TRIAL then contains the extra rows at the start of the step
     # (`_save_start` of impulse4) and is not available for the reversal.
     scratch[ROW.KINK, i] = 0.0
     if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
@@ -832,7 +839,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.PREVIOUS_BLOCK, i] = rows.THIRD_TRIAL
-    # Estimate the effect of the kink on the force, N. A power-law dashpot adds to it.
+    # Estimate the effect of the kink on the force, N: the numerator of KINK in the docstring.
     kink = abs(tangent - loading_tangent) * min(loading_change, unloading_change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         force_0, _ = power_damper(linear_terms, i, scaled_rate_0 / h)
@@ -848,27 +855,48 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 
 @outlined
 def keep_negligible_kinks(scene, h, memory):
-    """Set row KINK to 0 for the stories with a reversal that must be located.
+    """Decide which reversals can remain within the step; the other reversals must be located.
 
-    The value 0 means that the step must be divided at the reversal. Before the call, row KINK
-    contains the estimated effect of each reversal on the story force (a curved law has a kink of
-    the force at a reversal), divided by this force. The reversal does not have to be located if
-    this effect is small compared with the largest error of a step in the run. The measure of the
-    error is the mismatch Q between the average of the accelerations at both endpoints and the mean
-    acceleration over the step:
+    The force of a curved law has a kink at a reversal of the drift: the tangent stiffness changes
+    suddenly. A step that extends over a kink has an additional error. To avoid this error, the
+    caller locates the reversal and divides the step at its time. If the error is negligible, the
+    reversal can remain within the step. This function makes the decision for each story and marks
+    the result in row KINK of the scratch array.
 
-        Q = sum of m ((a0 + a1) / 2 - (v1 - v0) / h)^2,   S = sum of m (a0^2 + a1^2) / 2
-        KINK <= _MAX_KINK (maximum Q in the run) / S        the reversal is not located
+    Before the call, row KINK contains the estimated error: the effect of the kink on the story
+    force, divided by the force. The value is 0 if the law of the story was not evaluated over a
+    reversal. The function keeps the value of a reversal that can remain within the step, and
+    replaces the other values by 0. After the call, the row means
 
-    The sums extend over the floors with the masses m, velocities v0, v1 and accelerations a0, a1 at
-    the start and at the end of the step. For a response with the circular frequency omega, Q / S is
-    of the order of ((omega h)^2 / 12)^2, the fourth power of the time step h. The effect of a kink
-    is of order 2. Therefore, all reversals are located if the steps are small. The forces of
-    power-law dashpots change abruptly at a reversal and are removed from the accelerations.
+        not 0    the story has a reversal, which can remain within the step
+        0        a reversal cannot remain within the step: if the drift rate of the story has
+                 changed its sign, the caller divides the step at the reversal
 
-    In a story with a power-law dashpot, a reversal is also located if its drift is at least
-    _NEAR_PEAK times the current peak drift. The maxima of Q and S over the run are updated in row
-    RUN_MAXIMA.
+    A reversal can remain within the step if both conditions are satisfied:
+
+        1. KINK <= _MAX_KINK Q_max / S.
+        2. The story has no power-law dashpot, or the drift at the reversal is less than _NEAR_PEAK
+           times the peak drift of the story until now.
+
+    Q and S are sums over the floors with the masses m, the velocities v0, v1 and the accelerations
+    a0, a1 at the start and at the end of the step of length h:
+
+        Q = sum of m ((a0 + a1) / 2 - (v1 - v0) / h)^2
+        S = sum of m (a0^2 + a1^2) / 2
+
+    Q compares the average of the accelerations at both endpoints with the mean acceleration over
+    the step. Q_max is the largest Q of all steps of the run, including this step. The function also
+    updates the maxima of Q and S over the run in row RUN_MAXIMA.
+
+    Reasons:
+
+    - Condition 1: Q_max / S is a measure of the largest error of a step in the run. A kink that is
+      small in comparison does not reduce the accuracy. For a response with the circular frequency
+      omega, Q / S is of the order of ((omega h)^2 / 12)^2, the fourth power of h; the effect of a
+      kink is of order 2. Therefore, all reversals are located if the steps are small.
+    - Condition 2: An inaccurate reversal near the peak drift would falsify the peak drift.
+    - Dashpots: The forces of power-law dashpots change abruptly at a reversal and would increase Q.
+      Their contribution to the accelerations is therefore removed in Q.
 
     Parameters
     ----------
@@ -902,8 +930,8 @@ def keep_negligible_kinks(scene, h, memory):
         acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
     update_run_maxima(scratch, ROW.RUN_MAXIMA, mismatch, acceleration_norm)
     mismatch = scratch[ROW.RUN_MAXIMA, 0]  # maximum Q in the run
-    # THIRD_TRIAL is the law state at the reversal. A reversal in a story with a dashpot must be
-    # located if it is near the peak drift.
+    # `may_be_omitted` is condition 2 of the docstring: the story may omit the location of the
+    # reversal. Block THIRD_TRIAL of the law state contains the drift at the reversal.
     for i in range(n):
         is_near_peak = (
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
@@ -997,24 +1025,39 @@ def _newton_factorization(scratch, factors):
 
 @outlined
 def _factor(coefficients, linear_terms, modal, h, scratch, factors):
-    """Assemble and factorize the matrix of Newton's method for the current tangents.
+    """Assemble and factorize the matrix of Newton's method for the current tangent stiffnesses.
 
-    The equations are kinematics (times M) and momentum of each floor:
+    The step of length h starts with displacement u0, velocity v0 and acceleration a0 of each floor,
+    and ends with u1, v1 and a1. The two unknowns of a floor are u1 - u0 and v1 - v0. Its two
+    equations, with the mass M, the dampers C, the story forces f and the impulse I of the load, are
 
-        M (u1 - u0) = M (h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1))
-        M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
+        kinematics    M (u1 - u0) = M (h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1))
+        momentum      M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
 
-    with M a1 = p1 - C v1 - f(u1) and uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1). The matrix
-    consists of 2 x 2 blocks for the unknowns (u1 - u0, v1 - v0) of each floor. It is block
-    tridiagonal because a story couples adjacent floors only. Rows `coupling` and `coupling + 1`
-    receive the contribution of each story to the kinematic equation: the derivatives with respect
-    to the changes of its drift and drift rate. The next two rows receive its contribution to the
-    momentum equation. With the tangents kc and k1 at the inner point and at the end, and with the
-    damping coefficient c of a linear damper, they are
+    The acceleration at the end is eliminated by equilibrium with the load p1, and uc is the
+    displacement at the inner point of the quadrature:
 
-        -be h^2 k1,   -be h^2 c,   c + h (wc gd kc + w1 k1),   -be h^2 kc
+        M a1 = p1 - C v1 - f(u1),   uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
 
-    because wc gd = th - w1 and wc g1 = -be. Power-law dashpots add their derivatives.
+    All other symbols (th, al, be, w0, wc, w1, gd, g0, g1) are coefficients of the method.
+
+    The matrix contains the derivatives of the equations with respect to the unknowns. It has 2 x 2
+    blocks and is block tridiagonal, because a story couples adjacent floors only. Each story
+    contributes one 2 x 2 block. The four rows from `coupling` on receive its entries, the
+    derivatives with respect to the changes of the drift and of the drift rate in the step:
+
+        row             equation      with respect to    derivative
+        coupling        kinematics    drift              -be h^2 k1
+        coupling + 1    kinematics    drift rate         -be h^2 (c + s1)
+        coupling + 2    momentum      drift              c + h (wc gd kc + w1 k1) + rd wc sc
+        coupling + 3    momentum      drift rate         -be h^2 kc + h (rv wc sc + w1 s1)
+
+    kc and k1 are the tangent stiffnesses at the inner point and at the end, including P-delta. c is
+    the coefficient of a linear story damper. The force of a power-law dashpot has the derivatives
+    sc and s1 with respect to the drift rate at these points. The drift rate at the inner point
+    depends on the changes of drift and drift rate by the factors rd / h and rv (RATE_BY_INCREMENT
+    and RATE_BY_VELOCITY_1 of `coefficients`). The coefficients of the method satisfy
+    wc gd = th - w1 and wc g1 = -be.
 
     Parameters
     ----------
@@ -1036,8 +1079,8 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     by_a = coefficients[BETA] * h * h
     by_tangent_c = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
     coupling = factors + _BLOCK.COUPLING
-    # Store the tangents of the factorization without P-delta, and the four derivatives of each
-    # story with P-delta and dashpots.
+    # For each story, store the tangents without P-delta, which later show whether the factorization
+    # is still valid, and the four derivatives of the table above. `slope_c` is wc sc.
     for i in range(n):
         tangent_c = scratch[ROW.TANGENT_C, i]
         tangent_1 = scratch[ROW.TANGENT_1, i]
@@ -1063,8 +1106,9 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     assemble_blocks(
         linear_terms, _newton_factorization(scratch, factors), h * coefficients[THETA], by_a, n
     )
-    # Modal damping C: a1 contributes -be h^2 C to the derivative of the kinematic equation with
-    # respect to v1. In the momentum equation, C (u1 - u0) has the derivative C with respect to u1.
+    # Modal damping is a part of C. In the kinematic equation, M a1 contains -C v1: the derivative
+    # with respect to v1 is -be h^2 C. In the momentum equation, C (u1 - u0) has the derivative C
+    # with respect to u1. These factors are the second and third number below.
     factor_blocks(
         _newton_factorization(scratch, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n
     )

@@ -106,17 +106,33 @@ DISSIPATING_LAWS = _codes(lambda law: _functions(law).accumulate_dissipation is 
 def select_function(
     hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None
 ) -> Any:
-    """Return a compiled function that selects the law of a story and calls its function `hook`.
+    """Return a compiled function that calls the function `hook` of the law of a story.
 
-    The result is a chain of conditions on the number of the law (`code`), in this order:
+    Each law has a number (`code`). The result is a chain of conditions on the number, like
 
-        frequent laws         linear and bilinear, with numbers below _FREQUENT: inlined
-        separate laws         all separately compiled laws, with the number _SEPARATE: inlined
-        rare laws             the other laws: compiled as one function, which is called
+        linear law if code == 0, bilinear law if code == 1, ..., otherwise
 
-    A law without the function `hook` uses `otherwise`. A frequent or separate law has a condition
-    also in this case, so that the call for the rare laws is avoided. A rare law without the
-    function has no condition; it reaches `otherwise` at the end of the chain.
+    The chain tests three groups of laws in this order:
+
+        group       laws                                     code                       condition
+        frequent    linear and bilinear                      0 to _FREQUENT - 1         inlined
+        separate    all laws that are compiled separately    _SEPARATE (-1) for all     inlined
+        rare        all other laws                           _FREQUENT and more         called
+
+    "Inlined" means that the condition and the function behind it become a part of each caller. For
+    the separate laws, it is a short function that all separate laws share. The shared function
+    calls the compiled code of the law by address; this code remains outside of the caller. The
+    conditions and functions of all rare laws are compiled as a single function that is called,
+    because inlining them would increase the compile time.
+
+    A law without the function `hook` needs the function `otherwise`:
+
+    - A frequent or separate law receives a condition with `otherwise`, so that the call of the
+      function for the rare laws is avoided.
+    - A rare law receives no condition; it reaches `otherwise` at the end of the chain.
+
+    If kernels are not compiled, the result is a Python function that selects the law in the list of
+    all laws.
 
     Parameters
     ----------
@@ -149,8 +165,8 @@ def select_function(
 
         return call
     order = _selection_order()
-    # Collect pairs of the number of a law and its function. The condition `code < _FREQUENT`
-    # is true for frequent laws and for separately compiled laws, because _SEPARATE is -1.
+    # Collect pairs of the number and the function of each law with a condition. `code < _FREQUENT`
+    # is true for the frequent laws and also for the separate laws, because _SEPARATE is -1.
     implementations = []
     for code in order:
         functions = SEPARATE_LAW_FUNCTIONS if code == _SEPARATE else _functions(LAWS[code])
@@ -158,13 +174,16 @@ def select_function(
         if implementation is not None:
             implementations.append((code, implementation))
     first_rare = next((code for code, _ in implementations if code >= _FREQUENT), None)
-    # The chain is built from its end. `function` is the part that has been built. If each law has
-    # its own function, the function of the last law needs no condition, because other numbers do
-    # not occur.
+    # The chain is built from its last law to its first law: each law calls the remaining chain if
+    # its condition is false, so the remaining chain must exist before. `function` is the part that
+    # has been built. It starts with `otherwise`, the end of the chain. If each law has a condition,
+    # `otherwise` is not needed: `function` starts empty (None), and the last law becomes the end of
+    # the chain without a condition, because other numbers do not occur.
     has_other_laws = len(implementations) < len(order) or not implementations
     function = otherwise if has_other_laws else None
-    # Each pass puts the condition of one law in front of the chain `function`. The condition of the
-    # first rare law is compiled as a function (`specialized`), which contains all later conditions.
+    # Each pass adds the condition of a law at the start of the chain `function`. The conditions are
+    # inlined (`inline`) into the condition before them. Only the condition of the first rare law is
+    # compiled as a function that is called (`specialized`); it contains all later conditions.
     for code, implementation in reversed(implementations):
         decorate = specialized if code == first_rare else inline
         if function is None:

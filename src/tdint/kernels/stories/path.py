@@ -670,17 +670,31 @@ def _add_after_reversal(results, i, reversal_time, shift):
 
 @inline
 def time_to(limit, segment, t_now, direction):
-    """Return the time from `t_now` until a monotonic part of a parabola of drift reaches a limit.
+    """Return the time that a story needs from time `t_now` to move to a drift limit.
 
-    The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. The
-    result is the smallest positive root x of a quadratic equation, computed without cancellation:
+    The drift is the parabola d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over
+    the step. With side = `direction`, three quantities are positive in the direction of movement:
 
-        v x + side bend x^2 / 2 = D
-        D = side (limit - d(t_now)),   v = side (rise + bend (t_now - 1/2))
+        D = side (limit - d(t_now))             distance to the limit, m
+        v = side (rise + bend (t_now - 1/2))    rate of the drift at `t_now`, m
+        a = side bend                           rate of change of v, m
 
-    with the distance D to the limit, the rate v at `t_now`, both positive in the direction of the
-    movement, and side = `direction`. The root is 2 D / (v + sqrt(v^2 + 2 side bend D)). The result
-    is 0 if the limit has already been reached, and 1 if the story does not move.
+    The result x is the smallest positive root of v x + a x^2 / 2 = D. With the rate at the limit,
+    R = sqrt(v^2 + 2 a D), the root has two forms:
+
+        x = 2 D / (v + R) = (R - v) / a
+
+    Both forms are equal, because R^2 - v^2 = 2 a D. The form without a difference of two nearly
+    equal numbers is used: the first form for v >= 0, the second form for v < 0.
+
+    - v >= 0 is the usual case: the story moves towards the limit. If a is negative, the story would
+      later reverse and reach the limit a second time; x is the first time.
+    - v < 0 and a > 0: the story first moves away from the limit, reverses, and then reaches it.
+      The other root is negative. This case occurs if the caller ignores an extremum of the
+      parabola. A negative v that is tiny compared with R is a rounding error and is replaced by 0.
+
+    The result is 0 if the limit has already been reached, and 1 (the complete step) if v and R are
+    0, so that the story does not move.
 
     Parameters
     ----------
@@ -703,9 +717,8 @@ def time_to(limit, segment, t_now, direction):
     if not distance > 0.0:
         return 0.0
     root = math.sqrt(max(rate * rate + 2.0 * direction * segment.bend * distance, 0.0))
-    # If the rate is opposite to the direction, the story moves away from the limit before it
-    # reverses: the time is the larger root. An opposite rate that is small is a rounding error and
-    # is replaced by zero.
+    # `rate`, `distance` and `root` are v, D and R of the docstring. The condition is the case v < 0
+    # and a > 0, without rounding errors.
     if -rate > _OPPOSITE_RATE * root and direction * segment.bend > 0.0:
         return (root - rate) / (direction * segment.bend)
     return 2.0 * distance / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
