@@ -21,7 +21,7 @@ from tdint.methods import impulse
 from tdint_cli.options.grammar import LINES
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w])")
-LONG = ("Conclusion 8", "Example 3, ranking")
+LONG = ("Conclusion 8", "Example 2", "Example 3, ranking", "Eqs. 46 to 54")
 CLOSED_FORMS = (33, 34, *ENTRIES)
 
 

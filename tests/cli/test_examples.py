@@ -40,6 +40,7 @@ CAPTIONS = (
 """Captions of the first figures of the paper."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("numbers", ["1", pytest.param("1 2 3", marks=pytest.mark.slow)])
 def test_examples_with_their_figures(working_directory, tdint, numbers, drawn):
     examples = numbers.split()

@@ -97,6 +97,7 @@ def test_usage_errors(folder, tdint, arguments, code, message):
 
 
 @pytest.mark.parametrize(("other", "is_reported"), [("motion.mseed", True), ("other.mseed", False)])
+@pytest.mark.long
 def test_omitted_components_of_a_figure_are_reported(folder, tdint, other, is_reported):
     messages = [
         line

@@ -26,7 +26,10 @@ def column(result, name: str) -> list[str]:
     return [row[name] for row in rows(result.stdout)]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.long] * (name == "stability")) for name in COMMANDS],
+)
 def test_all_methods_with_default_parameters(tdint, name):
     result = tdint(name, *SMALL[name], code=0)
     assert list(dict.fromkeys(column(result, "method"))) == ALL

@@ -263,6 +263,7 @@ def studied(folder, tdint, request):
         for entry in DRAWN
     ],
 )
+@pytest.mark.long
 def test_texts_are_within_the_page_and_do_not_overlap(tdint, monkeypatch, line):
     found = []
 

@@ -104,7 +104,8 @@ UNNEEDED_BY_COMMAND = {
 }
 """Further modules that commands must not import, unless numpy, click or yaml import them."""
 
-LONG = {
+QUICK = ("init", "check", "run", "spectrum")
+SLOW = {
     "match",
     "campaign",
     "chart",
@@ -119,8 +120,7 @@ LONG = {
     "stability",
     "examples",
 }
-"""Commands that need more than half a second, or whose imports another command of the suite covers;
-their tests are slow tests."""
+"""Commands with tests of more than half a second, or with the imports of another command."""
 
 
 STARTER = """
@@ -208,7 +208,13 @@ def common(start):
 
 @pytest.mark.parametrize(
     "command",
-    [pytest.param(name, marks=[pytest.mark.slow] if name in LONG else []) for name in CALLS],
+    [
+        pytest.param(
+            name,
+            marks=[pytest.mark.slow] * (name in SLOW) or [pytest.mark.long] * (name not in QUICK),
+        )
+        for name in CALLS
+    ],
 )
 def test_a_command_loads_only_required_modules(start, common, command):
     for line in BEFORE.get(command, ()):

@@ -368,7 +368,9 @@ def test_a_run_in_other_units(shaken, units, labels, limit, part):
     assert ("estimated error" in text) is (part == 0.02)
 
 
-@pytest.mark.parametrize(("floors", "height"), [(1, None), (3, 3.0), (60, None)])
+@pytest.mark.parametrize(
+    ("floors", "height"), [(1, None), (3, 3.0), pytest.param(60, None, marks=pytest.mark.long)]
+)
 def test_profiles_of_low_and_tall_buildings_with_an_isolator(floors, height):
     """The drift of isolators without a height is written as a length. If no story has a height, no
     story is shown separately, for any drift; a collapse is shown as a collapse."""

@@ -67,6 +67,7 @@ def test_model_files_define_the_examples(number, file):
 @pytest.mark.parametrize(
     ("number", "dt"), [(1, 0.001), (2, 0.001), pytest.param(3, 0.002, marks=pytest.mark.slow)]
 )
+@pytest.mark.long
 def test_error_of_reference_of_paper(number, dt):
     """Linear acceleration with a time step of 0.001 s or 0.002 s equals a run of this method and
     differs from the exact solution by at most 5e-5 m."""
