@@ -281,26 +281,41 @@ def _store_nodes(scratch, n):
 def _store_forces(scene, h, memory, i, count):
     """Compute the force of story `i` at all nodes, including P-delta and without dampers, N.
 
-    A corner is the time of a branch change or reversal of any story within the step. Nodes with an
-    even index k are the start of the step, the corners and the end of the step. Nodes with an odd
-    index are the midpoints between them. The times t of the nodes, as fractions of the step, are in
-    column n (the number of floors) of the rows NODE_FORCE. The drift d of a node follows from the
-    rows NODE_DISPLACEMENT. With the drift d0 and the force f0 at the start, the force is computed
+    The nodes k are times within the step. They are stored as fractions t of the step in column n
+    (the number of floors) of the rows NODE_FORCE:
 
-    - for a story that remains on its linear branch of stiffness k (row LEAVES_BRANCH is 0): as
-      f0 + k (d - d0),
-    - for a story that leaves a linear branch: by the law, which follows the parabola of drift
-      p(t) = d0 + rise t + bend (t^2 - t) / 2 from node to node. The parabola is an approximation of
-      the drift d. The force is therefore the force of the law at p(t), plus slope (d - p(t)) with
-      the slope (tangent stiffness, N/m) of the branch,
-    - for a curved law (row SLOPE is infinite): as F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2) with
-      s = t - 1/2. This parabola has the mean F0, the first moment F1 and the initial value f0 of
-      the force.
+        k even    start of the step, corners, end of the step. A corner is the time of a branch
+                  change or reversal of any story
+        k odd     midpoint between the nodes k - 1 and k + 1
 
-    In the second case, the slope at a corner is ambiguous, because two branches meet at the corner.
-    The slope at the midpoint before the corner is used first. If d - p(t) has the direction of the
-    movement, the story has already passed the corner, and the slope after the corner is correct.
-    The evaluation of the next midpoint provides this slope and corrects the force at the corner.
+    There are two approximations of the drift at a node:
+
+        d       difference of the displacements in row NODE_DISPLACEMENT + k (more accurate)
+        p(t)    parabola of the step, d0 + rise t + bend (t^2 - t) / 2
+
+    The force is computed for the drift d. With the drift d0 and the force f0 at the start of the
+    step, it depends on the type of the story:
+
+    1. The story remains on its linear branch of stiffness k (row LEAVES_BRANCH is 0):
+
+           f0 + k (d - d0)
+
+    2. The story leaves a linear branch. The law follows the parabola p(t) from node to node. Its
+       force f_p at p(t) is corrected with the tangent stiffness `slope` of the branch (N/m):
+
+           f_p + slope (d - p(t))
+
+    3. The law is curved (row SLOPE is infinite). The law is not evaluated. The force is a parabola
+       in s = t - 1/2 with the initial value f0 and with the mean F0 and the first moment F1 of the
+       law over the step:
+
+           F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2)
+
+    In type 2, two branches with different slopes meet at a corner. The slope of the branch before
+    the corner is used first; it is known from the preceding midpoint. If d is ahead of p(t) in the
+    direction of the movement, the story has already passed the corner, and the slope of the branch
+    after the corner is correct. This slope is known at the next midpoint, where the force at the
+    corner is corrected afterwards.
 
     Parameters
     ----------
@@ -309,8 +324,8 @@ def _store_forces(scene, h, memory, i, count):
     h : float
         Length of the step, s.
     memory : Memory
-        Law states and scratch array. Rows PATH contain F0 = int f dt and F1 = 12 int s f dt of the
-        story force f over the step, with P-delta and dampers, N.
+        Law states and scratch array. Rows PATH contain the mean int f dt and the first moment
+        12 int s f dt of the story force f over the step, including P-delta and dampers, N.
         Column i of the rows NODE_FORCE receives the forces; the trial state SECOND_TRIAL of the law
         is overwritten.
     i : int
@@ -327,8 +342,8 @@ def _store_forces(scene, h, memory, i, count):
     is_curved = HAS_CURVED_LAW and not law_state[rows.SLOPE, i] < math.inf
     mean = moment = 0.0
     if is_curved:
-        # The rows PATH contain mean F0 and first moment F1 with P-delta and dampers, which are
-        # subtracted here.
+        # `mean` and `moment` are F0 and F1 of the law, without P-delta and dampers, which are
+        # included in the rows PATH and subtracted here.
         mean = scratch[ROW.PATH + path.MEAN, i] - geometric * (
             story_path.start + 0.5 * story_path.rise - story_path.bend / 12.0
         )
@@ -453,28 +468,36 @@ def _store_accelerations(scene, h, load, scratch, k):
 def _integrate_accelerations(h, load, memory, i, count):
     """Integrate the accelerations of floor `i` at the nodes to displacements and velocities.
 
-    A corner is the time of a branch change or reversal of any story. Nodes with an even index k are
-    the start of the step, the corners and the end of the step, here all called corners. Nodes with
-    an odd index are the midpoints between them. Between two corners the acceleration is a parabola
-    through three nodes: first corner (value a0), midpoint (a1) and second corner (a2), all times
-    h^2, m. With the time x from a corner to the midpoint (fraction of the step), and with
-    displacement u and h times the velocity, v, at the first corner,
+    The nodes k are times within the step. They are stored as fractions t of the step in column n
+    (the number of floors) of the rows NODE_FORCE:
 
-        midpoint        v + x (5 a0 + 8 a1 - a2) / 12
-                        u + x v + x^2 (3.5 a0 + 3 a1 - 0.5 a2) / 12
-        second corner   v + x (a0 + 4 a1 + a2) / 3
-                        u + 2 x v + x^2 (2 a0 + 4 a1) / 3
+        k even    start of the step, branch changes and reversals of any story, end of the step;
+                  all called corners here
+        k odd     midpoint between the corners k - 1 and k + 1
 
-    Displacements are relative to the start of the step. Displacement and velocity at the end then
-    differ slightly from the results of the step: the change of displacement in row RISE, and h
-    times the change of velocity in row A0 (m). Therefore, a + b (t - 1/2) is added to the
-    acceleration, with the time t from 0 to 1 over the step. This adds
+    All quantities have the unit m: velocities are multiplied by h, and accelerations by h^2.
+    Displacements are relative to the start of the step. Rows NODE_DISPLACEMENT and NODE_VELOCITY
+    receive the results.
 
-        velocity (times h)   a t + b (t^2 - t) / 2
-        displacement         a t^2 / 2 + b (t^3 / 6 - t^2 / 4)
+    Integration from corner to corner: The acceleration between two corners is the parabola through
+    the accelerations a0 at the first corner, a1 at the midpoint and a2 at the second corner. x is
+    the time from the first corner to the midpoint (fraction of the step). The displacement u and
+    the velocity v at the first corner then give
 
-    a and b are determined so that the values at t = 1 are the results of the step. Rows
-    NODE_DISPLACEMENT and NODE_VELOCITY receive displacements and h times the velocities, m.
+        midpoint         velocity        v + x (5 a0 + 8 a1 - a2) / 12
+                         displacement    u + x v + x^2 (3.5 a0 + 3 a1 - 0.5 a2) / 12
+        second corner    velocity        v + x (a0 + 4 a1 + a2) / 3
+                         displacement    u + 2 x v + x^2 (2 a0 + 4 a1) / 3
+
+    Correction: At t = 1, the integrated displacement and velocity differ slightly from the response
+    at the end of the step, which the step has already determined: the change of displacement in row
+    RISE and the change of velocity in row A0. Therefore, the acceleration p + q (t - 1/2) is added.
+    Its integrals are
+
+        velocity        p t + q (t^2 - t) / 2
+        displacement    p t^2 / 2 + q (t^3 / 6 - t^2 / 4)
+
+    The constants p and q are determined so that the differences at t = 1 become zero.
 
     Parameters
     ----------
@@ -515,8 +538,9 @@ def _integrate_accelerations(h, load, memory, i, count):
         rate += half_interval * (a0 + 4.0 * a1 + a2) / 3.0
         scratch[ROW.NODE_DISPLACEMENT + k + 2, i] = displacement
         scratch[ROW.NODE_VELOCITY + k + 2, i] = rate
-    # Add the integrals of a + b (t - 1/2). `velocity_misfit` is a. `displacement_misfit` is b: 12
-    # times the displacement error at t = 1 that remains after the term with a is added.
+    # Add the correction, the integrals of p + q (t - 1/2). `velocity_misfit` is p, the velocity
+    # error at t = 1. `displacement_misfit` is q: at t = 1, p adds p / 2 and q adds -q / 12 to the
+    # displacement.
     velocity_misfit = scaled_v0 + scratch[ROW.A0, i] - rate
     displacement_misfit = 12.0 * (0.5 * velocity_misfit - (scratch[ROW.RISE, i] - displacement))
     for k in range(1, count):

@@ -417,31 +417,39 @@ def link_blocks(linear_terms, factors, n):
 
 @outlined
 def factor_blocks(factors, damping, n):
-    """Factorize a block tridiagonal matrix with 2 x 2 blocks plus modal damping.
+    """Factorize a block tridiagonal matrix T with 2 x 2 blocks, plus modal damping.
 
-    Each floor has two unknowns (x, y). The matrix T without modal damping has the diagonal blocks
-    D_i, and the block -B_i both in row i, column i - 1, and in row i - 1, column i. The elimination
-    proceeds from the lowest floor upwards, with the inverse block pivots
+    Each floor i has a pair of unknowns z_i = (x, y). With the 2 x 2 block D_i of the floor and the
+    block B_i of the story between the floors i - 1 and i, the equations of T z = b are
+
+        -B_i z_(i-1) + D_i z_i - B_(i+1) z_(i+1) = b_i
+
+    The elimination proceeds from the lowest floor (i = 0) upwards. The inverse block pivots A_i and
+    two products with A_i are stored for the solution (`solve_blocks`):
 
         A_0 = D_0^-1,   A_i = (D_i - B_i A_(i-1) B_i)^-1
+        B_i A_(i-1)     factor of floor i - 1 in the forward substitution, upwards
+        A_i B_(i+1)     factor of floor i + 1 in the backward substitution, downwards
 
-    The products B_i A_(i-1) are stored for the forward substitution (`solve_blocks`), which
-    proceeds upwards. The products A_i B_(i+1) are stored for the backward substitution, which
-    proceeds downwards; each floor then multiplies the solution of the floor above only one time.
+    Modal damping is added to T in two ways:
 
-    If most modes are damped, the matrix with modal damping is factorized as a full matrix instead
-    (`_factor_full`).
+    - usually by the Woodbury formula, which needs solutions with T (`store_woodbury`),
+    - if most modes are damped (`_is_full`), by a factorization of the sum of T and modal damping as
+      a full matrix (`_factor_full`). The factorization of T described above is then omitted.
 
     Parameters
     ----------
     factors : Factors
-        The four rows from `pivot` on contain the entries of D_i, row by row; they receive A_i. The
-        rows from `coupling` on contain the four entries of B_i. They receive the entries of B_i
-        A_(i-1), and the next four rows the entries of A_i B_(i+1). For m damped modes, the rows
-        from `store` on receive the terms of the Woodbury formula: 4 m rows with the solutions of
-        T z = (w, 0) and T z = (0, w) for each mode w, 2 m rows with the inverse of a small matrix,
-        and a temporary row. If most modes are damped, the rows from `store` on receive the
-        factorization of `_factor_full` instead.
+        Table and its rows. The four entries of a block are in four rows, row by row of the block.
+
+            rows                            before      after
+            pivot to pivot + 3              D_i         A_i
+            coupling to coupling + 3        B_i         B_i A_(i-1)
+            coupling + 4 to coupling + 7                A_i B_(i+1)
+            from store on                               terms of the Woodbury formula
+
+        If most modes are damped, only the rows from `store` on change: they receive the full
+        factorization.
     damping : ModalBlocks
         Modal damping.
     n : int
@@ -843,13 +851,26 @@ def _woodbury_storing_function(solve_undamped):
 
     @outlined
     def store_woodbury(factors, damping, n):
-        """Compute and store the terms of the Woodbury formula for pairs of unknowns (x, y).
+        """Compute and store the terms of the Woodbury formula for pairs of unknowns (x, y) per
+        floor.
 
-        T is the matrix without modal damping. The 2 m rows of U are the m damped modes as functions
-        of x, then the same modes as functions of y. D contains the coefficients xx, xy, yx and yy
-        of `damping`, so that modal damping is U^T D U. The 4 m scratch rows from `factors.store` on
-        receive T^-1 U^T: for each row of U a solution, with one row for x and one for y. The next
-        2 m rows receive the inverse of the small matrix I + D U T^-1 U^T.
+        A matrix T without modal damping has been factorized. The formula gives the inverse of the
+        matrix with modal damping, T + U^T D U, from solutions with T:
+
+            (T + U^T D U)^-1 = T^-1 - T^-1 U^T (I + D U T^-1 U^T)^-1 D U T^-1
+
+        For m damped modes with the mode vectors w_j (rows of `damping.modal`), U has 2 m rows and D
+        is a matrix of 2 m rows and columns. I is an identity matrix:
+
+            U    row j applies w_j to the unknowns x, row m + j applies w_j to the unknowns y
+            D    ((xx I, xy I), (yx I, yy I)) with the coefficients of `damping`
+
+        The terms that do not depend on the right side are stored in the scratch rows from
+        `factors.store` on:
+
+            4 m rows    T^-1 U^T: the solution of T z = (row j of U)^T for each j, in row 2 j for x
+                        and in row 2 j + 1 for y
+            2 m rows    the inverse of the small matrix I + D U T^-1 U^T
 
         Parameters
         ----------
@@ -864,7 +885,8 @@ def _woodbury_storing_function(solve_undamped):
         modal, xx, xy, yx, yy = damping
         modes = modal.shape[0]
         inverse_row = store + 4 * modes
-        # Right side j is mode j in x for j < modes, otherwise mode j - modes in y.
+        # Solve for each row j of U: mode j in x for j < modes, otherwise mode j - modes in y. The
+        # right side is replaced by the solution.
         for j in range(2 * modes):
             x = store + 2 * j
             for i in range(n):
