@@ -469,9 +469,20 @@ def _coefficients(steps, first, series, k, c, h):
 def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     """Integrate a bilinear oscillator from rest over the complete ground motion.
 
-    On a branch, the equation of motion is u'' + c u' + k' u = -(ag + offset), with the stiffness k'
-    over the mass, and the step is an exact recursion. A step in which a change of branch or a new
-    peak between the endpoints is possible is repeated with `_integrate_step`.
+    On a branch, with the ground acceleration ag, the offset of the branch over the mass (m/s^2) and
+    p = ag + offset, the equation of motion divided by the mass is
+
+        u'' + c u' + k' u = -p,   k' = k (elastic branch) or hardening k (yielding branch)
+
+    The response at the end of a step is an exact linear function of the displacement u and the
+    velocity v at its start, and of p0 and p1 at both endpoints:
+
+        elastic     u1 = e00 u + e01 v + e02 p0 + e03 p1,   v1 = e10 u + e11 v + e12 p0 + e13 p1
+        yielding    u1 = y00 u + y01 v + y02 p0 + y03 p1,   v1 = y10 u + y11 v + y12 p0 + y13 p1
+
+    The step is accepted if the oscillator cannot change its branch in the step, and if the peak
+    displacement cannot be exceeded between the endpoints. Otherwise the step is repeated with
+    `_integrate_step`, which locates the changes of branch and the peak.
 
     Parameters
     ----------
@@ -484,8 +495,8 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     oscillator : _Hysteretic
         Properties of the oscillator.
     steps : ndarray
-        Recursion coefficients of the elastic branch (elements 0 to 7) and of the yielding branch (8
-        to 15).
+        Coefficients of the exact step in the order above: e00 to e03 and e10 to e13 of the elastic
+        branch (elements 0 to 7), then y00 to y03 and y10 to y13 of the yielding branch (8 to 15).
     series : ndarray
         Scratch array for the Taylor coefficients.
     state : ndarray
@@ -498,10 +509,6 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
         Number of changes of branch, or TOO_MANY_EVENTS (-1).
     """
     k, c, hardening, _ = oscillator
-    # The letter of these coefficients is the branch: e for elastic, y for yielding. The first digit
-    # is the result at the end of the step: 0 for the displacement, 1 for the velocity. The second
-    # digit is the factor: 0 displacement, 1 velocity, 2 and 3 minus the load at the start and at
-    # the end.
     e00, e01, e02, e03 = steps[0], steps[1], steps[2], steps[3]
     e10, e11, e12, e13 = steps[4], steps[5], steps[6], steps[7]
     y00, y01, y02, y03 = steps[8], steps[9], steps[10], steps[11]
@@ -514,12 +521,14 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     step_fraction = 1.0 / parts
     events = 0
     u, v, side, offset, upper, lower, peak = 0.0, 0.0, 0.0, 0.0, state[UPPER], state[LOWER], 0.0
-    a = ground[0]  # acceleration with the opposite sign, as all loads in this function
+    # `side` is 0 on the elastic branch, and 1 or -1 during yielding in this direction. `a` is -u'',
+    # which is p + c v + k' u. Only its absolute value and changes of its sign are used.
+    a = ground[0]
     for i in range(1, ground.size):
         g0 = ground[i - 1]
         increment = (ground[i] - g0) * step_fraction
         for _ in range(parts):
-            p0 = g0 + offset  # minus the loads on the branch at both endpoints
+            p0 = g0 + offset
             p1 = p0 + increment
             if side == 0.0:
                 u1 = (e02 * p0 + e03 * p1) + e00 * u + e01 * v

@@ -368,12 +368,30 @@ def _search(oscillator, maxima, ground_maxima):
 def _integrate_interval(oscillator, interval):
     """Integrate one oscillator over an interval of steps and update its maxima.
 
-    The interval with the index `interval` has INTERVAL_STEPS steps, or the remaining steps after
-    the last complete interval. At each step, displacement u and velocity v follow from the exact
-    recursion. p is 2 xi omega v + omega^2 u, minus the absolute acceleration, and a = -p - ag the
-    acceleration relative to the ground. If `between_steps` of the oscillator is 1, extrema of u, v
-    and p within a step are included: `may_exceed` tests whether an extremum can exceed the maximum,
-    and `largest_between` computes it from the first three derivatives at the start of the step.
+    The displacement u and the velocity v (relative to the ground) at the end of a step follow from
+    the exact recursion for a ground acceleration ag that is linear within the step. Then
+
+        p = omega^2 u + 2 xi omega v      the absolute acceleration is -p
+        a = -p - ag                       relative acceleration u''
+        j = -p' - ag'                     relative jerk
+
+    The maxima of |u|, |v| and |p| at the ends of the steps are recorded. If maxima between the
+    steps are required, extrema of u, v and p within a step are included. `may_exceed` tests
+    whether an extremum can exceed the maximum. `largest_between` computes the extremum from the
+    quantity and its first three derivatives at the start of the step. In the code, `dp`, `ddp` and
+    `dddp` are the first, second and third derivative of p. The suffix 1 denotes the end of a step.
+
+    Parameters
+    ----------
+    oscillator : _TableOscillator
+        Oscillator. Its fields are the ground accelerations at the steps `ground` (m/s^2), the
+        length of a step `h` (s), the table of all oscillators `oscillators` with the column number
+        `column` of the present oscillator, displacement and velocity at the start of each interval
+        (`starts`), the flag `between_steps` (1 to include maxima between the steps), a scratch
+        array `series`, and the maxima of |u|, |v| and |p| (`best`), which are updated.
+    interval : int
+        Index of the interval, which has INTERVAL_STEPS steps. The index after the last complete
+        interval denotes the remaining steps.
     """
     ground, h, oscillators, column, starts, between_steps, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
@@ -385,7 +403,7 @@ def _integrate_interval(oscillator, interval):
     factor, n = excess_factor(vibration), term_count(vibration)
     u, v = starts[interval, 0], starts[interval, 1]
     g0 = ground[interval * INTERVAL_STEPS]
-    p = by_u * u + by_v * v  # minus the absolute acceleration
+    p = by_u * u + by_v * v  # the absolute acceleration is -p
     a = -p - g0
     for s in range(
         interval * INTERVAL_STEPS, min((interval + 1) * INTERVAL_STEPS, ground.size - 1)
@@ -399,9 +417,10 @@ def _integrate_interval(oscillator, interval):
         best[1] = max(best[1], abs(v1))
         best[2] = max(best[2], abs(p1))
         if between_steps == 1:
-            # Compute the relative jerk j = a' and the derivatives dp = p' and ddp = p'' at both
-            # endpoints (suffix 1 at the end), and dddp = p''' at the start. As a = -p - ag, and ag
-            # is linear, a'' is -ddp. This is the third derivative of v.
+            # The derivatives follow in this order, because u' = v, v' = a and a' = j:
+            #     p' = omega^2 v + 2 xi omega a,   j = -p' - ag',   p'' = omega^2 a + 2 xi omega j
+            # ag is linear within the step (ag'' = 0), so that j' = -p''. Therefore the third
+            # derivative of v is -p'', and p''' = omega^2 j - 2 xi omega p''.
             slope = (g1 - g0) / h
             dp, dp1 = by_u * v + by_v * a, by_u * v1 + by_v * a1
             j, j1 = -dp - slope, -dp1 - slope

@@ -341,12 +341,33 @@ def _search(oscillator, maxima, margin):
     """Compute the maximum displacements of an oscillator in all directions from its maxima along
     the axes.
 
-    The displacement in a direction between two adjacent axes is bounded by a sum of the maxima
-    along both axes (`_interpolate`). The directions are divided into sectors of adjacent
-    directions. An interval of steps can only change a maximum if its bound for a sector exceeds the
-    smallest of the maxima until now in the directions of this sector. Other intervals are skipped;
-    the remaining intervals are integrated again with `_integrate_interval`. The intervals with the
-    maxima along the axes are integrated first, because few intervals can exceed their maxima.
+    The following terms are used:
+
+        direction    one of ANGLES directions at steps of 1 degree; `best` contains its maximum
+                     displacement until now
+        axis         one of AXES directions at steps of 30 degrees
+        sector       10 adjacent directions between two edges; there are three sectors between two
+                     axes
+        interval     INTERVAL_STEPS successive steps; `maxima` contains the maximum displacement
+                     along each axis in each interval. The remaining steps after the last complete
+                     interval are the interval with the index `intervals`; it has no stored maxima.
+
+    Only intervals that can contain a maximum are integrated, in two passes:
+
+    1. Preliminary maxima, from the values at the steps only (argument True). This pass integrates
+       the remaining steps, and for each axis the interval with the maximum along this axis. The
+       results are close to the final maxima, so that few intervals can exceed them.
+    2. Final maxima, with the maxima between the steps (argument False). An interval with stored
+       maxima is skipped if its bounds show that it cannot exceed the preliminary maxima in any
+       sector. The remaining steps have no bounds and are always integrated.
+
+    The remaining steps, and usually the other intervals of pass 1, are therefore integrated twice.
+
+    The bounds are compared by sector in the table `scratch` of the oscillator. `_interpolate`
+    stores the bounds of the displacements along the edges of the sectors in rows _AT_START and
+    _AT_END. Row _LOWEST contains the smallest maximum of the directions of each sector (`_lowest`).
+    `_count_higher` returns the number of sectors with a bound above this value.
+    `_integrate_interval` updates row _LOWEST in pass 2.
 
     Parameters
     ----------
@@ -363,8 +384,8 @@ def _search(oscillator, maxima, margin):
     scratch, best = oscillator.scratch, oscillator.best
     intervals = maxima.shape[0]
     lowest = scratch[_LOWEST]
-    # Integrate the remaining steps after the last interval, then the interval with the maximum of
-    # each axis. Both use only the values at the steps (argument True).
+    # Pass 1: integrate the remaining steps (index `intervals`), then the interval with the maximum
+    # along each axis. Equal intervals of successive axes are not repeated.
     _integrate_interval(oscillator, intervals, margin, True)
     last_interval = intervals
     for k in range(AXES):
@@ -375,8 +396,8 @@ def _search(oscillator, maxima, margin):
         if intervals > 0 and interval != last_interval:
             _integrate_interval(oscillator, interval, margin, True)
             last_interval = interval
-    # Then integrate the intervals with a bound that exceeds a maximum, with the maxima between the
-    # steps (argument False).
+    # Pass 2: integrate the remaining steps again, now with the maxima between the steps, then the
+    # intervals with a bound that exceeds a maximum.
     for k in range(_SECTORS):
         lowest[k] = _lowest(best, k)
     _integrate_interval(oscillator, intervals, margin, False)
@@ -433,16 +454,30 @@ def _integrate_interval(oscillator, interval, margin, coarse):
     """Integrate one oscillator over an interval of steps and update its maxima in all directions.
 
     The interval has INTERVAL_STEPS steps, or the remaining steps after the last complete interval.
-    x, v and a are displacement, velocity and relative acceleration along the first axis, y, w and b
-    along the second axis; p and q are the rates of a and b. f and g are the ground accelerations
-    along both axes. The suffixes 0 and 1 denote the start and the end of a step. The displacement
-    in a direction with the cosine c and the sine d is c x + d y. The directions are divided into
-    sectors of adjacent directions; a sector is skipped in a step that cannot exceed its maxima.
+    The step is exact for ground accelerations that are linear within the step (coefficients A11 to
+    B21 of the table). These symbols are used along both axes:
+
+                                                   first axis    second axis
+        ground acceleration, m/s^2                 f             g
+        displacement, m                            x             y
+        velocity, m/s                              v             w
+        relative acceleration, m/s^2               a             b
+        its rate (relative jerk), m/s^3            p             q
+
+    The suffixes 0 and 1 denote the start and the end of a step; x, y, v, w, a and b without a
+    suffix are values at the start. The displacement in a direction with the cosine c and the sine
+    d is c x + d y. From the equation of motion, a = -(omega^2 x + 2 xi omega v + f).
+
+    The directions are divided into sectors of adjacent directions. A sector is skipped in a step if
+    the displacement in the sector cannot exceed the smallest of its maxima until now (row _LOWEST).
 
     Parameters
     ----------
     oscillator : _TableOscillator
-        Oscillator; `best` is updated.
+        Oscillator: ground accelerations, table of oscillators and its column,
+        properties omega^2, 2 xi omega and length h of a step (`vibration`), cosines and sines of
+        the directions, state at the start of each interval (`starts`), two scratch arrays, and the
+        maximum displacement of each direction, `best` (m), which is updated.
     interval : int
         Index of the interval.
     margin : float
@@ -484,7 +519,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
             # the excess between its endpoints.
             _project(x1, y1, scratch, end_values)
             excess = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
-            # p and q are the relative jerks along both axes at the start of the step, m/s^3.
+            # Compute the relative jerks at the start of the step.
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
             # Process only the sectors with a maximum that the step can exceed; usually there is

@@ -99,13 +99,20 @@ def observe(scene, span, slope, memory, seen):
 
     with the ground acceleration ag, the force p on the floor (minus modal damping), the floor
     damper c, and the force V of a story: restoring force f, P-delta (geometric stiffness g), story
-    damper C and power-law dashpot F, at the drift d and the drift rate d'. The total shear of a
-    story is V plus all viscous floor forces c v above.
+    damper C and power-law dashpot F, at the drift d and the drift rate d'. V_above is the force of
+    the story above. The total shear of a story is V plus the forces c v and the forces of modal
+    damping on all floors that the story supports.
 
-    For each quantity, an upper bound over the step is compared with the recorded peak. In most
-    steps no bound exceeds a peak; only in the other steps the peaks are updated. The bounds are
-    combined without branches (`|=`), because this is faster. At the start of a run, the function is
-    called with a span of zero length.
+    A loop over the floors does three things:
+
+    1. It computes accelerations and total shears.
+    2. For each quantity, it compares an upper bound over the step with the recorded peak. In most
+       steps no bound exceeds a peak; only in the other steps the peaks are updated. The bounds are
+       combined without branches (`|=`), because this is faster.
+    3. It adds the momentum, the inertia and the power of the dampers of all floors. The energies of
+       the run are computed from these sums after the loop.
+
+    At the start of a run, the function is called with a span of zero length.
 
     Parameters
     ----------
@@ -137,26 +144,29 @@ def observe(scene, span, slope, memory, seen):
     # Forces on floors within the step are not evaluated here; with such forces, all steps are
     # searched.
     may_exceed = FORCES and forces.shape[0] > 0
-    # These sums over all floors determine the powers of the load and of the dampers.
-    momentum = 0.0
-    total_inertia = 0.0
-    viscous_power = 0.0
-    viscous_rate = 0.0
-    viscous_per_acceleration = 0.0
-    # These variables contain quantities of the story above, or sums over this floor and all floors
-    # above. The floors of several independent buildings can be in successive columns. The variables
-    # are then zero at the roof of each building, because the next column belongs to the lowest
-    # story of another building.
-    story_force_above = 0.0
-    floor_damping_above = 0.0
-    inertia_above = 0.0
-    bulge_above = 0.0
-    story_damping_above = 0.0
+    # These sums over all floors and stories determine the powers of the load and of the dampers.
+    momentum = 0.0  # mass times velocity, N s
+    total_inertia = 0.0  # mass times relative acceleration, N
+    viscous_power = 0.0  # power of the dampers, W
+    viscous_rate = 0.0  # half of the rate of `viscous_power`, W/s
+    viscous_per_acceleration = 0.0  # increase of `viscous_rate` per m/s^2 of all accelerations
+    # These variables transfer values from a floor to the next lower floor. The floors of several
+    # independent buildings can be in successive columns. The variables are then zero at the roof of
+    # each building, because the next column belongs to the lowest story of another building.
+    story_force_above = 0.0  # force V_above of the story above, N
+    floor_damping_above = 0.0  # sum of c v and modal damping over all floors down to here, N
+    inertia_above = 0.0  # sum of mass times absolute acceleration at the step start, N
+    bulge_above = 0.0  # sum of mass times `bulge`, a measure of the acceleration in the step, N
+    story_damping_above = 0.0  # factor of the drift acceleration of the story above, N
+    # Velocity at the end of the step; displacement, velocity and acceleration at its start (suffix
+    # _0). They start with the uppermost floor.
     v = state[rows.VELOCITY, n - 1]
     u_0 = observer_state[rows.U_PREVIOUS, n - 1]
     v_0 = observer_state[rows.V_PREVIOUS, n - 1]
     a_0 = observer_state[rows.A_PREVIOUS, n - 1]
-    # The story above is checked in the next pass, after the acceleration of its base is computed.
+    # The bounds of a story require the accelerations of its upper and its lower floor. The pass of
+    # the lower floor therefore compares these bounds with the peaks. These variables transfer the
+    # bounds without the drift acceleration, the acceleration of the upper floor, and its link.
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
     excess = 0.05 * span.h * span.h  # h^2 / 20, factor of the drift acceleration in the bounds
     for i in range(n - 1, -1, -1):
@@ -222,6 +232,7 @@ def observe(scene, span, slope, memory, seen):
         # Compare bounds of the absolute acceleration and of the total shear with their peaks. The
         # total shear is minus the sum of mass times absolute acceleration of all floors that the
         # story supports.
+        # `bulge` is the symmetric deviation of the acceleration from a straight line in the step.
         bulge = acceleration_bulge(by_h, floor_ends)
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
