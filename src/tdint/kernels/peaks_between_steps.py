@@ -613,17 +613,21 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     """Raise the peak of a displacement or drift by its extremum inside the step.
 
     Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
-    the step of length h. With s from 0 to 1,
+    the step of length h. A polynomial in s, from 0 at the start to 1 at the end, approximates the
+    displacement. There are three cases:
 
-        resolved motion      quintic with all six values
-        unresolved motion    method with parabolic displacements: the parabola
-                             u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2
-                             other methods: the cubic with u0, v0, u1 and v1; its extremum is
-                             recorded as a possible peak
+    1. The step resolves the motion: the quintic with all six values.
+    2. The step does not resolve the motion, and the method itself defines parabolic displacements
+       (`span.on_path`): the parabola u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2.
+    3. The step does not resolve the motion, other methods: the cubic with u0, v0, u1 and v1. Its
+       extremum is not reliable. It is recorded as a possible peak, PEAK_ROWS rows after the regular
+       peak, which is not changed.
 
-    The motion is resolved if two conditions are met. The endpoint accelerations explain the change
-    of velocity, |v1 - v0 - h (a0 + a1) / 2| <= _MAX_VELOCITY_MISMATCH (|v0| + |v1|). And velocities
-    and accelerations of two successive steps are near straight lines (`_is_resolved`).
+    The step resolves the motion if two conditions are met:
+
+    - The endpoint accelerations explain the change of velocity:
+      |v1 - v0 - h (a0 + a1) / 2| <= _MAX_VELOCITY_MISMATCH (|v0| + |v1|).
+    - Velocities and accelerations of two successive steps are near straight lines (`_is_resolved`).
 
     Parameters
     ----------
@@ -653,8 +657,8 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         velocity_mismatch <= _MAX_VELOCITY_MISMATCH * (abs(v0) + abs(v1))
     )
     if span.on_path and not is_resolved:
-        # The parabola u0 + rise s + curvature (s^2 - s) / 2 has its extremum at
-        # s = 1/2 - rise / curvature.
+        # Case 2: the parabola u0 + rise s + curvature (s^2 - s) / 2 has its extremum at
+        # s = 1/2 - rise / curvature, which is inside the step if |rise / curvature| < 1/2.
         rise = u1 - u0
         curvature = h * (v1 - v0)
         if 2.0 * abs(rise) >= abs(curvature):
@@ -665,11 +669,14 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         return extremum
     if v0 * v1 >= 0.0:
         return u1
-    # The extremum is a maximum for v0 > 0 (`direction` = 1), otherwise a minimum (-1). The
-    # interpolant does not exceed its Bezier points. For the cubic these are u0 + h v0 / 3 and
-    # u1 - h v1 / 3. For the quintic they are u0 + 2/5 h v0 + h^2 a0 / 20 and
-    # u1 - 2/5 h v1 + h^2 a1 / 20; its points u0 + h v0 / 5 and u1 - h v1 / 5 are nearer to the
-    # endpoints than the points of the cubic.
+    # Cases 1 and 3: the velocity changes its sign. The extremum is a maximum for v0 > 0, otherwise a
+    # minimum (`direction` 1 or -1). A polynomial does not exceed its Bezier points. The Bezier
+    # points between the endpoints are
+    #     cubic      u0 + h v0 / 3 and u1 - h v1 / 3
+    #     quintic    u0 + h v0 / 5, u0 + 2/5 h v0 + h^2 a0 / 20,
+    #                u1 - 2/5 h v1 + h^2 a1 / 20, u1 - h v1 / 5
+    # `excess_0` is the largest distance of these points from u0, `excess_1` from u1, in the
+    # direction of the extremum. The points with h v / 5 are nearer than the points with h v / 3.
     direction = math.copysign(1.0, v0)
     start_offset = direction * (u0 - u1)
     excess_0 = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * direction * a0)
@@ -677,13 +684,14 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     if max(start_offset + excess_0, excess_1) <= margin:
         return u1
     if not is_resolved:
-        # The cubic u0 + h v0 s + c2 s^2 + c3 s^3 has the values u1 and v1 at s = 1.
+        # Case 3: the coefficients c2 and c3 of the cubic u0 + h v0 s + c2 s^2 + c3 s^3 follow from
+        # u1 and v1 at s = 1.
         rise = u1 - u0
         c2 = 3.0 * rise - h * (2.0 * v0 + v1)
         extremum = _cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
         raise_peak(peaks, row + rows.PEAK_ROWS, i, extremum)
         return u1
-    # Compute the quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5.
+    # Case 1: compute the quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5.
     c3, c4, c5 = _quintic_coefficients(h, ends)
     # The zero of the velocity on the straight line between v0 and v1 is the first estimate.
     extremum = _quintic_extremum(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
@@ -695,16 +703,25 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
 def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     """Raise the peak of a velocity or drift rate by its extremum inside the step.
 
-    The quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5, with s from 0 to 1, has the
-    displacement, velocity and acceleration of the motion at both endpoints of the step of length h.
-    The velocity is its derivative divided by h, a quartic. Call this function only if the endpoint
-    accelerations a0 and a1 have opposite signs.
+    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
+    the step of length h. With s from 0 at the start to 1 at the end, the displacement u, the
+    velocity v and the acceleration a are interpolated by
 
-    The acceleration of the quintic deviates from the straight line between a0 and a1 by s (1 - s)
-    (B + D (1 - 2 s)), with the bulge B and the tilt D. The extremum is unreliable ("unresolved
-    motion") if (|B| + |D|) / 3 exceeds |a0| + |a1|, or if velocities and accelerations of two
-    successive steps are far from a straight line (`_is_resolved`). It is then recorded as a
-    possible peak, in a separate row, and the regular peak is not changed.
+        u = u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5
+        v = v0 + h a0 s + (3 c3 s^2 + 4 c4 s^3 + 5 c5 s^4) / h
+        a = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s))
+
+    c3, c4 and c5 follow from u1, v1 and a1. The bulge B and the tilt D describe the deviation of
+    the acceleration from the straight line between a0 and a1. Call this function only if a0 and a1
+    have opposite signs, so that the velocity has an extremum.
+
+    The extremum of v is reliable if two conditions are met:
+
+    - The acceleration is near the straight line: (|B| + |D|) / 3 is at most |a0| + |a1|.
+    - Velocities and accelerations of two successive steps are near straight lines (`_is_resolved`).
+
+    Otherwise the step does not resolve the motion. The extremum is then recorded as a possible
+    peak, in a separate row, and the regular peak is not changed.
 
     Parameters
     ----------
@@ -725,9 +742,9 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
     if _max_velocity_bezier_point(h, 1.0 / h, ends) > peaks[row, i]:
-        # Coefficients of the powers of s of the velocity, which is u'(s) / h. It is a quartic, so
-        # the coefficient of s^5 is 0. The first estimate of the extremum is the zero of the
-        # straight line between a0 and a1.
+        # These are the coefficients of 1, s, ..., s^5 in v. The coefficient of s^5 is 0, because v
+        # is of degree 4. The first estimate of the extremum is the zero of the straight line
+        # between a0 and a1.
         velocity = (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
         raise_peak(peaks, row, i, _quintic_extremum(a0 / (a0 - a1), velocity))
 

@@ -214,10 +214,15 @@ def explicit_coefficients(table: Table) -> tuple[float, ...]:
 def imaginary_stability_limit(table: Table) -> float:
     """Return the largest stable omega h of an explicit method without damping.
 
-    Applied to v' = i omega v, the method multiplies the solution in each step by R(i omega h) with
-    the stability polynomial R(z) = 1 + sum over k = 0 .. s - 1 of (b A^k 1) z^(k + 1), with the
-    number of stages s, the Butcher matrix A, the weights b, the vector 1 of ones and the time step
-    h. The limit is the smallest positive root of |R(i omega h)|^2 = 1.
+    omega is the circular frequency of an undamped oscillator and h the time step. The free
+    vibration of the oscillator is a sum of solutions of x' = i omega x and x' = -i omega x. In each
+    step, the method multiplies x by R(i omega h), with the stability polynomial
+
+        R(z) = 1 + b e z + b A e z^2 + b A^2 e z^3 + ... + b A^(s - 1) e z^s
+
+    A is the Butcher matrix, b the row of the weights, e a column vector with all elements equal to
+    1, and s the number of stages. The step is stable if |R(i omega h)| <= 1. The limit is the
+    smallest positive root omega h of |R(i omega h)|^2 = 1.
 
     Parameters
     ----------
@@ -236,13 +241,15 @@ def imaginary_stability_limit(table: Table) -> float:
     matrix = np.zeros((stages, stages))
     for i, row in enumerate(table[:-1], start=1):
         matrix[i, :i] = row
-    power = np.ones(stages)  # A^k 1
+    power = np.ones(stages)  # A^k e, with k = 0 at first
     polynomial = [1.0]  # coefficients of R, lowest power first
     for _ in range(stages):
         polynomial.append(float(np.dot(table[-1], power)))
         power = matrix @ power
-    # With y = (omega h)^2, the real part of R(i omega h) is a polynomial in y. The imaginary part
-    # is omega h times a polynomial in y.
+    # With y = (omega h)^2, the even powers of z = i omega h are 1, -y, y^2, ... They give the real
+    # part of R, a polynomial in y. The odd powers are i omega h times the even powers. The
+    # imaginary part of R is therefore omega h times a polynomial in y, `imaginary`, and
+    # |R|^2 = real^2 + y imaginary^2.
     real = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[0::2])])
     imaginary = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[1::2])])
     growth = real**2 + Polynomial([0.0, 1.0]) * imaginary**2 - 1.0  # |R|^2 - 1
@@ -354,10 +361,18 @@ def implicit_step(
     After UNDAMPED_ITERATIONS corrections, a line search halves corrections that do not reduce the
     residual (`tdint.kernels.equations.iteration`).
 
-    For curved laws (`_is_curved`) the first estimate is extrapolated from the last step, and the
-    tolerance of the residuals is a small fraction of the error of the steps of the run. One
-    correction is then sufficient in most steps. Both the tolerance and the error are of order 4 in
-    the time step, so the order of the method remains 4.
+    A law is curved if its force between branch changes is a nonlinear function of the drift
+    (`_is_curved`). In a building with curved laws, two things differ:
+
+    - The first estimate is extrapolated from the stages of the last step.
+    - The tolerance of the residuals is _TOLERANCE_PER_MISMATCH times the relative mismatch of the
+      run. The mismatch of a step is the sum over floors and stages of the squared difference of the
+      internal force p - M a from its extrapolation, divided by the mass. The relative mismatch is
+      the maximum over the run of this sum, divided by the maximum of the sum of M a^2. It measures
+      the error of the steps. Row RUN_MAXIMA of the scratch array contains both maxima.
+
+    One correction is then sufficient in most steps. Both the tolerance and the error are of order 4
+    in the time step, so the order of the method remains 4.
 
     Parameters
     ----------
@@ -395,7 +410,9 @@ def implicit_step(
     damping = ModalBlocks(modal, a_11, a_12, h * coefficients[_A + 2], h * coefficients[_A + 3])
     _predict_stages(coefficients, scene, h, load, memory)
     tolerance = RESIDUAL_TOLERANCE
-    # RUN_MAXIMA is zero before the second step of a run is complete, and for other laws.
+    # RUN_MAXIMA is zero before the second step of a run is complete, because the first step has no
+    # extrapolation, and in buildings without curved laws. `tolerance_of_run` then returns
+    # RESIDUAL_TOLERANCE. HAS_CURVED_LAW is a constant of the compiled variant.
     if HAS_CURVED_LAW:
         tolerance = tolerance_of_run(scratch, _IMPLICIT.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
     iterations = 0
@@ -422,6 +439,7 @@ def implicit_step(
         if is_stale:
             _factor_jacobian(coefficients, linear_terms, h, factors, damping)
             step_status[rows.FACTORED_STEP] = h
+        # The corrections of the accelerations replace the residuals in rows RESIDUAL.
         solve_blocks_damped(factors, damping, _IMPLICIT.RESIDUAL, _IMPLICIT.RESIDUAL + 1, n)
         iterations += 1
         for stage in range(2):

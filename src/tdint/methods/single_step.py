@@ -256,14 +256,29 @@ def collocation(beta: float, theta: float) -> tuple[float, ...]:
 def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
     """Return the coefficients of the U0 methods of Zhou and Tamma (2004).
 
-    The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of `step`.
+    The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in this order. With these coefficients,
+    `step` computes the increment da of the acceleration over a step of length h from equilibrium at
+    a weighted point of the step:
+
+        M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
+            + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
+        u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
+
+    The published coefficients are, for the spectral parameters r1, r2 and r3,
+
+        W1 = 1 / (1 + r3)         L2W2 = W1 / 2        L3W3 = 1 / e
+        L5W2 = n / (2 e)          L6W1 = q / e         l3 = 1 / d         l5 = n / (2 d)
+
+        d = (1 + r1) (1 + r2)     n = 3 + r1 + r2 - r1 r2
+        e = d (1 + r3)            q = 2 + r1 + r2 + r3 - r1 r2 r3
 
     Parameters
     ----------
     r1, r2, r3 : float
         Absolute values of the three eigenvalues of the amplification matrix at infinite frequency.
+        This matrix multiplies (u, h v, h^2 a) in each step of a linear oscillator.
     """
-    # d, e, n and q are common parts of the published coefficients.
+    # d, e, n and q are only abbreviations of common terms.
     d = (1.0 + r1) * (1.0 + r2)
     e = d * (1.0 + r3)
     n = 3.0 + r1 + r2 - r1 * r2

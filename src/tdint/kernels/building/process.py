@@ -103,9 +103,17 @@ class Compilation:
     def reason(self, text: list[str]) -> str:
         """Return the reason why this compilation failed, from the error output of the process.
 
-        The reason is the message of numba after its last "Failed in nopython", or otherwise the
-        last line of the output. The position is the first one in the output that is in a file from
-        which the kernel is compiled; a position in a file of a plug-in is preferred.
+        The message is the line after the last "Failed in nopython" in the output of numba, or
+        otherwise the last line of the output. The position in the source files of the kernel is
+        determined as follows:
+
+        1. If the message reports an undefined name, numba gives no position. The position is the
+           first line that uses the name. The files of plug-ins are searched first.
+        2. Otherwise, the position is read from the output: the lines after the last "Failed in
+           nopython", then all lines from the last to the first. The first position in a file of a
+           plug-in is selected, or otherwise the first position in any source file of the kernel.
+        3. If there is still no position and the kernel uses plug-ins, the position is a file of
+           a plug-in without a line.
 
         Parameters
         ----------
@@ -135,15 +143,15 @@ class Compilation:
         files += [
             file for file in closure(self.module, self.variant.laws).values() if file not in files
         ]
-        # The message of numba contains no position for an undefined name.
+        # Case 1: `undefined[1]` is the undefined name.
         if undefined := _MISSING.search(message):
             position = next(
                 (f"{file}:{line}" for file in files if (line := _line_of(undefined[1], file))), ""
             )
         else:
-            # Positions in files from which the kernel is compiled, the most likely first; a
-            # position in a file of the plug-in is preferred. Of files with equal names, the first
-            # is used.
+            # Case 2: `match[1]` is the name of a file without its directory, `match[2]` the line.
+            # If several files have the same name, the first file is used: `reversed` lets the
+            # first file overwrite the others.
             files_by_name = {file.name: file for file in reversed(files)}
             matches = filter(None, map(_POSITION.search, (*lines_after, *text[::-1])))
             positions = [
@@ -155,6 +163,7 @@ class Compilation:
                 position for position in positions if position.startswith(tuple(plugin_files))
             ]
             position = next(iter([*plugin_positions, *positions]), "")
+        # Case 3: the last file is the file of the kernel, if the kernel is not part of the package.
         if not position and plugin_files:
             position = plugin_files[-1]
         return f"{position}: {message}" if position else message
