@@ -92,7 +92,9 @@ def _take_shortcuts() -> None:
 
         The method replaces `BaseFunction.get_call_type` and has its arguments: the typing context,
         the types of the positional arguments and those of the named arguments. Only calls with
-        positional arguments that are numbers are stored; other calls are resolved by numba.
+        positional arguments that are numbers are stored; other calls are resolved by numba. The
+        key contains the argument types and, as a safeguard, their classes: a constant (literal
+        type) and a variable of the same number type must have separate entries.
         """
         if named or not all(
             isinstance(argument, types.Number | types.Boolean) for argument in arguments

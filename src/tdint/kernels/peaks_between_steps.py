@@ -669,7 +669,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         return extremum
     if v0 * v1 >= 0.0:
         return u1
-    # Cases 1 and 3: the velocity changes its sign. The extremum is a maximum for v0 > 0, otherwise a
+    # Cases 1 and 3: the velocity changes its sign. The extremum is a maximum for v0 > 0, else a
     # minimum (`direction` 1 or -1). A polynomial does not exceed its Bezier points. The Bezier
     # points between the endpoints are
     #     cubic      u0 + h v0 / 3 and u1 - h v1 / 3

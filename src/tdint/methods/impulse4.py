@@ -729,7 +729,8 @@ def _save_start(state, law_state, scratch, n):
     state, law_state : ndarray
         State and law states.
     scratch : ndarray
-        Rows SAVED are set. Extra rows of laws are stored in the third trial block of `law_state`.
+        Rows SAVED are set. A law with more variables than a block has rows uses extra rows of
+        `law_state`. They are stored in the extra rows of THIRD_TRIAL, a trial state.
     n : int
         Number of floors.
     """
@@ -755,7 +756,9 @@ def _restore_start(state, law_state, scratch, n):
     state, law_state : ndarray
         State and law states, which are replaced by the stored values.
     scratch : ndarray
-        Rows SAVED are used. Rows PEAKS are set to zero, because the substeps are discarded.
+        Rows SAVED are used. Rows PEAKS are set to zero, because the substeps are discarded:
+        PEAK_ROWS rows of regular peaks and as many rows of possible peaks (unresolved motion).
+        `_save_start` has stored extra rows of laws in the extra rows of THIRD_TRIAL.
     n : int
         Number of floors.
     """

@@ -256,7 +256,7 @@ def collocation(beta: float, theta: float) -> tuple[float, ...]:
 def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
     """Return the coefficients of the U0 methods of Zhou and Tamma (2004).
 
-    The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in this order. With these coefficients,
+    The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in this order. With them,
     `step` computes the increment da of the acceleration over a step of length h from equilibrium at
     a weighted point of the step:
 

@@ -229,7 +229,8 @@ def local(typing_context, size):
 
     The results are the signature for numba and the function that generates the code. In a kernel,
     `local(size)` is an array that exists until the calling function returns. `typing_context` is
-    passed by numba and not used.
+    passed by numba and not used. `_on_stack(1)` is the numba type of an array with one dimension;
+    the call with an argument type gives the signature of a function that returns this type.
     """
     return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes

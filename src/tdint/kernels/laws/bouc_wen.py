@@ -367,7 +367,7 @@ def _functions() -> LawFunctions:
 
         w is the dimensionless hysteretic force (row INTERNAL). At w = 0, the force has a sharp bend
         (kink) for small exponents n. During unloading, v = |w| satisfies dv/dx = -(1 + q v^n) with
-        q = 2 beta - 1 and the drift x, a multiple of Fy / k (yield force over initial stiffness).
+        q = 2 beta - 1. x is the drift change in units of Fy / k (yield force, initial stiffness).
         If u is the current value of v, the drift change is
 
             x = int_0^u dv / (1 + q v^n) = u int_0^1 2 s ds / (1 + q (u s^2)^n),   v = u s^2

@@ -118,8 +118,9 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
     i : int
         Index of the story.
     dashpot_path : _DashpotPath
-        Coefficients rise and bend of the parabola of drift (m), length h of the step (s), and rows
-        of the integrals (N) and of their derivatives (N/m).
+        Coefficients rise and bend of the parabola of drift (m), length h of the step (s), scratch
+        array, first row of the derivatives (N/m, `story_rows`) and of the integrals (N,
+        `dashpot_rows`).
     s : float
         Position on the path, between -1/2 and 1/2.
     weight : float
@@ -128,7 +129,7 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
     rise, bend, h, scratch, story_rows, dashpot_rows = dashpot_path
     # The derivative of the force (N) is with respect to the drift rate (N s/m).
     force, derivative = power_damper(linear_terms, i, (rise + bend * s) / h)
-    moment_weight = 12.0 * weight * s  # weight in the first moment, 12 int s f dt
+    moment_weight = 12.0 * weight * s  # weight in the first moment, 12 int s f ds
     scratch[dashpot_rows + path.MEAN, i] += weight * force
     scratch[dashpot_rows + path.MOMENT, i] += moment_weight * force
     scratch[story_rows + path.MEAN_BY_RISE, i] += weight * derivative / h
