@@ -208,13 +208,20 @@ def _functions() -> LawFunctions:
 
             dw/dx = 1 - |w|^n (beta sgn(w dx) + 1 - beta)
 
-        In the computation, w is positive in the direction of the path, and drift changes are
-        multiples of Fy / k. With q = 2 beta - 1, the equation is integrated along the path in three
-        parts:
+        The drift moves from the state in block `previous` to d. In the computation, w and x are
+        positive in the direction of movement, and drift changes are multiples of Fy / k. The
+        story unloads while w is negative, and loads while w is positive. With u = -w and
+        q = 2 beta - 1, the equation is therefore
 
-            1. unloading, w = -u < 0: du/dx = -(1 + q u^n), dissipation int q u^(n + 1) dx
-            2. loading near w = 0:    dw/dx = 1 - w^n, dissipation int w^(n + 1) dx, by power series
-            3. loading:               the same equation, by Runge-Kutta steps
+            unloading    sgn(w dx) = -1    du/dx = -(1 + q u^n)    dissipation int q u^(n + 1) dx
+            loading      sgn(w dx) = 1     dw/dx = 1 - w^n         dissipation int w^(n + 1) dx
+
+        The path has up to three parts. It ends earlier if the drift d is reached:
+
+            1. unloading until w = 0: by Runge-Kutta steps; near w = 0 by a power series (n < 2) or
+               by Simpson's rule
+            2. loading near w = 0: by a power series (n < 2 only)
+            3. loading: by Runge-Kutta steps
 
         The dissipation is a multiple of (1 - a) Fy^2 / k. FORCE, INTERNAL (w) and DISSIPATED (J)
         are written to block `trial`.

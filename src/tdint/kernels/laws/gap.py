@@ -125,7 +125,8 @@ def _functions() -> LawFunctions:
         """Set the branch that follows the current branch at the drift of a stop.
 
         From the gap, it is the contact with the stop on the side of the event; from a contact, it
-        is the gap.
+        is the gap. The event REVERSED cannot occur, because all branches are valid for both signs
+        of the drift rate.
 
         Parameters
         ----------

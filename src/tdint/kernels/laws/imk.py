@@ -598,15 +598,22 @@ def _functions() -> LawFunctions:
     def cross_zero_force(law_parameters, law_state, i, block, side):
         """Apply the deterioration at a zero crossing of the force, and set the reloading branch.
 
-        The point of maximum drift, with the drift dm and the force Fm, is moved to the deteriorated
-        backbone curve. Reloading leads towards this point or the last peak (`set_branch_to_peak`).
-        With pinching, it leads first to the pinched point with the drift x and the force F:
+        `switch` calls this function in two cases: an unloading branch has reached zero force, or a
+        loading branch reverses before its force has become positive. The force is set to 0, and
+        side `side` is loaded next. All drifts and forces below are positive on this side.
 
-            x = (1 - kD) (dm - Fm / Ku),   F = kF Fm (x - z) / (dm - z)
+        1. The deterioration is applied (`deteriorate`). If it exhausts a capacity, the story fails.
+        2. The point of maximum drift, with the drift dm and the force Fm, is moved to the
+           deteriorated backbone curve.
+        3. The reloading branch is set. With pinching, it leads to the pinched point with the drift
+           x and the force F:
 
-        kD and kF are the pinching parameters `drift` and `force`, z is the drift of the zero
-        crossing, and Ku is the unloading stiffness. If both parameters are 1, or if x is not ahead
-        of z, the pinched point is omitted.
+               x = (1 - kD) (dm - Fm / Ku),   F = kF Fm (x - z) / (dm - z)
+
+           kD and kF are the pinching parameters `drift` and `force`, z is the drift of the zero
+           crossing, and Ku is the unloading stiffness. If kD and kF are 1, or if x is not larger
+           than z, the pinched point is omitted. The branch then leads towards the last peak or the
+           point of maximum drift (`set_branch_to_peak`).
 
         Parameters
         ----------

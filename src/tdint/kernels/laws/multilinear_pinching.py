@@ -326,7 +326,8 @@ def _functions() -> LawFunctions:
         """Return the degradation of stiffness, maximum drift and strength by a reversal at the
         current state, as three fractions.
 
-        With the results ks, ds and fs, a reversal has the following effects (`start_path`):
+        The three fractions are ks (stiffness), ds (maximum drift) and fs (strength). They are only
+        computed here; `start_path` applies them at the reversal:
 
             stiffness        (1 - ks) times the stiffness of the first line of the backbone curve
             strength         (1 - fs) times the force of the backbone curve
@@ -531,25 +532,26 @@ def _functions() -> LawFunctions:
         """Return the path after a reversal: drift and force of three points.
 
         `side` is the side towards which the story moves after the reversal. All drifts and forces
-        are positive in this direction. The path leads from the reversal in straight lines to
+        are positive in this direction; drift and force of the reversal are usually negative. The
+        path leads from the reversal in straight lines to three points:
 
-            1. the end of unloading. Its force is the pinching parameter `unloading` times the
-               degraded force of the third backbone point, or of the fourth point if the maximum
-               drift exceeds the third point
-            2. the end of the pinched part (`reloading_point`). Its drift and force are the pinching
-               parameters `drift` and `force` times drift and force of point 3
-            3. the point of maximum drift on the side of the movement, with the degraded force
+            1. End of unloading. The force is the pinching parameter `unloading` times the degraded
+               force of the third backbone point, or of the fourth point if the maximum drift
+               exceeds the third point. The drift follows from the unloading stiffness.
+            2. End of the pinched part (`reloading_point`). Drift and force are the pinching
+               parameters `drift` and `force` times drift and force of point 3.
+            3. Point of maximum drift on side `side`, with the degraded force.
 
-        Parts that would lead backwards, fall or be too steep are corrected as in Pinching4 of
-        OpenSees (Lowes and Altoontash 2003). If points 1 and 2 cannot be used, the complete path is
-        replaced by the direct line from the reversal to point 3: all three points are then point 3.
-        This is the case if
+        The points are computed in the order 3, 2, 1. As in Pinching4 of OpenSees (Lowes and
+        Altoontash 2003), points 1 and 2 are moved if a part would lead backwards or fall. The path
+        is the direct line from the reversal to point 3 (all three points are then point 3) if
 
-            - the drift of the reversal is zero or has the sign of the movement
-            - point 2 is behind the reversal
-            - the pinched part is steeper than the stiffnesses of loading and of unloading
-            - a drift or force still decreases after the corrections (`validated_path`, which
-              prefers two lines through the origin in some cases)
+            - the drift of the reversal is zero or positive,
+            - point 2 is behind the reversal, or
+            - the pinched part is steeper than the stiffnesses of loading and of unloading.
+
+        If a drift or force still decreases along the path after the corrections, `validated_path`
+        replaces the path by the direct line, or by two lines through the origin.
 
         Parameters
         ----------
