@@ -164,7 +164,7 @@ def step(
 def _take_substeps(coefficients, scene, h, load, memory):
     """Take one time step as a sequence of substeps between the branch changes of the laws.
 
-    The loop has these stages:
+    An event is the change of a story to another branch of its law. The loop has these stages:
 
     1. Solve the equations from the end of the last substep to the end of the time step, on the
        current branches: by one linear solution if all laws are linear on their branches, otherwise
@@ -279,7 +279,9 @@ def _take_substeps(coefficients, scene, h, load, memory):
                     if fraction * substep > _IMMEDIATE * h:
                         # Repeat the solution for a substep that ends at the branch change.
                         if HAS_CURVED_FORCE and not is_piecewise_linear:
-                            # Newton's method starts from the part of the present solution.
+                            # The first estimate of Newton's method is the part of the present
+                            # solution up to the branch change. The complete increments are kept in
+                            # rows REMAINING for the rest of the step.
                             if not is_shortened:
                                 copy_rows(scratch, momentum.DU, ROW.REMAINING, 2, n)
                             _shorten_increments(fraction, substep, state, scratch, n)
@@ -287,8 +289,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         substep *= fraction
                         ends_at_event = True
                     else:
-                        # The time of the branch change is the start of the substep: change the
-                        # branch, and solve again for the remaining step.
+                        # The branch change is at the start of the substep: change the branch
+                        # without a substep, and solve again for the remaining step.
                         _change_branch(linear_terms, law_parameters, state, law_state, story, event)
                         branch_changes += 1
                         substep = h - elapsed
@@ -702,7 +704,9 @@ def _update_substep_peaks(scene, span, memory):
             i,
             state[rows.ACCELERATION, i] + span.ground_1,
         )
-        # A story that reversed within the substep has its largest force at the reversal.
+        # A story that reversed within the substep has its largest force at the reversal. The force
+        # is computed on the path from the end of the substep (block 0) back to the reversal drift,
+        # because the law state at the start has been replaced.
         if reversal_count > 0 and scratch[ROW.REVERSAL_DRIFTS, i] != drift:
             restoring_force_outlined(
                 scene.law_parameters,
