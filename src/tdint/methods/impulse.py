@@ -346,11 +346,13 @@ def _factor(coefficients, linear_terms, modal, h, factors):
 
     with the mass and damping matrices M and C, the restoring forces f0 at the start, the tangent
     stiffness k_T at the end, the integral q of the displacement over the step, and the impulse I of
-    the load. The unknowns are u1 - u0 and v1 - v0 of each floor. The matrix contains these
-    derivatives:
+    the load. The factors 1/2 and 1/12 of the kinematic equation are _THETA and _BY_A. The unknowns
+    are u1 - u0 and v1 - v0 of each floor. Equilibrium with the load p1 at the end eliminates a1:
+    M a1 = p1 - C v1 - f(u1). The matrix contains these derivatives of two terms (eq. 14 for q):
 
-        h^2/12 M a1    -h^2/12 k_T by u1, -h^2/12 C by v1; from M a1 = p1 - C v1 - f(u1)
-        q              h (1 - 72 beta) by u1, h^2 (24 beta - 1/4) by v1 (eq. 14)
+        term           with respect to u1    with respect to v1
+        h^2/12 M a1    -h^2/12 k_T           -h^2/12 C
+        q              h (1 - 72 beta)       h^2 (24 beta - 1/4)
 
     The derivative of k_T is omitted.
 
@@ -364,13 +366,16 @@ def _factor(coefficients, linear_terms, modal, h, factors):
     h : float
         Time step, s.
     factors : Factors
-        Scratch array and the rows of the factorization.
+        Scratch array and the rows of the factorization. Row TANGENT of the scratch array contains
+        k_T without P-delta for each story, N/m.
     """
     scratch = factors.table
     n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
     by_a = _BY_A * h * h
     for i in range(n):
+        # Later iterations compare their tangents with row FACTORED. The factorization is reused
+        # while the differences are small.
         scratch[_ROW.FACTORED, i] = scratch[_ROW.TANGENT, i]
         tangent = scratch[_ROW.TANGENT, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
@@ -384,7 +389,8 @@ def _factor(coefficients, linear_terms, modal, h, factors):
         scratch[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)
     # Modal damping C contributes -h^2/12 C to the derivative of the kinematic equation with respect
-    # to v1, and C to the derivative of the momentum equation with respect to u1.
+    # to v1, and C to the derivative of the momentum equation with respect to u1. The four numbers
+    # are the factors of C: kinematic equation by u1 and v1, momentum equation by u1 and v1.
     factor_blocks(factors, ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
 
 

@@ -517,7 +517,8 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         State and law states at the start of the substep.
     scratch : ndarray
         Rows U1 (m) and V1 (m/s) contain the response at the end of the substep. Row KINK is not 0
-        for stories with a reversal that is not located.
+        for a story with a reversal inside the substep that is accepted, because its effect is
+        negligible.
     story : int
         Index of the story that changes its branch.
     event : float
@@ -527,7 +528,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     -------
     float
         _BEYOND_EVENT if the drift of any story is outside its branch by more than the tolerance,
-        or if a story has a reversal in the substep that must be located. Otherwise _BEFORE_EVENT if
+        or if a story has a reversal in the substep that is not accepted. Otherwise _BEFORE_EVENT if
         `story` has not reached the limit of its branch within the tolerance. Otherwise 0: the
         substep ends at the branch change.
     """
@@ -551,7 +552,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         v1_below = scratch[momentum.V1, i]
         # The branch is valid for drift rates with the sign RATE_SIGN (0: for both signs). A story
         # that moved in the opposite direction has a reversal in the substep. The reversal is
-        # accepted only if its effect is negligible (row KINK is not 0).
+        # accepted if row KINK is not 0: its effect is negligible.
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
             abs(drift) + abs(law_state[rows.DRIFT, i])
         )

@@ -518,8 +518,15 @@ def _predict_stages(coefficients, scene, h, load, memory):
 def _is_curved(flags):
     """Return True if a story has a curved law and no story has a power-law dashpot.
 
-    The forces of power-law dashpots change suddenly when a story reverses. Extrapolated forces are
-    then a worse estimate, and the mismatch of a run does not measure its errors.
+    In such a building, the first estimate of Newton's method is extrapolated from the forces of the
+    last step, and the tolerance depends on the mismatch (difference between extrapolated and actual
+    forces). The forces of power-law dashpots change suddenly when a story reverses. With such
+    dashpots, extrapolated forces are a worse estimate, and the mismatch of a run does not measure
+    its errors.
+
+    A law is curved if its force between branch changes is a nonlinear function of the drift. The
+    flag BRANCHES is ALL_BRANCHES if every law is linear or piecewise linear. In a nonlinear
+    building, any other value means that a story has a curved law.
 
     Parameters
     ----------

@@ -91,7 +91,12 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
 
     For a module of tdint, the source file follows from its name. For a module of a plug-in and the
     modules that it imports, it is the file from which the module was loaded. The module of a law of
-    tdint has the name of the law, with underscores instead of hyphens.
+    tdint has the name of the law, with underscores instead of hyphens. The dictionary OUTSIDE
+    contains the module of each law of a plug-in, by the name of the law.
+
+    The modules of the package `building` (_BUILDING) compile the kernels. Three of these modules
+    (_COMPILING) affect the object file and are therefore always included. A change of the other
+    modules does not require a new compilation, so that imports from this package are ignored.
 
     Parameters
     ----------

@@ -661,13 +661,16 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     On a linear branch with the stiffness k, the force is f0 + k (d - d0) with force and drift at
     the start. Otherwise the law moves from the start of the step to the inner point (block
     FIRST_TRIAL of the law states) and from this state to the end (SECOND_TRIAL). If the drift of a
-    curved law reverses within the step, `_evaluate_over_reversal` evaluates the law at the reversal
-    as well.
+    curved law reverses within the step, and `keep_branches` is True, `_evaluate_over_reversal`
+    evaluates the law at the reversal as well.
 
     Parameters
     ----------
     keep_branches : bool
-        True if a story with a linear branch remains on it.
+        True if the caller divides the step at branch changes and reversals. A story with a linear
+        branch then remains on this branch. A curved law is evaluated at its reversal as well,
+        because the caller accepts the reversal within the step if its effect is negligible. False
+        if the complete step is solved and no branch change or reversal is located.
     coefficients : ndarray
         Coefficients of the method: the weights wc and w1 of the quadrature are used.
     scene : Scene
@@ -679,8 +682,9 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     drifts : tuple of float
         Drifts at the inner point and at the end, m.
     memory : Memory
-        State, law states and scratch array. Row KINK of the scratch array is set: it is not 0 only
-        if a curved law is evaluated over a reversal within the step.
+        State, law states and scratch array. If `keep_branches` is True, row KINK of the scratch
+        array is set: the estimated error of a curved law that is evaluated over a reversal within
+        the step, otherwise 0. If `keep_branches` is False, row KINK is not changed.
 
     Returns
     -------

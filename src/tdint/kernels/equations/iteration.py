@@ -86,7 +86,8 @@ def tolerance_of_run(scratch, row, tolerance_per_mismatch):
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     row : int
-        Row of the maxima over the run (`update_run_maxima`); 0 until they are known.
+        Number of the row with the maxima over the run (`update_run_maxima`): of the mismatch in
+        column 0, of the squared accelerations in column 1. Both are 0 until their first update.
     tolerance_per_mismatch : float
         Tolerance divided by the relative mismatch, dimensionless.
     """

@@ -165,7 +165,7 @@ def _derivative(series, terms, order, t):
     terms : int
         Number of coefficients.
     order : int
-        Order of the derivative, 0 to 2.
+        Order of the derivative: 0 for displacement, 1 for velocity, 2 for acceleration.
     t : float
         Time, s.
     """
@@ -192,7 +192,7 @@ def _root(series, terms, order, level, left, right):
     terms : int
         Number of coefficients.
     order : int
-        Order of the derivative, 0 to 2.
+        Order of the derivative: 0 for displacement, 1 for velocity, 2 for acceleration.
     level : float
         Level, m, m/s or m/s^2.
     left, right : float
@@ -221,7 +221,9 @@ def _root(series, terms, order, level, left, right):
 
 @outlined
 def _velocity_zero(series, terms, start, end):
-    """Return the time (s) when the velocity changes its sign between `start` and `end`, or `end`.
+    """Return the time (s) when the velocity changes its sign between `start` and `end`.
+
+    If the velocity does not change its sign between both times, the result is `end`.
 
     The displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... The velocity must be monotonic
     between both times.

@@ -807,13 +807,18 @@ def store(ground, fitted_ground, memory, seen, row):
 
     The energies in `totals` must have been updated before.
 
+    In a step longer than a sampling interval, the load of the equations is not the ground
+    acceleration itself, but a straight line fitted to it. The relative accelerations of the floors
+    are in equilibrium with this line. The absolute accelerations are therefore their sums with the
+    value of the line, `fitted_ground`. The history shows the actual ground acceleration, `ground`.
+
     Parameters
     ----------
     ground : float
-        Ground acceleration, m/s^2.
+        Ground acceleration of the motion at the time of the row, m/s^2.
     fitted_ground : float
-        Ground acceleration of the observed response, which differs from `ground` for long steps,
-        m/s^2.
+        Value of the fitted line at the end of the step, m/s^2. Equal to `ground` at the start of a
+        run and for steps that are not longer than a sampling interval.
     memory : Memory
         State and law states.
     seen : Seen
