@@ -124,7 +124,7 @@ def _take_shortcuts() -> None:
         if value_type is ir.Loc or value_type is str:
             return []
         if value_type is dict:
-            return [found for operand in value.values() for found in variables(self, operand)]
+            return [variable for operand in value.values() for variable in variables(self, operand)]
         result: list[Any] = default_variables(self, value)
         return result
 
