@@ -30,8 +30,8 @@ RECURSION_ROWS = 8
 TERMS = 15
 """Maximum number of terms of a Taylor series. With omega h <= 1 the remainder is below 1e-9."""
 
-_MIN_TERMS = 5  # minimum number of terms: those of the cubic and two more
-_TRUNCATION = 2e-10  # maximum neglected term relative to the cubic term
+_MIN_TERMS = 5  # minimum number of terms: from the constant term to the fourth power
+_TRUNCATION = 2e-10  # maximum of the first omitted term relative to the cubic term
 # Maximum number of Newton iterations; the iteration is bracketed and therefore always ends
 _MAX_ITERATIONS = 30
 _NEWTON_TOLERANCE = 1e-4  # fraction of the step; maximum last correction of Newton's method
@@ -82,12 +82,19 @@ def interpolate_samples(samples, parts, ground):
 
 @inline
 def excess_factor(vibration):
-    """Return a bound of the excess of a quantity q within a step over its endpoint values, s^2.
+    """Return the factor that bounds the excess of |q| within a step over its endpoint values, s^2.
 
-    The bound is divided by the larger of the two values |q''| at the endpoints. It follows from two
-    facts. Within a step, q differs from the straight line between its endpoint values by at most
-    h^2/8 times the maximum of |q''|. And q'' is a free vibration: for omega h <= 1, its maximum is
-    at most exp(xi omega h) / cos(omega h / 2) times the larger endpoint value.
+    Within a step, the absolute value of a quantity q exceeds the larger of its two endpoint values
+    by at most the factor times the larger of the two values |q''| at the endpoints. The factor
+    follows from two facts. Within a step, q differs from the straight line between its endpoint
+    values by at most h^2/8 times the maximum of |q''|. And q'' is a free vibration: for omega h <=
+    1, the maximum of |q''| is at most exp(xi omega h) / cos(omega h / 2) times its larger endpoint
+    value.
+
+    Parameters
+    ----------
+    vibration : Vibration
+        omega^2 (`by_u`, 1/s^2), 2 xi omega (`by_v`, 1/s) and the length h of the step (s).
     """
     by_u, by_v, h = vibration
     return 0.125 * h * h * math.exp(0.5 * by_v * h) / math.cos(0.5 * math.sqrt(by_u) * h)
@@ -125,8 +132,15 @@ def may_exceed(best, factor, q0, d0, e0, q1, d1, e1):
 
 @outlined
 def largest_between(q, rates, d1, vibration, n, series):
-    """Return the maximum absolute value of a quantity q at its extrema within a step; 0 without an
-    extremum.
+    """Return the maximum absolute value of a quantity q at its extrema within a step.
+
+    The caller must first test the step with `may_exceed`. It returns True only in three cases:
+
+    1. q' is zero at the start, and q'' at the start and q' at the end have different signs. q' has
+       one more zero in the step.
+    2. q' has different signs at the endpoints, and therefore one zero.
+    3. q' has the same sign at both endpoints, and q'' has different signs. q' has two zeros or no
+       zero. Without a zero, the result is 0.
 
     With x = t / h from 0 to 1, power series in x represent q, h q' and h^2 q''. As q'' is a free
     vibration of the oscillator, y = q'' satisfies y'' = -(2 xi omega y' + omega^2 y), which gives
@@ -134,7 +148,7 @@ def largest_between(q, rates, d1, vibration, n, series):
 
         c_k = -(2 xi omega h c_(k-1) + (omega h)^2 c_(k-2) / (k - 1)) / k
 
-    The other two series follow by integration. The extrema are at the zeros of q'.
+    The other two series follow by integration.
 
     Parameters
     ----------
@@ -145,7 +159,7 @@ def largest_between(q, rates, d1, vibration, n, series):
     d1 : float
         q' at the end of the step.
     vibration : Vibration
-        Properties of the oscillator.
+        omega^2 (`by_u`, 1/s^2), 2 xi omega (`by_v`, 1/s) and the length h of the step (s).
     n : int
         Number of terms of the series of q (`term_count`). The series of q' has n - 1 terms, the
         series of q'' n - 2 terms.
@@ -171,18 +185,22 @@ def largest_between(q, rates, d1, vibration, n, series):
         rate_series[k] = curvature_series[k - 1] * _INVERSE[k]
     for k in range(1, n):
         q_series[k] = rate_series[k - 1] * _INVERSE[k]
-    # If q' is zero at the start, this zero is not within the step. It is removed by a division of
-    # the series by x, which does not change the value at x = 1.
+    # `_root` returns the zero of a series between two values of x. Its last two arguments are the
+    # values of the series there. `_value` returns the value of a series, [0], and its derivative.
+    #
+    # Case 1: the zero of q' at the start is not within the step. A division of the series of h q'
+    # by x removes this zero. The value at x = 1 remains h q'; the value at x = 0 becomes h^2 q''.
     if d == 0.0:
         for k in range(n - 2):
             rate_series[k] = rate_series[k + 1]
         return abs(
             _value(q_series, n, _root(rate_series, n - 2, 0.0, 1.0, rate_series[0], d1 * h))[0]
         )
-    if d * d1 < 0.0:  # q' has one zero
+    # Case 2: q' has one zero.
+    if d * d1 < 0.0:
         return abs(_value(q_series, n, _root(rate_series, n - 1, 0.0, 1.0, d * h, d1 * h))[0])
-    # q' has the same sign at both endpoints. It has two zeros if its sign is opposite at the zero
-    # of q'' in between, and otherwise no zero.
+    # Case 3: q' has the same sign at both endpoints. It has two zeros if its sign is opposite at
+    # the zero of q'' in between, and otherwise no zero.
     inflection = _root(
         curvature_series,
         n - 2,
@@ -201,17 +219,23 @@ def largest_between(q, rates, d1, vibration, n, series):
 
 @outlined
 def term_count(vibration):
-    """Return the number of terms of the power series of a quantity q that are needed for an
-    oscillator.
+    """Return the number n of terms that the power series of a quantity q needs for an oscillator.
 
-    The series represents q within a step of length h. From the third derivative on, each derivative
-    is about omega times the previous derivative, so that term n is about omega h / n times the
-    previous term. The third derivative contains the slope of the ground acceleration. `vibration`
-    contains omega^2, 2 xi omega and h. The result is at most TERMS.
+    The series c_0 + c_1 x + ... + c_(n-1) x^(n-1) represents q within a step of length h, with x =
+    t / h from 0 to 1. Above the third derivative, which contains the slope of the ground
+    acceleration, each derivative is about s times the previous derivative. Here s is the larger
+    value of omega and 2 xi omega. Therefore c_k is about s h / k times c_(k-1) for k > 3. The
+    result is the smallest n from _MIN_TERMS on for which the first omitted coefficient c_n is at
+    most _TRUNCATION times c_3. It is at most TERMS.
+
+    Parameters
+    ----------
+    vibration : Vibration
+        omega^2 (`by_u`, 1/s^2), 2 xi omega (`by_v`, 1/s) and the length h of the step (s).
     """
     by_u, by_v, h = vibration
     scale = h * max(math.sqrt(by_u), by_v)
-    n, term = 3, 1.0  # number of terms, and size of the last term relative to the cubic term
+    n, term = 3, 1.0  # number of terms, and estimate of |c_n / c_3|; c_n is the first omitted term
     while n < TERMS and (n < _MIN_TERMS or term > _TRUNCATION):
         n += 1
         term *= scale * _INVERSE[n]
