@@ -193,8 +193,9 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
 
     The law follows the parabola of drift d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1, in
     the trial state SECOND_TRIAL: first to the reversal (or to the end of the step, if there is no
-    reversal), then from the reversal to the end. The committed state is not changed. Each corner is
-    stored with `_store_corner`.
+    reversal), then from the reversal to the end. The committed state is not changed. At each
+    corner, `_store_corner` stores the time in the list of corners and raises the peak of the story
+    force.
 
     Parameters
     ----------
@@ -208,12 +209,17 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
         True if the story has no reversal in the step. An extremum of the parabola is ignored in
         this case, because the parabola only approximates the drift.
     corners : Integrals
-        Scratch array and its first row CORNERS, which receives the times of the corners.
+        Scratch array and the first of its rows CORNERS. Column 0 of these rows contains the list of
+        corners: their number, then their times. The peak force of the story is in the rows PEAKS of
+        the same array.
     """
     path.copy(law_state, i, 0, rows.SECOND_TRIAL)  # start from the committed state (block 0)
+    # Time of the extremum of the parabola; 1 if there is no extremum within the step
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
     part_before = path.path_segment(complete, 0.0, reversal_time)
     end_drift = path.drift_at(complete, reversal_time)
+    # `_direction` returns the sign of the change of drift over the part. If `no_reversal` is True,
+    # the part is the complete step, and the law moves in this direction only.
     _follow_path_storing_corners(
         law_parameters,
         law_state,
@@ -226,7 +232,8 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     )
     if reversal_time < 1.0:
         _store_corner(corners, i, reversal_time, law_state[rows.SECOND_TRIAL + rows.FORCE, i])
-        # The story has a reversal here, so the argument `no_reversal` of `_direction` is False.
+        # The parabola reverses at this time, so the argument `no_reversal` of `_direction` is
+        # False.
         part_after = path.path_segment(complete, reversal_time, 1.0)
         end_drift = path.drift_at(complete, 1.0)
         _follow_path_storing_corners(
@@ -246,9 +253,10 @@ def _store_nodes(scratch, n):
     """Compute the times of the nodes and return their number.
 
     The nodes are the endpoints of the step, the corners (rows CORNERS), and the midpoints between
-    them. Corners that are closer than _MIN_DISTANCE to the previous node are omitted. The times, as
-    fractions of the step, are stored in the last column (n, the number of floors) of the rows
-    NODE_FORCE.
+    them. A corner is omitted if its distance from the last node is at most _MIN_DISTANCE. The end
+    of the step is always a node, because `_store_corner` does not store a corner at the end. The
+    times, as fractions of the step, are stored in the last column (n, the number of floors) of the
+    rows NODE_FORCE.
 
     Parameters
     ----------
@@ -268,6 +276,7 @@ def _store_nodes(scratch, n):
     # order. For each corner and for the end of the step, a midpoint and the corner are added.
     corners = int(scratch[ROW.CORNERS, 0])
     for k in range(corners + 1):
+        # `t` is the time of the next corner, or 1 for the end of the step.
         previous = scratch[ROW.NODE_FORCE + count - 1, n]
         t = scratch[ROW.CORNERS + 1 + k, 0] if k < corners else 1.0
         if t - previous > _MIN_DISTANCE:
@@ -327,7 +336,7 @@ def _store_forces(scene, h, memory, i, count):
         Law states and scratch array. Rows PATH contain the mean int f dt and the first moment
         12 int s f dt of the story force f over the step, including P-delta and dampers, N.
         Column i of the rows NODE_FORCE receives the forces; the trial state SECOND_TRIAL of the law
-        is overwritten.
+        is overwritten. The list of corners and the peaks do not change.
     i : int
         Index of the story.
     count : int
@@ -369,6 +378,8 @@ def _store_forces(scene, h, memory, i, count):
             segment = path.path_segment(story_path, previous_t, t)
             direction = _direction(segment, scratch[ROW.NO_REVERSAL, i] != 0.0)
             end_drift = path.drift_at(story_path, t)
+            # Move the law to this node. The last argument is required, but not used:
+            # `_follow_path` does not change the list of corners.
             _follow_path(
                 scene.law_parameters,
                 law_state,
@@ -409,12 +420,18 @@ def _store_accelerations(scene, h, load, scratch, k):
         p                force applied to the floor, N
         q                viscous force from the ground on the floor, N: -c v of the floor damper c
                          at the velocity v, plus the force of modal damping
-        V_i, V_(i+1)     forces of the stories below and above, including story dampers, N
+        V_i, V_(i+1)     forces of the stories below and above, N: restoring force, P-delta, linear
+                         story damper and power-law dashpot
 
     The ground acceleration does not occur in this equation, because the acceleration is absolute.
-    Row NODE_ACCELERATION + k receives the accelerations, m/s^2. In row NODE_FORCE + k, the story
-    forces (without dampers) are replaced by total shears: V_i minus the sum of q over floor i and
-    the floors above, N.
+    Row NODE_ACCELERATION + k receives the accelerations, m/s^2. Before the call, row NODE_FORCE + k
+    contains the part of V_i without damper and dashpot. Afterwards, it contains the total shears of
+    the stories, N:
+
+        total shear = V_i - sum of q = sum of (p - m acceleration)
+
+    Both sums extend over the floors that story i supports. Only the absolute value of the total
+    shear is used later, for its peak.
 
     Parameters
     ----------
@@ -444,7 +461,8 @@ def _store_accelerations(scene, h, load, scratch, k):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         rate = inverse_h * _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i)
         story_force = scratch[ROW.NODE_FORCE + k, i] + linear_terms[rows.STORY_DAMPER, i] * rate
-        story_force += power_damper(linear_terms, i, rate)[0]  # force, without its derivative
+        # `power_damper` returns the force of the dashpot and its derivative.
+        story_force += power_damper(linear_terms, i, rate)[0]
         viscous_force = (
             scratch[ROW.MODAL_FORCE, i]
             - inverse_h * linear_terms[rows.FLOOR_DAMPER, i] * scratch[ROW.NODE_VELOCITY + k, i]
@@ -456,6 +474,7 @@ def _store_accelerations(scene, h, load, scratch, k):
         )
         story_force_above = link * story_force
         viscous_shear *= link
+    # Add p / m to the accelerations.
     if FORCES:
         for j in range(forces.shape[0]):
             i = int(forces[j, rows.FLOOR])
@@ -477,7 +496,8 @@ def _integrate_accelerations(h, load, memory, i, count):
 
     All quantities have the unit m: velocities are multiplied by h, and accelerations by h^2.
     Displacements are relative to the start of the step. Rows NODE_DISPLACEMENT and NODE_VELOCITY
-    receive the results.
+    receive the results of all nodes except node 0, the start of the step, where the response is
+    known.
 
     Integration from corner to corner: The acceleration between two corners is the parabola through
     the accelerations a0 at the first corner, a1 at the midpoint and a2 at the second corner. x is
@@ -490,9 +510,9 @@ def _integrate_accelerations(h, load, memory, i, count):
                          displacement    u + 2 x v + x^2 (2 a0 + 4 a1) / 3
 
     Correction: At t = 1, the integrated displacement and velocity differ slightly from the response
-    at the end of the step, which the step has already determined: the change of displacement in row
-    RISE and the change of velocity in row A0. Therefore, the acceleration p + q (t - 1/2) is added.
-    Its integrals are
+    at the end of the step, which the step has already determined. Row RISE contains the change of
+    displacement. Row A0 contains h^2 times the mean acceleration, which is h times the change of
+    velocity. Therefore, the acceleration p + q (t - 1/2) is added. Its integrals are
 
         velocity        p t + q (t^2 - t) / 2
         displacement    p t^2 / 2 + q (t^3 / 6 - t^2 / 4)
@@ -515,6 +535,7 @@ def _integrate_accelerations(h, load, memory, i, count):
     state, _, scratch, _ = memory
     n = state.shape[1] - 1
     scaled_v0 = h * state[rows.VELOCITY, i]
+    # `displacement` and `rate` (h times the velocity) are u and v at the first corner.
     displacement, rate = 0.0, scaled_v0
     a2 = _relative_acceleration(h, load, scratch, 0, i, n)
     for k in range(0, count - 2, 2):  # k: first corner, k + 1: midpoint, k + 2: second corner
@@ -538,19 +559,15 @@ def _integrate_accelerations(h, load, memory, i, count):
         rate += half_interval * (a0 + 4.0 * a1 + a2) / 3.0
         scratch[ROW.NODE_DISPLACEMENT + k + 2, i] = displacement
         scratch[ROW.NODE_VELOCITY + k + 2, i] = rate
-    # Add the correction, the integrals of p + q (t - 1/2). `velocity_misfit` is p, the velocity
-    # error at t = 1. `displacement_misfit` is q: at t = 1, p adds p / 2 and q adds -q / 12 to the
-    # displacement.
-    velocity_misfit = scaled_v0 + scratch[ROW.A0, i] - rate
-    displacement_misfit = 12.0 * (0.5 * velocity_misfit - (scratch[ROW.RISE, i] - displacement))
+    # Add the correction, the integrals of p + q (t - 1/2). At t = 1 they are p for the velocity and
+    # p / 2 - q / 12 for the displacement. They must be equal to the required changes of the
+    # velocity, h v0 + A0 - rate, and of the displacement, RISE - displacement, in m.
+    p = scaled_v0 + scratch[ROW.A0, i] - rate
+    q = 12.0 * (0.5 * p - (scratch[ROW.RISE, i] - displacement))
     for k in range(1, count):
         t = scratch[ROW.NODE_FORCE + k, n]
-        scratch[ROW.NODE_DISPLACEMENT + k, i] += (
-            t * t * (0.5 * velocity_misfit + displacement_misfit * (t / 6.0 - 0.25))
-        )
-        scratch[ROW.NODE_VELOCITY + k, i] += t * (
-            velocity_misfit + 0.5 * displacement_misfit * (t - 1.0)
-        )
+        scratch[ROW.NODE_DISPLACEMENT + k, i] += t * t * (0.5 * p + q * (t / 6.0 - 0.25))
+        scratch[ROW.NODE_VELOCITY + k, i] += t * (p + 0.5 * q * (t - 1.0))
 
 
 @inline
@@ -655,7 +672,8 @@ def _may_exceed_peaks(scene, h, load, memory):
     may_exceed = FORCES and forces.shape[0] > 0
     deviation_above = shear_0 = shear_1 = 0.0
     # From the roof downwards; shear_0 and shear_1 are sums of mass times absolute acceleration at
-    # the start and at the end of the step.
+    # the start and at the end of the step. Without forces on floors, they are minus the total
+    # shears; only their absolute values are used.
     for i in range(n - 1, -1, -1):
         # `deviation` is the bound of the deviation of the story force from a straight line, N. It
         # is 0 for a story that remains on its branch, and for a curved law (SLOPE is infinite).
@@ -714,14 +732,22 @@ def update_peaks_at_corners(scene, h, load, memory):
 
 @outlined
 def _update_peaks_at_corners(scene, h, load, memory):
-    """Find the corners of all stories, and update the peaks at and between the corners.
+    """Find the corners of the stories, and update the peaks at and between the corners.
 
-    A corner is a branch change or a reversal of a story within the step. The peaks of story forces,
-    accelerations and total shears are updated in the rows of the scratch array from ROW.PEAKS on.
-    The number ROW.PEAKS is stored in the status of the step. The observer
-    (`tdint.kernels.time_loop.observer`) then reads these peaks from the scratch array, and computes
-    no other peaks of these quantities within the step. Without corners, or if no peak can be
-    exceeded, the status is unchanged.
+    A corner is a branch change or a reversal of a story within the step. Stories that remain on a
+    linear branch (row LEAVES_BRANCH is 0) have no corners. Stories with curved laws (row SLOPE is
+    infinite) are skipped. The peaks of story forces, accelerations and total shears are updated in
+    the rows of the scratch array from ROW.PEAKS on. The number ROW.PEAKS is stored in two elements
+    of the status of the step:
+
+        STEP_PEAKS    this step has computed peaks. The observer of the response
+                      (`tdint.kernels.time_loop.observer`) merges them into the peaks of the run,
+                      and computes no other peaks of these quantities within the step. It then sets
+                      the element to 0.
+        RUN_PEAKS     the rows contain a copy of the peaks of the run. The element remains set, so
+                      that the time loop resets the copy if it resets the peaks of the run.
+
+    Without corners, or if no peak can be exceeded, the status is unchanged.
 
     Parameters
     ----------
@@ -738,10 +764,14 @@ def _update_peaks_at_corners(scene, h, load, memory):
     n = scene.linear_terms.shape[1] - 1
     if not _may_exceed_peaks(scene, h, load, memory):
         return
+    # Column 0 of the rows CORNERS is the list of the corners of all stories: first their number,
+    # then their times. A tuple of type `Integrals` (table, first row) passes the location of the
+    # list to the functions; it contains no integrals here.
     scratch[ROW.CORNERS, 0] = 0.0
     for i in range(n):
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
-            # Store the corners of the story, and raise the peak of its force.
+            # Store the corners of the story, and raise the peak of its force. `complete` is its
+            # parabola of drift over the complete step.
             complete = _story_path(scene.linear_terms, law_state, scratch, i)
             no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
             _find_corners(
@@ -817,8 +847,9 @@ def _update_peaks_between_corners(scene, h, load, memory):
         1. displacements and velocities of the floors: in the first pass, cubic functions of time
            through the endpoint values of the step; in the next passes, integrals of the
            accelerations of the previous pass
-        2. story forces at these displacements, from the laws
-        3. absolute accelerations of the floors and total shears of the stories, from equilibrium
+        2. story forces at these displacements, from the laws (rows NODE_FORCE)
+        3. absolute accelerations of the floors (rows NODE_ACCELERATION) and total shears of the
+           stories, from equilibrium; the total shears replace the story forces in rows NODE_FORCE
 
     The peaks are raised by the values of the last pass at the nodes and by the extrema of the
     parabolas through a corner, the next midpoint and the next corner.
