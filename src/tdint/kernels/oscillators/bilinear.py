@@ -216,6 +216,8 @@ def _root(series, terms, order, level, left, right):
         )
         if right - left <= 4e-16 * right or (moved <= 4e-16 * right and i % 4 != 3):
             break
+    # `side` is -1 if `narrow_bracket` moved `left` last, and 1 if it moved `right` last. The
+    # endpoint that was moved last is the best estimate.
     return left if side < 0 else right
 
 
@@ -240,6 +242,7 @@ def _velocity_zero(series, terms, start, end):
         End of the interval, s.
     """
     if _velocity(series, terms, start) * _velocity(series, terms, end) < 0.0:
+        # Locate the time when the velocity (derivative of order 1) crosses the level 0.
         return _root(series, terms, 1, 0.0, start, end)
     return end
 
@@ -260,8 +263,8 @@ def _end_of_yielding(series, terms, side, middle, remaining):
     side : float
         Direction of yielding, 1 or -1.
     middle, remaining : float
-        Times at which the monotonic parts of the velocity end; `remaining` is the end of the
-        step, s.
+        Ends of the two parts with a monotonic velocity, s: `middle` is the zero of the
+        acceleration (or `remaining`), and `remaining` is the end of the step.
     """
     start = 0.0
     for end in (middle, remaining):
@@ -276,11 +279,12 @@ def _end_of_yielding(series, terms, side, middle, remaining):
 
 @outlined
 def _end_of_elastic_branch(series, terms, state, middle, remaining):
-    """Return the time (s) when the displacement exceeds a limit of the elastic branch, or NEVER
-    (-1).
+    """Return the time (s) when the displacement reaches a limit of the elastic branch within a
+    step, or NEVER (-1), and update the peak displacement.
 
-    The displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the elastic branch. The
-    peak displacement in the state is updated by the extrema before this time.
+    The displacement u is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the elastic branch. The
+    step is divided into parts in which u is monotonic. PEAK is updated with |u| at the end of each
+    part before the returned time. These times include all extrema of u.
 
     Parameters
     ----------
@@ -291,11 +295,12 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
     state : ndarray
         State: limits UPPER and LOWER of the branch (m); PEAK (m) is updated.
     middle, remaining : float
-        Times at which the monotonic parts of the velocity end; `remaining` is the end of the
-        step, s.
+        Ends of the two parts with a monotonic velocity, s: `middle` is the zero of the
+        acceleration (or `remaining`), and `remaining` is the end of the step.
     """
     start = 0.0
-    # u is monotonic between these times.
+    # u is monotonic between these times. If the velocity has no zero between two times,
+    # `_velocity_zero` returns the second time, and the next part has the length 0.
     for end in (
         _velocity_zero(series, terms, 0.0, middle),
         middle,
@@ -305,6 +310,7 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
         u = _displacement(series, terms, end)
         if u > state[UPPER] or u < state[LOWER]:
             limit = state[UPPER] if u > state[UPPER] else state[LOWER]
+            # Locate the time when the displacement (derivative of order 0) crosses the limit.
             return _root(series, terms, 0, limit, start, end)
         state[PEAK] = max(state[PEAK], abs(u))
         start = end
@@ -369,6 +375,10 @@ def _integrate_step(state, series, oscillator, g, slope, h):
     series of the exact solution. If the oscillator yields or unloads within the step, the time of
     this event is computed, the branch is changed, and the integration continues from this time.
 
+    The peak displacement, PEAK, is updated at each event and at the end of the step. During
+    yielding, u is monotonic until the event, so that no extremum is missed. On the elastic branch,
+    `_end_of_elastic_branch` also updates PEAK at the extrema of u before the event.
+
     Parameters
     ----------
     state : ndarray
@@ -380,7 +390,7 @@ def _integrate_step(state, series, oscillator, g, slope, h):
     g, slope : float
         Ground acceleration at the start of the step, m/s^2, and its rate, m/s^3.
     h : float
-        Length of the step, s.
+        Length of the step, s; sqrt(k) h must not exceed 1.
 
     Returns
     -------
@@ -388,11 +398,14 @@ def _integrate_step(state, series, oscillator, g, slope, h):
         Number of changes of branch, or TOO_MANY_EVENTS (-1).
     """
     k, c, hardening, strength = oscillator
+    # `t` is the time of the last event, from the start of the step. The series and the times
+    # `remaining`, `middle`, `event` and `end` start from this event.
     t = 0.0
     for events in range(_MAX_EVENTS):
         side = state[SIDE]
         remaining = h - t
         load = -(g + slope * t) - state[OFFSET]
+        # Compute the coefficients of the response on the branch; `terms` is their number.
         terms = _taylor(
             series,
             state[U],
@@ -404,7 +417,8 @@ def _integrate_step(state, series, oscillator, g, slope, h):
             remaining,
         )
         # The velocity is monotonic from 0 to `middle`, and from `middle` to `remaining`, because
-        # the acceleration has at most one zero.
+        # the acceleration has at most one zero. `_root` locates this zero (derivative of order 2,
+        # level 0) between the times 0 and `remaining`. series[2] is half of u'' at the time 0.
         middle = remaining
         if series[2] * _acceleration(series, terms, remaining) < 0.0:
             middle = _root(series, terms, 2, 0.0, 0.0, remaining)
@@ -484,7 +498,8 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
 
     The step is accepted if the oscillator cannot change its branch in the step, and if the peak
     displacement cannot be exceeded between the endpoints. Otherwise the step is repeated with
-    `_integrate_step`, which locates the changes of branch and the peak.
+    `_integrate_step`, which locates the changes of branch and updates the peak displacement, also
+    at extrema between the endpoints.
 
     Parameters
     ----------
@@ -493,9 +508,9 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     parts : int
         Steps per sampling interval.
     h : float
-        Length of a step, s.
+        Length of a step, s; omega h must not exceed 1, with omega = sqrt(k).
     oscillator : _Hysteretic
-        Properties of the oscillator.
+        Properties of the oscillator, divided by its mass: k, c, hardening and strength.
     steps : ndarray
         Coefficients of the exact step in the order above: e00 to e03 and e10 to e13 of the elastic
         branch (elements 0 to 7), then y00 to y03 and y10 to y13 of the yielding branch (8 to 15).
@@ -515,9 +530,10 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     e10, e11, e12, e13 = steps[4], steps[5], steps[6], steps[7]
     y00, y01, y02, y03 = steps[8], steps[9], steps[10], steps[11]
     y10, y11, y12, y13 = steps[12], steps[13], steps[14], steps[15]
-    # Within a step, the distance of u from its chord is at most h^2/8 max |u''|. |u''| is a
-    # decaying sine over at most one radian and exceeds the larger of its values at both endpoints
-    # by at most a factor of 1.14 e^(c h / 2). The factor 0.25 is above 1.14 / 8, with a margin.
+    # Within a step, the distance of u from its chord is at most h^2/8 max |u''|. u'' is a free
+    # vibration: a decaying sine over at most one radian, because omega h <= 1. Therefore u'' has at
+    # most one zero in a step, and max |u''| is at most e^(c h / 2) / cos(0.5) = 1.14 e^(c h / 2)
+    # times its larger value at the endpoints. The factor 0.25 is above 1.14 / 8, with a margin.
     bend_limit = 0.25 * h * h * math.exp(0.5 * c * h)
     yielding_stiffness = hardening * k
     step_fraction = 1.0 / parts
@@ -540,7 +556,9 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
                 highest = max(u, u1) + excess
                 lowest = min(u, u1) - excess
                 # The step is simple if u cannot reach a limit of the branch and cannot exceed the
-                # peak between the endpoints, except at the end.
+                # peak at an extremum: either the bounds are at most the peak, or u has no extremum.
+                # If v and u'' keep their signs from start to end, u'' has no zero in the step.
+                # Therefore v is monotonic and has no zero, and u has no extremum.
                 is_simple = (highest < upper and lowest > lower) and (
                     max(highest, -lowest) <= peak or (v * v1 > 0.0 and a * a1 > 0.0)
                 )
@@ -548,7 +566,8 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
                 u1 = (y02 * p0 + y03 * p1) + y00 * u + y01 * v
                 v1 = (y12 * p0 + y13 * p1) + y10 * u + y11 * v
                 a1 = p1 + c * v1 + yielding_stiffness * u1
-                # The velocity has no zero in the step, so yielding continues and u is monotonic.
+                # The step is simple if v and u'' keep their signs from start to end. In this case
+                # v has no zero in the step, so yielding continues and u is monotonic.
                 is_simple = v * v1 > 0.0 and a * a1 > 0.0
             if is_simple:
                 u, v, a = u1, v1, a1
