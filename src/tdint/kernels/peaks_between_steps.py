@@ -154,15 +154,19 @@ def raise_peak_at_nodes(scratch, first, column, count, row, i):
 def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     """Return True if a displacement or velocity of a floor may exceed its recorded peak in a step.
 
-    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end.
-    The quintic through these values does not exceed its Bezier points, for example u0 + 2 h v0 / 5
-    + h^2 a0 / 20. The bounds of displacement and velocity are
+    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
+    the step of length h. With V = max(|v0|, |v1|) and A = max(|a0|, |a1|), the upper bounds are
 
-        max(|u0|, |u1|) + h (V / 2 + h A / 20),   V = max(|v0|, |v1|),   A = max(|a0|, |a1|)
-        max(V + h A / 4, |middle Bezier point of the velocity|)
+        displacement    max(|u0|, |u1|) + h (V / 2 + h A / 20)
+        velocity        max(V + h A / 4, |middle Bezier point of the velocity|)
 
-    Both the interior and the end of the step are covered. The function has no branches, because the
-    observer calls it for each floor in each step.
+    A polynomial does not exceed its Bezier points. The bounds cover the Bezier points of the
+    quintic with all six values, for example u0 + 2 h v0 / 5 + h^2 a0 / 20, and of its derivative,
+    the velocity. The factor 1/2 of V instead of 2/5 also covers methods with parabolic
+    displacements: the middle Bezier point of the parabola is (u0 + u1) / 2 - h (v1 - v0) / 4.
+
+    The bounds apply to the interior and to the end of the step. The function has no branches,
+    because the observer calls it for each floor in each step.
 
     Parameters
     ----------
@@ -189,28 +193,35 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
 def story_reach(span, story, shear, stiffness):
     """Return upper bounds of the drift (m) and of the shear (N) of a story within a step.
 
-    The drift and its rate are u0, v0 at the start and u1, v1 at the end of the step of length h. A
-    drift does not exceed the Bezier points of the quintic interpolant, which are at most
-    e = h (max(|v0|, |v1|) / 2 + h |a0| / 20) away from the endpoint values. The bounds are
+    The drift and its rate are u0, v0 at the start and u1, v1 at the end of the step of length h.
+    The drift acceleration at the start is a0. With e = h (max(|v0|, |v1|) / 2 + h |a0| / 20), the
+    bounds are
 
         drift    max(|u0|, |u1|) + e
         shear    |shear at the end| + stiffness (|u1 - u0| + e)   if the drift may reverse
                  |shear at the end|                               otherwise
 
-    The bounds do not include the drift acceleration a1 at the end of the step, because a1 is
-    computed later. `may_exceed_story_peaks` adds the contribution of a1.
+    The drift may reverse if v0 and v1 have opposite signs, or if the method defines parabolic
+    displacements within the step (`span.on_path`).
+
+    A polynomial does not exceed its Bezier points. Without the effect of the drift acceleration a1
+    at the end, the Bezier points of the drift are at most e away from an endpoint value. The
+    quintic interpolant requires only 2/5 of the rate, for example in u0 + 2 h v0 / 5 + h^2 a0 / 20.
+    The factor 1/2 also covers the parabola with the middle Bezier point (u0 + u1) / 2 -
+    h (v1 - v0) / 4. The caller computes a1 later; `may_exceed_story_peaks` then adds its effect.
 
     Parameters
     ----------
     span : Span
         Time step; its length `h` (s) and the flag `on_path` (parabolic displacements) are used.
     story : Ends
-        Drift (m), drift rate (m/s) and drift acceleration a0 (m/s^2) at both endpoints; a1 is not
-        used.
+        Drift (m) and drift rate (m/s) at both endpoints, and drift acceleration at the start
+        (m/s^2). The other fields are not used.
     shear : float
         Restoring force of the story at the end of the step, N.
     stiffness : float
-        Initial stiffness of the story, N/m. It converts the drift excursion to a shear.
+        Initial stiffness of the story, N/m. It converts a change of drift to a bound of the change
+        of shear.
 
     Returns
     -------
@@ -219,8 +230,8 @@ def story_reach(span, story, shear, stiffness):
     """
     v_max = max(abs(story.v0), abs(story.v1))
     excess = span.h * (0.5 * v_max + 0.05 * span.h * abs(story.a0))
-    # The shear can exceed its value at the end of the step only if the drift reverses, or if the
-    # drift follows the parabola of the method.
+    # The shear can exceed its value at the end of the step only if the drift may reverse.
+    # `excursion` is a bound of the distance of the drift from its value at the end, m.
     excursion = abs(story.u1 - story.u0) + excess
     excursion = excursion if span.on_path or story.v0 * story.v1 < 0.0 else 0.0
     return max(abs(story.u0), abs(story.u1)) + excess, abs(shear) + stiffness * excursion
@@ -258,14 +269,22 @@ def _displacement_excursion(span, ends):
     """Return an upper bound of the distance of a displacement or drift from u1 within a step, m.
 
     The displacement has u0, v0, a0 at the start and u1, v1, a1 at the end of the step of length h.
-    A polynomial does not exceed its Bezier points. The bound is the largest of three distances:
+    `_raise_displacement_peak` interpolates it by one of three polynomials:
+
+        quintic     u0, v0, a0, u1, v1, a1, if the step resolves the motion
+        parabola    u0, u1 and the change v1 - v0 of the velocity, for methods that define parabolic
+                    displacements, if the step does not resolve the motion
+        cubic       u0, v0, u1, v1, for other methods, if the step does not resolve the motion
+
+    The bound is valid for all three polynomials, because a polynomial does not exceed its Bezier
+    points. It is the largest of three distances from u1:
 
         |u1 - u0| + h (2 |v0| / 5 + h |a0| / 20)    Bezier points of the quintic near the start
         h (2 |v1| / 5 + h |a1| / 20)                Bezier points of the quintic near the end
         |u1 - u0| / 2 + h |v1 - v0| / 4             middle Bezier point of the parabola
 
-    The first two also cover the Bezier points u0 + h v0 / 3 and u1 - h v1 / 3 of the cubic
-    interpolant.
+    The first two distances also cover the Bezier points u0 + h v0 / 3 and u1 - h v1 / 3 of the
+    cubic.
 
     Parameters
     ----------
@@ -274,6 +293,8 @@ def _displacement_excursion(span, ends):
     ends : Ends
         Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints.
     """
+    # `_excess_at_end` bounds the distance of the Bezier points near an endpoint from the value at
+    # this endpoint.
     change = abs(ends.u1 - ends.u0)
     from_start = change + _excess_at_end(span.h, ends.v0, ends.a0)
     from_end = _excess_at_end(span.h, ends.v1, ends.a1)
@@ -283,14 +304,15 @@ def _displacement_excursion(span, ends):
 
 @inline
 def _excess_at_end(h, v, a):
-    """Return the maximum distance of the Bezier points near an endpoint of a step from the
-    displacement at this endpoint, m.
+    """Return an upper bound of the distance of the Bezier points near an endpoint of a step from
+    the displacement at this endpoint, m.
 
     The displacement within the step is approximated by the quintic polynomial with displacement,
-    velocity and acceleration at both endpoints. With the velocity `v` (m/s) and the acceleration
-    `a` (m/s^2) at this endpoint and the length `h` of the step (s), the two Bezier points next to
-    the endpoint have the distances h v / 5 and 2 h v / 5 + h^2 a / 20. Both are at most
-    h (2 |v| / 5 + h |a| / 20), the result.
+    velocity and acceleration at both endpoints. The velocity at this endpoint is `v` (m/s), the
+    acceleration `a` (m/s^2), and the length of the step `h` (s). The two Bezier points next to the
+    endpoint deviate from the displacement by h v / 5 and 2 h v / 5 + h^2 a / 20 at the start, and
+    by -h v / 5 and -2 h v / 5 + h^2 a / 20 at the end of the step. The result,
+    h (2 |v| / 5 + h |a| / 20), is an upper bound of the absolute values of both deviations.
     """
     return h * (0.4 * abs(v) + 0.05 * h * abs(a))
 
@@ -366,10 +388,13 @@ def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
     step.
 
     Within the step, with s from 0 to 1, the acceleration is A0 + (A1 - A0) s + s (1 - s) (B + D (1
-    - 2 s)), with the endpoint values A0 and A1, the bulge B and the tilt D. The criterion does not
-    need the tilt: `_raise_acceleration_peak` reduces both by a weight so that |B + D| and |B - D|
-    do not exceed 2 |B|. The interior Bezier points, (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D)
-    / 3, therefore exceed the larger endpoint by at most (2 |B| - |A1 - A0|) / 3.
+    - 2 s)), with the endpoint values A0 and A1, the bulge B and the tilt D. Its interior Bezier
+    points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3.
+
+    The criterion does not need the tilt. `_raise_acceleration_peak`, which computes the peak,
+    multiplies B and D by a weight w <= 1 that depends on |D / B|. This weight limits |w (B + D)|
+    and |w (B - D)| to 2 |B|, with B as given. The interior Bezier points therefore exceed the
+    larger absolute endpoint value by at most (2 |B| - |A1 - A0|) / 3.
 
     Parameters
     ----------
@@ -393,22 +418,33 @@ def find_interstep_peaks(
 
     The motion of each floor and story between the endpoints of the step is the quintic polynomial
     with the displacement, velocity and acceleration at both endpoints. Displacements and drifts
-    have an extremum where the velocity is zero, velocities where the acceleration is zero. Total
-    shears are sums of mass times absolute acceleration over the floors above, minus the forces on
-    these floors. Each quantity is searched only if it may exceed its recorded peak.
+    have an extremum where the velocity is zero, velocities where the acceleration is zero. For
+    the total shear of a story, the sum of m (a + ag) - p over the floors that the story supports is
+    searched, with mass m, absolute acceleration a + ag and force p of each floor. The total shear
+    is minus this sum; the sign has no effect on the peak. Each quantity is searched only if it may
+    exceed its recorded peak.
 
     The restoring force at an interior drift depends on the hysteretic law, so this function does
     not compute it. It stores reversal drifts; the caller evaluates the laws at these drifts.
 
+    An extremum is unreliable if the step does not resolve the motion. It is then recorded as a
+    possible peak, in a separate row, and the regular peak is not changed. An exception are
+    displacements and drifts that follow a parabola defined by the method. The functions
+    `_raise_displacement_peak`, `_raise_velocity_peak` and `_raise_acceleration_peak` decide this
+    from the motion at both endpoints. If the building has modes with periods that are too short for
+    the step (`span.fast`), they also use velocity and acceleration one step before the start.
+
     Parameters
     ----------
     span : Span
-        Step or substep. If `span.cornered` is set, the kernel of the method has already searched
-        accelerations and total shears, and this function skips them.
+        Step or substep. If `span.cornered` is True, the kernel of the method has already searched
+        accelerations and total shears, and this function skips them. `span.fast` is True if the
+        building has modes that the step does not resolve.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     passage : Passage
-        Motion of all floors at both endpoints, relative to the ground: m, m/s, m/s^2.
+        Motion of all floors at both endpoints, relative to the ground: m, m/s, m/s^2. If
+        `span.fast` is True, also velocity and acceleration one step before the start.
     law_state : ndarray
         State of the hysteretic laws at the end of the step: story drift (m) and shear (N).
     reversals : ndarray
@@ -421,8 +457,7 @@ def find_interstep_peaks(
         Table of the peaks, raised in place.
     first_peak : int
         Row of the first peak in `peaks`. PEAK_ROWS rows of peaks are followed by PEAK_ROWS rows of
-        possible peaks. A possible peak is an extremum that is not reliable, because the step does
-        not resolve the motion.
+        possible peaks.
 
     Returns
     -------
@@ -438,6 +473,8 @@ def find_interstep_peaks(
     # i: mass times motion, mass, and forces on floors.
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
+    # `_floor_ends` returns the motion of a floor as `Ends`, including velocity and acceleration one
+    # step before the start if `span.fast` is True.
     floor = _floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         # Story 0 has no floor below: its link is 0, so floor 0 is passed without effect.
@@ -449,9 +486,10 @@ def find_interstep_peaks(
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
             stiffness = scene.law_parameters[rows.STIFFNESS, i]
-            # There is no new peak if the drift within the step exceeds its absolute value at the
-            # end by less than `drift_margin`, and the shear by less than `shear_margin`. The
-            # initial stiffness converts a change of drift to a bound of the change of shear.
+            # There is no new peak if drift and shear within the step exceed their absolute values
+            # at the end by at most `drift_margin` (m) and `shear_margin` (N).
+            # `_displacement_excursion` bounds the distance of the drift from its value at the end.
+            # The initial stiffness converts a change of drift to a bound of the change of shear.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = _displacement_excursion(span, story)
@@ -459,8 +497,9 @@ def find_interstep_peaks(
                 margin = min(drift_margin, shear_margin / stiffness)
                 row = first_peak + rows.PEAK_DRIFT
                 reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
-                # A reversal is stored, because the story force is evaluated there: a stiffening
-                # story may have its peak shear at its largest drift.
+                # `reversal` is the drift at the end of the step, u1, if there is no reliable
+                # extremum that may exceed the margin. Otherwise store the extremum: the caller
+                # evaluates the story force at this drift, which may be the peak shear.
                 if reversal != story.u1:
                     reversals[reversal_row, i] = reversal
                     reversal_count += 1
@@ -530,13 +569,15 @@ def _story_ends(floor, floor_below, link, drift):
     """Return drift (m), drift rate (m/s) and drift acceleration (m/s^2) of a story at both
     endpoints of a step as `Ends`.
 
-    They are the differences between the floor at the top and the floor at the base of the story.
-    Only the drift at the end is read from the state of the hysteretic law (`drift`).
+    The fields `v_earlier` and `a_earlier` of the result contain drift rate and drift acceleration
+    one step before the start of the step. All values are differences between the floor at the top
+    and the floor at the base of the story, except for the drift at the end: it is read from the
+    state of the hysteretic law (`drift`).
 
     Parameters
     ----------
     floor, floor_below : Ends
-        Floors at the top and at the base of the story.
+        Motion of the floors at the top and at the base of the story, relative to the ground.
     link : float
         1 if the story is supported by the floor below, 0 if it is supported by the ground.
     drift : float
@@ -637,8 +678,9 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         Displacement or drift (m), velocity and acceleration at both endpoints of the step.
     margin : float
         Maximum excess of the absolute extremum over |u1| without a new peak, m. For a drift, the
-        caller reduces this value so that a smaller excess causes no new peak shear. Extrema with a
-        smaller excess, according to the Bezier points, are ignored, except on a parabola.
+        caller reduces this value so that an excess up to `margin` causes no new peak shear. The
+        excess is at most the distance of the extremum from u1. In cases 1 and 3, the extremum is
+        ignored if the Bezier points show that this distance does not exceed `margin`.
     peaks : ndarray
         Table of the peaks.
     row, i : int
@@ -647,8 +689,9 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     Returns
     -------
     float
-        Extremum inside the step, m. u1 if there is no extremum, if it cannot exceed `margin`, or
-        if it is recorded as a possible peak only.
+        Extremum inside the step, m, if it was compared with the regular peak. u1 if there is no
+        extremum, if the extremum is ignored because of `margin`, or if it is a possible peak
+        (case 3). In cases 1 and 3, an extremum is searched only if v0 and v1 have opposite signs.
     """
     h = span.h
     u0, v0, a0, u1, v1, a1, _, _ = ends
@@ -675,8 +718,11 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     #     cubic      u0 + h v0 / 3 and u1 - h v1 / 3
     #     quintic    u0 + h v0 / 5, u0 + 2/5 h v0 + h^2 a0 / 20,
     #                u1 - 2/5 h v1 + h^2 a1 / 20, u1 - h v1 / 5
-    # `excess_0` is the largest distance of these points from u0, `excess_1` from u1, in the
-    # direction of the extremum. The points with h v / 5 are nearer than the points with h v / 3.
+    # `excess_0` is the largest distance of the points near the start from u0, in the direction of
+    # the extremum; `excess_1` is this distance from u1 for the points near the end. Both cover the
+    # points of the cubic and of the quintic, so that the test is valid in cases 1 and 3. The points
+    # with h v / 5 are omitted, because the points with h v / 3 are farther away. `start_offset` is
+    # the distance of u0 from u1 in this direction.
     direction = math.copysign(1.0, v0)
     start_offset = direction * (u0 - u1)
     excess_0 = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * direction * a0)
@@ -757,20 +803,27 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
 
         A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s))
 
-    with the endpoint values A0 and A1, the bulge B and the tilt D. The tilt is not reliable if it
-    is large. Therefore B and D are multiplied by the weight min(2 - |D / B|, 1), and both are
-    ignored for |D| >= 2 |B|, so that the maximum is at an endpoint.
-
-    An extremum inside the step is unreliable ("unresolved motion") if (|B| + |D|) / 3 exceeds
-    |A0| + |A1|, or if velocities and accelerations of two successive steps are far from a straight
-    line (`_is_resolved`). It is then recorded as a possible peak, in a separate row, and the
-    regular peak is not changed.
+    with the endpoint values A0 and A1, the bulge B and the tilt D.
 
     The absolute acceleration is a + ag, with the acceleration a relative to the ground and the
     ground acceleration ag. For a total shear, the quantity is the sum of m (a + ag) - p over the
     floors that the story supports, with the masses m and the forces p on these floors. The total
     shear is minus this sum; the sign has no effect on the peak. As ag is linear within the step, ag
     changes only A0 and A1, not B and D.
+
+    Bm and Dm are bulge and tilt of the motion a (or of the sum of m a); Bp and Dp are bulge and
+    tilt of the sum of the forces p. The tilt of the motion is not reliable if it is large.
+    Therefore
+
+        B = w Bm - Bp,   D = w Dm - Dp,   w = min(2 - |Dm / Bm|, 1)    for |Dm| < 2 |Bm|
+
+    The forces are known functions of time, so Bp and Dp have no weight. For |Dm| >= 2 |Bm|, no
+    extremum inside the step is recorded, not even an extremum due to the forces.
+
+    An extremum inside the step is unreliable ("unresolved motion") if (|B| + |D|) / 3 exceeds
+    |A0| + |A1| (`_is_near_line` is False), or if velocities and accelerations of two successive
+    steps are far from straight lines (`_is_resolved` is False). It is then recorded as a possible
+    peak, in a separate row, and the regular peak is not changed.
 
     Parameters
     ----------
@@ -785,21 +838,22 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     peak_row, i : int
         Row and column of the regular peak. The possible peak is PEAK_ROWS rows after it.
     forces : tuple of float
-        Sum of the forces on floors at the start and at the end of the step, its bulge and its
-        tilt (`_add_floor_forces`), N; zeros for an acceleration.
+        Sum of the forces on floors at the start and at the end of the step, its bulge Bp and its
+        tilt Dp (`_add_floor_forces`), N; zeros for an acceleration.
     """
     peak = peaks[peak_row, i]
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
-    # If |D| >= 2 |B|, bulge and tilt are ignored: the maximum is at an endpoint, and the caller
-    # records the endpoints.
+    # For |Dm| >= 2 |Bm|, the interior is not searched. The caller records the endpoints.
     is_candidate = abs(tilt) < _MAX_TILT_RATIO * abs(bulge)
     if is_candidate:
         weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
-        # The forces are known functions of time: their bulge and tilt have no error to weight.
+        # `bulge` and `tilt` change from Bm and Dm of the motion to B and D of the quantity.
         bulge = bulge * weight - forces[2]
         tilt = tilt * weight - forces[3]
+    # The quantity does not exceed the largest of its endpoint values and interior Bezier points.
+    # Search an extremum only if an interior Bezier point exceeds the peak.
     if is_candidate and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
         scale = abs(absolute_0) + abs(absolute_1)
         is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)
