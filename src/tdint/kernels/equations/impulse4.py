@@ -245,9 +245,10 @@ def solve_linear(coefficients, scene, h, memory, factors):
     n = linear_terms.shape[1] - 1
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
-    # First rows of the pivots, of the multipliers and of the terms of modal damping. The terms of
-    # the complex matrix follow 6 modes + 1 rows with the terms of the matrix of Newton's method,
-    # which start at _STORE (`factor_rows`).
+    # First rows of the pivots, of the multipliers and of the terms of modal damping. The 6 modes +
+    # 1 rows from `factors` + _STORE on contain the terms of modal damping for the matrix of
+    # Newton's method. The terms for the complex matrix are in the rows after these rows
+    # (`factor_rows`).
     factorization = Factors(
         scratch,
         factors + _BLOCK.PIVOT,
@@ -274,28 +275,36 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
     """Store the right side r1 + l r2 of the linear equations of a step; return True if their matrix
     must be factorized again.
 
-    The equation is (M + l C + l^2 K) w = r1 + l r2 (see `solve_linear`), with the complex root l =
-    h (ROOT_RE + i ROOT_IM) of l^2 - th h l + be h^2 = 0. With zero increments, u1 = u0 and v1 = v0,
+    The unknowns are the increments du = u1 - u0 and dv = v1 - v0 of the floors, from the
+    displacement u0 and velocity v0 at the start to u1 and v1 at the end of the step of length h.
+    They are combined to a complex unknown w (see `solve_linear`):
+
+        (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
+
+    l = h (ROOT_RE + i ROOT_IM) is a root of l^2 - th h l + be h^2 = 0. M, C and K are the matrices
+    of mass, damping (floor dampers, story dampers and modal damping) and stiffness. r1 and r2 are
+    the residuals of kinematics and momentum for zero increments, u1 = u0 and v1 = v0:
 
         r1 = M (h v0 + h^2 (al a0 - be a1)),   M a1 = p1 - C v0 - f(u0)     kinematics
         r2 = I - h (f(u0) + wc K (uc - u0)),   uc - u0 = h (g0 + g1) v0     momentum
 
-    with the restoring force f, the load p1 at the end of the step and the impulse I of the load.
-    The impulse of f is h (w0 f(u0) + wc f(uc) + w1 f(u1)), a quadrature with an inner point, where
-    the displacement is uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1). The sum of the weights w0, wc
-    and w1 is 1. Real and imaginary part of the result are stored in the two scratch rows COMPLEX.
+    with the acceleration a0 at the start, the restoring force f with P-delta, the load p1 at the
+    end of the step and the impulse I of the load. uc is the displacement at the inner point of the
+    quadrature for the impulse of f, and wc is the weight of this point; the sum of all weights is
+    1. Real and imaginary part of r1 + l r2 are stored in the two scratch rows COMPLEX.
 
     Parameters
     ----------
     coefficients : ndarray
-        Coefficients of the method: th, al, be, the weights w0, wc, w1, gd, g0, g1 of the
-        displacement at the inner point, and l / h.
+        Coefficients of the method. The following elements are used: ALPHA (al), BETA (be), WEIGHT_C
+        (wc), BY_VELOCITY_0 (g0), BY_VELOCITY_1 (g1), ROOT_RE and ROOT_IM (l / h).
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
-        State, law states and scratch array.
+        State, law states and scratch array. Rows LOAD and IMPULSE of the scratch array contain p1
+        (N) and I (N s).
     slopes_row : int
         Scratch row with the stiffnesses of the existing factorization; its last column contains the
         length of the step.
@@ -350,7 +359,8 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
         scratch[ROW.COMPLEX + 1, i] = root_im * momentum_residual
         force_above = link * force
         impulse_above = link * impulse
-    # The modal damping force at the end changes a1 and therefore the kinematic equation.
+    # Modal damping is not included in `mass_times_a1`. Its force -C v0 adds be h^2 C v0 to the real
+    # part of the right side.
     add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.COMPLEX, n)
     return is_stale
 
@@ -364,7 +374,8 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         dv = im(w) / im(l),   du = re(w) + re(l) dv
 
     The accelerations at the end follow from equilibrium, a1 = (p1 - C v1 - f(u1)) / m, with the
-    load p1 and the linear restoring force f. The rows DU, DV, U1, V1 and A1 are set.
+    load p1 at the end of the step and the linear restoring force f. The rows DU, DV, U1, V1 and A1
+    are set.
 
     Parameters
     ----------
@@ -376,14 +387,16 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     state, law_state : ndarray
         State and law states at the start of the step.
     scratch : ndarray
-        Scratch array; rows COMPLEX contain w.
+        Scratch array; rows COMPLEX contain real and imaginary part of w (m), row LOAD contains p1
+        (N).
     """
     n = linear_terms.shape[1] - 1
     re, im = root
     by_im = 1.0 / im
-    # The floors are processed from the roof downwards. The increments of each floor are computed
-    # one pass earlier, as increments of the floor below the previous one, because the drift of a
-    # story requires both.
+    # The loop proceeds from the roof downwards. The drift of story `i` requires the increments of
+    # floor `i` and of floor `i - 1`. Each pass computes the increments of floor `i - 1` (`du_below`
+    # and `dv_below`); the next pass uses them as the increments of its floor. The increments of
+    # the roof are computed before the loop.
     force_above = 0.0
     dv_below = scratch[ROW.COMPLEX + 1, n - 1] * by_im
     du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
@@ -453,10 +466,14 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     the method. The impulse of f is a quadrature with the weights w0, wc, w1 and an inner point with
     the displacement uc. I is the impulse of the load and p1 the load at the end.
 
-    If the iteration cycles, corrections are halved until they reduce the residuals. The tolerance
-    of the residuals is a small fraction of the error of the steps of the run. Both are of order 4
-    in the time step. The order of the method therefore remains 4, and coarse steps need fewer
-    iterations.
+    The iteration ends if all residuals are within the tolerance, or if the last correction of the
+    displacements was of the order of rounding errors. The first UNDAMPED_ITERATIONS corrections are
+    applied fully. A later correction is halved until it reduces the residuals, because the
+    iteration could cycle without convergence at kinks of the laws.
+
+    The tolerance of the residuals is proportional to a measure of the largest error of a step in
+    the run (`tolerance_of_run`). Both are of order 4 in the time step. The order of the method
+    therefore remains 4, and coarse steps need fewer iterations.
 
     Parameters
     ----------
@@ -479,21 +496,25 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     Returns
     -------
     int
-        Number of linear solves, at least 1, or NOT_CONVERGED (negative).
+        Number of linear solutions, but at least 1. NOT_CONVERGED (negative) if the residuals are
+        too large after MAX_ITERATIONS solutions.
     """
     linear_terms, modal, _, _, _ = scene
     state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     if not has_guess:
         store_first_guess(1.0, h, state, scratch, n)
-    # The maxima of the run are stored by `keep_negligible_kinks`; they are 0 in the first step.
+    # Row RUN_MAXIMA contains two maxima over the run until now: of the squared mismatch of the mean
+    # acceleration, and of the squared acceleration. Their quotient measures the error of a step.
+    # Both are 0 in the first step; the tolerance is then RESIDUAL_TOLERANCE, the minimum.
     tolerance = tolerance_of_run(scratch, ROW.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
     iterations = 0
     applied_fraction = 1.0
     previous_norm = math.inf
     is_correction_negligible = False
     while True:
-        # Compute story forces, residuals and convergence for the current increments.
+        # Compute story forces, residuals and convergence for the current increments. `is_stale` is
+        # True if the factorization does not fit the current tangents.
         is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
         residuals(
             coefficients[THETA],
@@ -534,7 +555,8 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
             applied_fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
-        # Solve for the next correction and apply it fully.
+        # Solve for the next correction and apply it fully. `correct` returns True if the correction
+        # of the displacements is of the order of rounding errors.
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
         is_correction_negligible = correct(
@@ -557,14 +579,16 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         force   = f1 + c (drift rate at the end)                     row FORCE_1
         impulse = h (w0 f0 + wc fc + w1 f1) + c (d1 - d0)            row FORCE_S
 
-    where the indices 0, c and 1 denote the start, the inner point and the end. The rows U1, V1,
-    FORCE_1, FORCE_S, TANGENT_C and TANGENT_1 are set. A power-law dashpot adds its force and
-    impulse.
+    where the indices 0, c and 1 denote the start, the inner point and the end. A power-law dashpot
+    adds its force and impulse. The following scratch rows are set: U1 (m), V1 (m/s), FORCE_1 (N),
+    FORCE_S (N s), the tangent stiffnesses TANGENT_C and TANGENT_1 (N/m, without P-delta), and SIZE.
+    Row SIZE contains the force that corresponds to the rounding errors of the displacements,
+    divided by RESIDUAL_TOLERANCE (N).
 
     Parameters
     ----------
     keep_branches : bool
-        True if stories with a linear branch remain on it.
+        True if stories with a linear branch remain on this branch; see `_evaluate_law`.
     coefficients : ndarray
         Coefficients of the method: weights w0, wc, w1, and gd, g0, g1 of the inner point.
     scene : Scene
@@ -585,6 +609,8 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
+    # Column n of row FACTORED_1 contains the step length of the existing factorization; the columns
+    # of the stories contain its tangents.
     is_stale = scratch[factors + _BLOCK.FACTORED_1, n] != h
     uc_below = 0.0
     u_below = 0.0
@@ -624,8 +650,10 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         is_stale = (
             is_stale or abs(tangent - scratch[factors + _BLOCK.FACTORED_1, i]) > tangent_tolerance
         )
-        # A drift is a difference of displacements. The rounding errors of the displacements are not
-        # part of the residual.
+        # A drift is a difference of displacements. Their rounding errors change the story force by
+        # about ROUNDING times stiffness times displacements. Residuals up to this force must be
+        # accepted. The convergence test multiplies row SIZE by a tolerance of at least
+        # RESIDUAL_TOLERANCE; the force is therefore divided by RESIDUAL_TOLERANCE.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
         scratch[ROW.TANGENT_C, i] = tangent_c
@@ -642,6 +670,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         damper = linear_terms[rows.STORY_DAMPER, i]
         scratch[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
         scratch[momentum.FORCE_S, i] = h * mean + damper * increment
+        # `_add_damper` returns True if the factorization is for another derivative of the dashpot.
         if linear_terms[rows.POWER_DAMPER, i] != 0.0:
             is_stale = (
                 _add_damper(coefficients, linear_terms, i, h, increment, memory, factors)
@@ -658,19 +687,26 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
 def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     """Evaluate the law of story `i` at the inner point (suffix `_c`) and at the end of the step.
 
-    On a linear branch with the stiffness k, the force is f0 + k (d - d0) with force and drift at
-    the start. Otherwise the law moves from the start of the step to the inner point (block
-    FIRST_TRIAL of the law states) and from this state to the end (SECOND_TRIAL). If the drift of a
-    curved law reverses within the step, and `keep_branches` is True, `_evaluate_over_reversal`
-    evaluates the law at the reversal as well.
+    There are three cases:
+
+    1. `keep_branches` is True, and the story is on a linear branch with the stiffness k: the force
+       is f0 + k (d - d0) with the force f0 and the drift d0 at the start.
+    2. `keep_branches` is True, and the drift of a curved law reverses within the step:
+       `_evaluate_over_reversal` moves the law to the inner point, the reversal and the end in
+       chronological order.
+    3. Otherwise the law moves from the start of the step to the inner point, and then to the end.
+       Case 3 also replaces case 2 if a law of the building has extra rows.
+
+    In cases 2 and 3, block FIRST_TRIAL of the law states receives the state at the inner point and
+    block SECOND_TRIAL the state at the end.
 
     Parameters
     ----------
     keep_branches : bool
-        True if the caller divides the step at branch changes and reversals. A story with a linear
-        branch then remains on this branch. A curved law is evaluated at its reversal as well,
-        because the caller accepts the reversal within the step if its effect is negligible. False
-        if the complete step is solved and no branch change or reversal is located.
+        True if the caller divides the step at branch changes and reversals. A reversal with a
+        negligible effect remains within the step; case 2 prepares this decision
+        (`keep_negligible_kinks`). False if the complete step is solved and no branch change or
+        reversal is located.
     coefficients : ndarray
         Coefficients of the method: the weights wc and w1 of the quadrature are used.
     scene : Scene
@@ -701,11 +737,13 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
         force_c = law_state[rows.FORCE, i] + tangent * (drift_c - law_state[rows.DRIFT, i])
         force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
     else:
+        # `_evaluate_over_reversal` returns True as the last value if it has evaluated the law.
         is_reversed = False
         if HAS_CURVED_LAW and keep_branches:
             tangent_c, tangent, is_reversed = _evaluate_over_reversal(
                 coefficients, scene, h, i, drifts, memory
             )
+        # The argument 0 is the first row of the committed state, the start of the step.
         if not is_reversed:
             tangent_c = restoring_force_outlined(
                 law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
@@ -735,7 +773,11 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 
     - The story does not reverse.
     - A law of the building has extra rows in `law_state`, so that block THIRD_TRIAL is not
-      available. If the story reverses, the caller must divide the step at the reversal.
+      available.
+
+    The caller does not distinguish the two cases: it evaluates the law at the inner point and at
+    the end only. Later, the search for branch changes locates each reversal of a story with KINK 0,
+    and the step is divided at this reversal.
 
     The drift within the step is the cubic Hermite interpolant of the drifts d0, d1 and drift rates
     at both endpoints. The time s is 0 at the start and 1 at the end of the step. With r = 1 - s,
@@ -790,9 +832,9 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     # direction of loading. The story reverses if the first is positive and the second negative.
     scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
     scaled_rate_1 = sign * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
-    # KINK 0 means that no reversal can remain within the step. This is always the case if a law of
-    # the building has extra rows: THIRD_TRIAL then contains the extra rows at the start of the step
-    # (`_save_start` of impulse4) and is not available for the reversal.
+    # KINK 0 means that a reversal of the story, if it has a reversal, cannot remain within the
+    # step. If a law of the building has extra rows, THIRD_TRIAL contains these rows at the start of
+    # the step (`_save_start` of impulse4) and is not available for the reversal.
     scratch[ROW.KINK, i] = 0.0
     if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
@@ -952,12 +994,17 @@ def keep_negligible_kinks(scene, h, memory):
 def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     """Add the power-law dashpot of story `i` to its force and impulse.
 
-    The impulse is h (w0 f0 + wc fc + w1 f1) with the dashpot forces f0, fc and f1 at the start, at
-    the inner point and at the end of the step. The drift rate at the inner point is
-    RATE_BY_INCREMENT (d1 - d0) / h + RATE_BY_VELOCITY_0 (rate at the start) + RATE_BY_VELOCITY_1
-    (rate at the end). Row FORCE_1 receives the force (N), FORCE_S the impulse (N s),
-    DASHPOT_MISMATCH the average of f0 and f1 minus the mean (N), SLOPE_C and SLOPE_1 the
-    derivatives of fc and f1 with respect to the drift rate (N s/m).
+    f0, fc and f1 are the dashpot forces at the start, at the inner point (suffix `_c`) and at the
+    end of the step. The mean of the dashpot force over the step is w0 f0 + wc fc + w1 f1, and its
+    impulse is h times the mean. The drift rate at the inner point is RATE_BY_INCREMENT (d1 - d0) /
+    h + RATE_BY_VELOCITY_0 (rate at the start) + RATE_BY_VELOCITY_1 (rate at the end). The scratch
+    rows are changed as follows:
+
+        FORCE_1             f1 is added to the force of the story at the end, N
+        FORCE_S             the impulse is added to the impulse of the story, N s
+        DASHPOT_MISMATCH    is set to (f0 + f1) / 2 minus the mean, N
+        SLOPE_C, SLOPE_1    are set to the derivatives of fc and f1 with respect to the drift rate,
+                            N s/m
 
     Parameters
     ----------
@@ -980,8 +1027,8 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     Returns
     -------
     bool
-        True if the existing factorization is for another derivative of the dashpot force and must
-        be computed again.
+        True if the existing factorization must be computed again, because it is for another
+        derivative of f1. The derivative of fc is not compared.
     """
     state, _, scratch, _ = memory
     # Compute the drift rates at the start, at the end and at the inner point of the step. For the
@@ -1008,8 +1055,8 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     scratch[ROW.DASHPOT_MISMATCH, i] = 0.5 * (force_0 + force_1) - mean_force
     scratch[ROW.SLOPE_C, i] = derivative_c
     scratch[ROW.SLOPE_1, i] = derivative_1
-    # In the matrix, the derivative times h is added to masses; its change is therefore compared
-    # with the mass of the floor.
+    # In the matrix, h times the derivative is added to the mass of the floor. Its change is
+    # therefore compared with the mass.
     return (
         h * abs(derivative_1 - scratch[factors + _BLOCK.FACTORED_SLOPE, i])
         > TANGENT_TOLERANCE * linear_terms[rows.MASS, i]
@@ -1058,10 +1105,11 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
 
     kc and k1 are the tangent stiffnesses at the inner point and at the end, including P-delta. c is
     the coefficient of a linear story damper. The force of a power-law dashpot has the derivatives
-    sc and s1 with respect to the drift rate at these points. The drift rate at the inner point
-    depends on the changes of drift and drift rate by the factors rd / h and rv (RATE_BY_INCREMENT
-    and RATE_BY_VELOCITY_1 of `coefficients`). The coefficients of the method satisfy
-    wc gd = th - w1 and wc g1 = -be.
+    sc and s1 with respect to the drift rate at these points. The derivatives of the drift rate at
+    the inner point are rd / h with respect to the change of drift, and rv with respect to the
+    change of drift rate (RATE_BY_INCREMENT and RATE_BY_VELOCITY_1 of `coefficients`). The impulse
+    contains h times the dashpot force; the term h wc sc rd / h is therefore rd wc sc. The
+    coefficients of the method satisfy wc gd = th - w1 and wc g1 = -be.
 
     Parameters
     ----------
@@ -1083,8 +1131,10 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     by_a = coefficients[BETA] * h * h
     by_tangent_c = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
     coupling = factors + _BLOCK.COUPLING
-    # For each story, store the tangents without P-delta, which later show whether the factorization
-    # is still valid, and the four derivatives of the table above. `slope_c` is wc sc.
+    # For each story, store the tangents without P-delta and s1 in the rows FACTORED_..., and the
+    # four derivatives of the table above in the rows from `coupling` on. `slope_c` is wc sc, and
+    # `slope_1` is s1. Later, `_evaluate_laws` compares the rows FACTORED_... with the new tangents
+    # and the step length, to decide whether the factorization is still valid. sc is not compared.
     for i in range(n):
         tangent_c = scratch[ROW.TANGENT_C, i]
         tangent_1 = scratch[ROW.TANGENT_1, i]
@@ -1106,7 +1156,9 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         scratch[coupling + 3, i] += h * (
             coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1
         )
+    # The last column of row FACTORED_1 contains the step length of the factorization.
     scratch[factors + _BLOCK.FACTORED_1, n] = h
+    # Add the masses and the floor dampers, and connect the blocks of adjacent floors.
     assemble_blocks(
         linear_terms, _newton_factorization(scratch, factors), h * coefficients[THETA], by_a, n
     )
