@@ -106,6 +106,10 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
     n = scene.linear_terms.shape[1] - 1
     state = memory.state
     call_initialize_laws(initialize_laws, scene, memory)
+    # `observe` computes the accelerations from equilibrium and stores them in row
+    # OBSERVED_ACCELERATION. It also records the initial values as the first peaks. The span has the
+    # end time 0 and the length 0, and the rate of the ground acceleration is 0. The flags (on_path,
+    # fast, cornered) concern only the interior of a step.
     observe(scene, Span(0.0, 0.0, ground, ground, False, False, False), 0.0, memory, seen)
     store_previous(state, seen.observer_state, n)
     for i in range(n):
@@ -148,9 +152,12 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
     seen : Seen
         Arrays of the observer.
     """
+    # `observe` processes the end of the span. It returns True if a peak may be exceeded at the end
+    # or within the span.
     may_exceed = observe(scene, span, slope, memory, seen)
-    # The forces of the laws at reversals within the step are evaluated only if there are reversals
-    # that can cause a peak shear.
+    # `observe_within_step` processes the interior. It returns the number of stories with a reversal
+    # of the drift that may cause a new peak shear. Only then are the laws evaluated at the
+    # reversals.
     if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
         update_reversal_shears(update_shear_peaks, scene, memory, seen)
 
@@ -284,8 +291,10 @@ def integrate(
     steps have different values at the common endpoint. At this jump of the ground acceleration, the
     relative accelerations of all floors jump by the same value with the opposite sign.
 
-    A step that does not converge is divided into substeps of half the length, up to `max_halvings`
-    times. Multi-step methods then restart, because they need the results of complete steps.
+    If a step or substep does not converge, it is repeated with half the length, up to
+    `max_halvings` times in a step. The following substeps of the step keep this length.
+    `step_status[STEPS_DONE]` is the number of steps since the start or since the last halved step;
+    with 0, multi-step methods restart, because they need the results of complete steps.
     `totals[STEPS_REACHED]` counts the complete steps.
 
     Parameters
@@ -296,7 +305,8 @@ def integrate(
         Operations with the laws of all stories: move them to the initial drifts, sum their
         energies, and compute their forces at reversals within a step.
     steps : int
-        Number of steps of the run.
+        Number of steps of the run. If `last_step` is equal to `steps`, the energies of the laws are
+        updated at the end of the call.
     first_step : int
         Number of steps that previous calls have completed.
     last_step : int
@@ -317,8 +327,8 @@ def integrate(
     coefficients : ndarray
         Coefficients of the method, which the time loop passes to the step.
     shifts : ndarray
-        Change of each row of the state per unit jump of the accelerations at a discontinuity of the
-        ground acceleration.
+        Change of each row of the state per unit increase of the floor accelerations, at a jump of
+        the ground acceleration between two steps.
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building and forces on its floors (fields of `Scene`).
     state, law_state, scratch, step_status : ndarray
@@ -331,14 +341,19 @@ def integrate(
     Returns
     -------
     int
-        0, or the negative error code of the step that failed: NOT_CONVERGED after `max_halvings`
-        halvings, NOT_FINITE if the response is not finite or exceeds RUNAWAY.
+        0, or the negative error code of the step that failed. NOT_FINITE: the response is not
+        finite or exceeds RUNAWAY, or the iteration has diverged (relative residual nan or at least
+        OVERFLOW). NOT_CONVERGED: the iteration has not converged after `max_halvings` halvings.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     seen = Seen(observer_state, peaks, limits, totals, history)
     on_path = flags[rows.PARABOLIC] != 0.0
     has_unresolved_modes = flags[rows.UNRESOLVED_MODES] != 0.0
+    # `ground_0` and `ground_1` are the ground acceleration of the motion at the start and at the
+    # end of a step. Rows GROUND_0 and GROUND_1 of `load` contain the ground acceleration in the
+    # equations of motion at the endpoints of a step or substep. If a step is longer than a sampling
+    # interval (`stride` > 1), the equations use the fitted line, so the values differ.
     ground_0 = ground_at(ground, first_step, per_sample, stride)
     if first_step == 0:
         start(initialize_laws, sum_law_energies, scene, ground_0, memory, seen)
@@ -352,7 +367,8 @@ def integrate(
         substep_fraction = 1.0  # length of the next substep, as a fraction of the step
         while completed_fraction < 1.0:
             # Set the load of the step or substep: its start time and the ground acceleration at
-            # both endpoints.
+            # both endpoints. If a line is fitted, `shift_ground` updates the accelerations for
+            # the jump from the end of the previous line (`step_status[STATE_GROUND]`) to GROUND_0.
             load[rows.TIME] = (step_index + completed_fraction) * h
             if stride > 1:
                 _fit_ground(
@@ -370,19 +386,22 @@ def integrate(
                     if completed_fraction + substep_fraction == 1.0
                     else ground_0 + (completed_fraction + substep_fraction) * (ground_1 - ground_0)
                 )
-            # Integrate over the step or substep; halve it if it does not converge.
+            # Integrate over the step or substep; halve it if it does not converge. `code` is the
+            # number of iterations, or a negative error code.
             code = take_step(step, coefficients, scene, substep_fraction * h, load, memory)
             if code < 0:
                 if code == rows.NOT_FINITE or substep_fraction <= min_fraction:
                     check_limits(sum_law_energies, scene, memory, step_index, seen)
                     # A residual of at least OVERFLOW, or nan, means that the iteration has
-                    # diverged. The error is then that the response is not finite.
+                    # diverged. This failure is reported as NOT_FINITE.
                     return code if step_status[rows.RESIDUAL] < OVERFLOW else rows.NOT_FINITE
                 substep_fraction *= 0.5
                 totals[rows.HALVINGS] += 1.0
                 step_status[rows.STEPS_DONE] = 0.0  # multi-step methods restart
                 continue
-            # Observe the response of the step or substep.
+            # Observe the response of the step or substep. The accelerations of the state are now
+            # valid for the ground acceleration GROUND_1. `has_step_peaks` is True if the method has
+            # computed peaks within the step.
             completed_fraction += substep_fraction
             totals[rows.ITERATIONS] += code
             step_status[rows.STATE_GROUND] = load[rows.GROUND_1]
@@ -399,6 +418,7 @@ def integrate(
             )
             observe_span(update_shear_peaks, scene, span, ground_rate, memory, seen)
         # The step is complete: count it, check divergence and collapse, and store the history.
+        # `substep_fraction` is 1 only if the step was not halved.
         step_status[rows.STEPS_DONE] = (
             step_status[rows.STEPS_DONE] + 1.0 if substep_fraction == 1.0 else 0.0
         )
@@ -408,6 +428,9 @@ def integrate(
         check_limits(sum_law_energies, scene, memory, step_index + 1, seen)
         if history.shape[0] > 0 and (step_index + 1) % steps_per_row == 0:
             update_law_energies(sum_law_energies, scene, memory, seen)
+            # `store` writes the ground acceleration of the motion (first argument). It computes the
+            # absolute accelerations with the value of the fitted line (second argument), because
+            # the relative accelerations are in equilibrium with the line.
             store(
                 ground_1,
                 load[rows.GROUND_1],
@@ -435,7 +458,7 @@ STRIDE = 5
 # Columns of the table `run_ends` of results, with one row for each run
 CODE = 0  # return value of `integrate`
 STEPS_COMPLETED = 1
-AT_REST = 2  # 1 if the response has decayed, or if this is not required
+AT_REST = 2  # 1 if the response has decayed, or if free vibration is not requested
 END_COLUMNS = 3
 
 _call_integrate = indirect_caller(INTEGRATE)
@@ -534,8 +557,10 @@ def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory,
     """Call `integrate` for the steps of one run from `first_step` to `last_step`, without a
     history.
 
-    The kernel is called by its address with plain arrays. The steps per row of the history (1) and
-    the number of earlier rows (0) have no effect, because the history has no rows.
+    The kernel is called by its address with plain arrays. `last_step` is also passed as the number
+    of steps of the run, so that each successful call updates the energies of the laws at its end.
+    The steps per row of the history (1) and the number of earlier rows (0) have no effect, because
+    the history has no rows.
 
     Parameters
     ----------
@@ -616,8 +641,8 @@ def _start_window(memory, peaks, previous_peaks, n):
 def _end_window(peaks, previous_peaks, n):
     """Return the maximum velocity in a window of steps and the maximum displacement of the run.
 
-    The peak velocities of the run are restored: they are the maxima of those before the window and
-    in the window.
+    The peak velocities of the run are restored: the peak velocity of each floor is the maximum of
+    its values before the window and in the window.
 
     Parameters
     ----------
@@ -688,8 +713,9 @@ def integrate_many(
     For each run, the ground motion is scaled, the memory is reset to its initial values, and the
     equations of motion are integrated over the specified number of steps. After its last step, a
     run continues in free vibration until the building is at rest, in windows of `window_steps`
-    steps and for at most `max_windows` windows. The building is at rest if the maximum velocity in
-    a window is at most `velocity_limit` times the maximum displacement of the run.
+    steps and for at most `max_windows` windows (0: the run ends with its last step). The building
+    is at rest if the maximum velocity of a floor in a window is at most `velocity_limit` times the
+    maximum displacement of the run.
 
     Parameters
     ----------
@@ -727,12 +753,14 @@ def integrate_many(
         displacement of the run, 1/s.
     peaks, drifts, totals, run_ends : ndarray
         Results: peaks, residual drifts (m), totals and end of each run. The first axis is the run.
-        The columns of `run_ends` are
+        The caller must set `peaks` to zero, because peaks are only raised; the other results are
+        overwritten. The columns of `run_ends` are
 
             CODE               return value of `integrate`
             STEPS_COMPLETED    number of steps until the end of the ground motion or of the last
                                complete window; 0 if the run failed during the ground motion
-            AT_REST            1 if the building is at rest or this is not required; 0 otherwise
+            AT_REST            1 if the building is at rest at the end of a window, or, also for a
+                               failed run, if `max_windows` is 0; otherwise 0
 
     Returns
     -------
@@ -765,6 +793,8 @@ def integrate_many(
         code = 0
         # Pass 0 integrates the specified steps, each further pass one window of free vibration.
         at_rest = 1.0 if max_windows == 0 else 0.0
+        # `_start_window` sets the peak velocities to zero, so that `_end_window` returns the
+        # maximum velocity of the pass. `_end_window` restores the peak velocities of the run.
         for window_index in range(max_windows + 1):
             _start_window(memory, seen.peaks, previous_peaks, n)
             code = _continue(kernels, common, step_ratio, last_step, completed, scene, memory, seen)
