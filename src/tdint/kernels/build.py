@@ -28,10 +28,15 @@ from typing import Any
 def main() -> None:
     """Compile the kernels that the standard input requests, and write them to the standard output.
 
-    The docstring of this module describes the requests and the output. The environment variable
-    TDINT_KERNELS_VARIANT is the variant, and TDINT_KERNELS_TARGETS the list of targets. The
-    function does not return: the process ends when its standard input is closed, or with the
-    traceback of an error.
+    Each line of the standard input is a JSON list of two elements: the name of a kernel,
+    `MODULE:KERNEL`, and the source file of MODULE. The file is null for a module that can be
+    imported by its name; it is specified for a module of a plug-in. For each kernel, the object
+    files of all targets are written, each after a line with the number of its bytes. The
+    environment variable TDINT_KERNELS_VARIANT is the variant, and TDINT_KERNELS_TARGETS the list
+    of targets, separated by commas.
+
+    The function does not return. The thread that executes `_listen` ends the process when the
+    standard input is closed. An error ends the process with a traceback.
     """
     # numba imports SciPy's linear algebra, which kernels do not use.
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
@@ -50,6 +55,7 @@ def main() -> None:
     # The thread starts after the imports. On Windows the import of numpy would wait for the pipe
     # that the thread reads.
     requests: SimpleQueue[bytes] = SimpleQueue()
+    # `_listen` adds each line of the standard input to the queue.
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     while True:
         name, file = json.loads(requests.get())
@@ -143,13 +149,17 @@ def _take_shortcuts() -> None:
     def compile_separately(self: Any, function: Any) -> Any:
         """Compile a function with a numbering of its labels and variables that starts at zero.
 
-        The code then does not depend on the functions that were compiled before. The method
-        replaces `compile_extra` of the compiler of numba (`self`).
+        The code, except for the number in the symbol of the function, then does not depend on the
+        functions that were compiled before. The method replaces `compile_extra` of the compiler of
+        numba (`self`).
         """
         # While numba compiles a function, it also compiles the functions that it calls, with this
         # method. The numbering of the calling function is therefore restored at the end.
         identity = bytecode.FunctionIdentity
         numbering_of_caller = identity._unique_ids, labels._value, ir_utils._unique_var_count
+        # The first number is for `function`. This number is part of the symbol of the compiled
+        # function and must be unique in the process. The other numbers, from 1, are for functions that are
+        # inlined into `function`. The inlined functions have no symbol.
         identity._unique_ids = itertools.chain([next(function_numbers)], itertools.count(1))
         labels._value, ir_utils._unique_var_count = 0, 0
         try:
@@ -183,8 +193,16 @@ def _module(name: str, file: str) -> Any:
 def _add_laws(variant: str) -> None:
     """Register the plug-in laws of a variant with their numbers.
 
-    The registration must precede the import of modules that depend on the laws. The environment
-    variable TDINT_KERNELS_PLUGINS maps the name of each law to the name and the file of its module.
+    Each law is stored in LAWS at the index of its number. The name of its module is stored in the
+    dictionary OUTSIDE. The registration must precede the import of modules that depend on the laws.
+    The environment variable TDINT_KERNELS_PLUGINS is a JSON dictionary that contains the name and
+    the file of the module of each law, by the name of the law.
+
+    Parameters
+    ----------
+    variant : str
+        Text of the variant (`Variant.text`). It contains the name and the number of each plug-in
+        law.
     """
     from tdint.kernels.building.compilable import parse
     from tdint.kernels.building.sources import OUTSIDE
@@ -200,6 +218,8 @@ def _add_laws(variant: str) -> None:
         for value in tuple(values):
             if isinstance(value, tuple | list):
                 values += value
+        # The hash of the sources of a kernel (`tdint.kernels.building.sources.digest`) includes the
+        # modules in OUTSIDE. The hash is part of the description of the object file.
         OUTSIDE[name] = files[name][0]
         LAWS[code] = next(law for law in values if isinstance(law, DriftLaw) and law.name == name)
 
