@@ -89,17 +89,19 @@ class Variant:
         return {name: int(code) for name, separator, code in split_names if separator}
 
     def only(self, parts: tuple[str, ...]) -> Variant:
-        """Return the variant of a kernel that depends only on some features.
+        """Return this variant with all features switched on, except the attributes in `parts`.
 
-        Kernels that do not depend on a feature are compiled with this feature, so that one compiled
-        kernel serves more buildings.
+        The result is the variant for which a kernel is compiled that depends only on the attributes
+        in `parts`. These attributes keep their values. The other attributes do not affect the code
+        of the kernel. They therefore get the values of EVERYTHING (all laws of tdint, True for the
+        other features), so that one compiled kernel serves more buildings.
 
         Parameters
         ----------
         parts : tuple of str
-            Names of the attributes on which the kernel depends. All features are set for the
-            remaining attributes.
+            Names of the attributes on which the kernel depends: laws, modal, forces or dashpots.
         """
+        # _PARTS contains the names of all attributes.
         unused = {name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}
         return replace(self, **unused)
 
@@ -196,9 +198,11 @@ class Compilable:
         """Return the variant that this kernel requires for a building with the features of
         `variant`.
 
-        Features on which the kernel does not depend are set, so that one compiled kernel serves
-        more buildings. With TDINT_KERNELS=whole, it is the variant with all features, except for
-        laws of plug-ins.
+        Attributes of `variant` on which the kernel does not depend are replaced by the values of
+        EVERYTHING (`Variant.only`), so that one compiled kernel serves more buildings. With
+        TDINT_KERNELS=whole (WHOLE), the result is EVERYTHING, the variant with all features.
+        EVERYTHING does not contain laws of plug-ins: for a variant with such laws
+        (`variant.outside`), TDINT_KERNELS=whole has no effect. The results are cached.
         """
         required = self._required.get(variant)
         if required is None:
