@@ -225,12 +225,15 @@ def indirect_caller(signature: Signature) -> Any:
 
 @intrinsic
 def local(typing_context, size):
-    """Return the code for an uninitialized array of `size` numbers on the stack of a function.
+    """Return the numba signature and the code generator of an uninitialized array on the stack.
 
-    The results are the signature for numba and the function that generates the code. In a kernel,
-    `local(size)` is an array that exists until the calling function returns. `typing_context` is
-    passed by numba and not used. `_on_stack(1)` is the numba type of an array with one dimension;
-    the call with an argument type gives the signature of a function that returns this type.
+    In a kernel, `local(size)` is an array of `size` numbers, which exists until the calling
+    function returns. numba executes this function while it compiles such a call. The arguments are
+    then numba types, not values. `typing_context` is passed by numba and not used.
+
+    `_on_stack(1)` is the numba type of an array with one dimension. Its call with an integer type
+    gives the first result: the signature of a function that has an integer argument and returns
+    such an array. The second result is a function that generates the code of the array.
     """
     return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
@@ -239,11 +242,16 @@ def local(typing_context, size):
 
 @intrinsic
 def local_table(typing_context, rows, columns):
-    """Return the code for an uninitialized table of `rows` times `columns` numbers on the stack.
+    """Return the numba signature and the code generator of an uninitialized table on the stack.
 
-    The results are the signature for numba and the function that generates the code. In a kernel,
-    `local_table(rows, columns)` is an array that exists until the calling function returns.
-    `typing_context` is passed by numba and not used.
+    In a kernel, `local_table(rows, columns)` is a table of `rows` times `columns` numbers, which
+    exists until the calling function returns. numba executes this function while it compiles such a
+    call. The arguments are then numba types, not values. `typing_context` is passed by numba and
+    not used.
+
+    `_on_stack(2)` is the numba type of an array with two dimensions. Its call with two integer
+    types gives the first result: the signature of a function that has two integer arguments and
+    returns such an array. The second result is a function that generates the code of the table.
     """
     return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
@@ -337,6 +345,10 @@ def objects_of(
             "memory nor raise an exception"
         )
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
+    # Remove the definitions of Python objects. The remaining uses are addresses of exceptions
+    # (`@.const.picklebuf...`), which a function passes to its caller in addition to the error code.
+    # They are replaced by a null pointer, because `tdint.kernels.building.loading.Loaded` reads
+    # only the error code.
     text = _EXCEPTION.sub("null", _PYTHON_OBJECTS.sub("", text))
     # numba numbers functions in the order of compilation. Here each name contains its index in the
     # module, so that equal sources give equal bytes.
@@ -357,11 +369,12 @@ def _emitted(text: str, target: Target) -> bytes:
     """Return the object file of a module (LLVM code as text) for a target.
 
     numba has generated the module for this machine. For this machine, the code generator of numba
-    is used. For another target, the lines that specify the machine are replaced, and the functions
-    are marked as `nounwind`: the object contains no tables for the unwinding of the stack after an
-    exception. The tables are not needed, because no exception passes through a kernel. On Windows
-    the tables would have to be near the code in memory, but they are not. For Windows, the function
-    that accesses the pages of the stack in order (`_PROBE`) is added.
+    is used. For another target, the lines that specify the machine are replaced, and all functions
+    are marked as `nounwind`: the object then contains no tables for the unwinding of the stack
+    after an exception. No target needs the tables, because no exception passes through a kernel.
+    For Windows the mark is necessary: there the tables would have to be near the code in memory,
+    but they are not. For Windows, the function that accesses the pages of the stack in order
+    (`_PROBE`) is added.
     """
     # `_tm` is the LLVM target machine with which numba compiles for this machine.
     if target == native():
@@ -370,6 +383,7 @@ def _emitted(text: str, target: Target) -> bytes:
     machine = target.machine()
     text = _TARGET_LINES.sub("", text)
     if target.platform == "win32":
+        # `_PROBE` is assembly code, which LLVM translates with its assembly parser.
         llvm.initialize_native_asmparser()
         text += _PROBE
     module = llvm.parse_assembly(text)
