@@ -59,7 +59,9 @@ def load_or_compile(
     pairs : sequence of (Compilable, Variant)
         Kernels, each with the features that it must support.
     progress : callable, optional
-        Is called with the completed fraction, from 0 to 1.
+        Is called after each compilation with the fraction of the missing kernels that were
+        completed before it: 0 for the first kernel, always less than 1. It is not called if all
+        kernels have an object file.
     own_loops : bool
         True to use only kernels that are compiled for exactly the required features, for
         comparisons of run times. False to use also an existing kernel with all features, which
@@ -86,16 +88,24 @@ def _load_missing(
     """Load the kernels that are not loaded, and compile kernels without an object file.
 
     The caller holds the lock `_ONE_AT_A_TIME`, because LLVM must not be used by two threads at the
-    same time. With TDINT_KERNELS=python, the kernels are installed as Python functions instead.
+    same time. The environment variable TDINT_KERNELS has these values:
+
+        python     the kernels are installed as Python functions, without compilation
+        whole      one variant with all features is used for all buildings; the method
+                   `Compilable.required_variant` evaluates this setting
+        compile    set by tdint in the processes that compile kernels, not by users
+        empty      default: each kernel is compiled for the features that it must support
 
     Parameters
     ----------
     pairs : sequence of (Compilable, Variant)
         Kernels, each with the features that it must support.
     progress : callable
-        Is called with the completed fraction, from 0 to 1.
+        Is called after each compilation with the fraction of the missing kernels that were
+        completed before it.
     own_loops : bool
-        True to use only kernels that are compiled for exactly the required features.
+        True to use only kernels that are compiled for exactly the required features. False to use
+        also an existing kernel with all features.
 
     Raises
     ------
@@ -110,6 +120,7 @@ def _load_missing(
         if not kernel.loaded(variant)
     ]
     setting = os.environ.get("TDINT_KERNELS", "")
+    # The message omits `compile`, which users must not set.
     if setting not in ("", "python", "whole", "compile"):
         raise UsageError(
             f"TDINT_KERNELS={setting} is invalid: set it to python or whole, or unset it"
@@ -191,7 +202,8 @@ def _compile(
     missing : sequence of (Compilable, Variant)
         Kernels without object file.
     progress : callable
-        Is called with the completed fraction.
+        Is called after each compilation, before the kernel is loaded, with the fraction of the
+        kernels that were completed before it: 0 for the first kernel, always less than 1.
     folder : Path or None
         Directory of the object files; None if no directory is writable. The kernels are then used
         in this process only.
@@ -227,6 +239,8 @@ def _compile(
         destination,
     )
     # Each compilation is for this machine only, and therefore has a single object file, `data`.
+    # `run_all` yields the compilations in the order of completion; `completed` is the number of
+    # kernels that were compiled before this kernel.
     running = run_all(compilations((*pair, NATIVE) for pair in missing))
     for completed, (compilation, (data,)) in enumerate(running):
         progress(completed / count)
@@ -297,12 +311,15 @@ def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> boo
 def _python_function(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a Python function of a kernel that treats divisions by zero as compiled code does.
 
-    The result of such a division is infinite or nan, without a warning or an exception. `function`
-    is the undecorated function of the kernel.
+    The result of a division by zero is infinite or nan, without a warning or an exception. This
+    applies to divisions with an element of a NumPy array, because the element is a NumPy number. A
+    division of two Python numbers, such as two arguments that are Python numbers, still raises
+    ZeroDivisionError. `function` is the undecorated function of the kernel; its array arguments
+    must be NumPy arrays.
     """
 
     def call(*arguments: Any) -> Any:
-        """Call the function without warnings and exceptions for divisions by zero."""
+        """Call the function without NumPy's warnings and exceptions for divisions by zero."""
         with np.errstate(all="ignore"):
             return function(*arguments)
 
@@ -326,20 +343,28 @@ def interpret_while_compiling(
     loop_kernels: Sequence[tuple[Compilable, Variant]],
     other_kernels: Callable[[], Sequence[tuple[Compilable, Variant]]],
 ) -> bool:
-    """Use kernels as Python functions for a short run if an object file is missing.
+    """Use kernels as Python functions in this run if an object file is missing.
 
-    A separate process with low priority compiles the kernels for the next run. It continues after
-    the end of this process. The function does nothing if TDINT_KERNELS is set or
-    TDINT_COMPILE=wait, for plug-ins, and in jobs of clusters and of continuous integration, where
-    results are compared. With TDINT_COMPILE=never no process is started.
+    A separate process with low priority compiles the kernels for the next run, and continues after
+    this process has ended. With TDINT_COMPILE=never no process is started. The caller calls this
+    function only for a short run, because Python functions are slow.
+
+    The function returns False, and the caller loads or compiles the kernels, if
+
+        - TDINT_COMPILE=wait, or TDINT_KERNELS is set
+        - a kernel or a law of the time loop belongs to a plug-in
+        - the run is a job of a cluster or of continuous integration (_JOBS), where results are
+          compared
+        - numba is not installed
+        - all kernels of the time loop have an object file; they are then loaded
 
     Parameters
     ----------
     loop_kernels : sequence of (Compilable, Variant)
-        Kernels that the time loop calls. All of them are compiled or all of them are Python
-        functions.
+        Kernels that the time loop calls. They are either all compiled or all Python functions.
     other_kernels : callable
-        Returns the kernels that the run may use separately; called if an object file is missing.
+        Function without arguments that returns the kernels that the run may use separately. It is
+        called if a kernel of the time loop has no object file.
 
     Returns
     -------
@@ -366,8 +391,10 @@ def interpret_while_compiling(
     # Without numba the compilation fails, and the caller reports the error.
     if importlib.util.find_spec("numba") is None:
         return False
-    # The kernels of the time loop are either all compiled or all Python functions. `others` are
-    # interpreted only if they have no object file.
+    # `_load_existing` loads kernels with an object file and returns the kernels without. False:
+    # object files with all features can also be used. If a kernel of the time loop is missing, all
+    # kernels of the time loop are installed as Python functions. A kernel in `others` is installed
+    # as a Python function only if it has no object file.
     with _ONE_AT_A_TIME:
         in_loop = [(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]
         if not _load_existing(in_loop, False):
@@ -396,14 +423,16 @@ def interpret_while_compiling(
 def _start_compilation(
     groups: Sequence[Sequence[tuple[Compilable, Variant]]], folder: Path
 ) -> None:
-    """Start a process that compiles groups of kernels, unless another process is compiling them.
+    """Start a process that compiles groups of kernels, unless such a process is already running.
 
-    The process continues after the end of this process.
+    For each directory of object files, a single process compiles in the background at a time, also
+    for different kernels. The process continues after the end of this process.
 
     Parameters
     ----------
     groups : sequence of sequence of (Compilable, Variant)
-        Kernels. The last group is compiled first.
+        Kernels that the time loop calls, and other kernels of the run. The last group is compiled
+        first.
     folder : Path
         Directory of the object files.
 
@@ -412,7 +441,9 @@ def _start_compilation(
     OSError
         The process cannot be started.
     """
-    # The kernels that the time loop calls are compiled last. If they exist, the others exist.
+    # The kernels that the time loop calls, the first group, are compiled last. If their object
+    # files exist, the object files of the other kernels also exist. `interpret_while_compiling`
+    # therefore searches only for the kernels of the time loop.
     names = [
         [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(groups)
     ]
@@ -420,8 +451,10 @@ def _start_compilation(
     if file.exists() and not file.is_file():  # opening a named pipe would block
         raise FileExistsError(errno.EEXIST, f"{file} is not a file")
     with file.open("a") as stream:
-        # Only one process compiles at a time. Otherwise several models in succession would fill
-        # the memory with compilers.
+        # The file is locked while a process compiles; `lock` then returns False. Otherwise several
+        # models in succession would fill the memory with compilers. Closing the file at the end of
+        # this block removes the lock. The new process then locks the file until it has compiled all
+        # groups (`compile_in_background`).
         if lock(stream.fileno()):
             spawn_detached(
                 [sys.executable, "-P", "-c", _BACKGROUND_PROGRAM, json.dumps(names)], folder
@@ -463,6 +496,7 @@ def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
     function : callable
         Undecorated function of the kernel. Its arguments are numbers, arrays and other kernels.
     """
+    # Version for NumPy arrays: divisions by zero give infinite or nan, without warnings.
     python_function = _python_function(function)
 
     def call(*arguments: Any) -> Any:
@@ -479,6 +513,7 @@ def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
             ]
             return function(*views)
         except (ArithmeticError, TypeError, ValueError, NotImplementedError, AttributeError):
+            # Python numbers do not allow an operation. Repeat the call with the restored arrays.
             for array, values in zip(arrays, saved, strict=True):
                 if array.flags.writeable:
                     array[...] = values
