@@ -114,6 +114,9 @@ class Loaded:
         result_type: Any = _NUMBERS[signature.returns.name][0]
         types, self._converters = _converters(signature.arguments)
         self._result_type = result_type
+        # C function in the calling convention of numba: the result is an error code (0 without an
+        # error). The first two arguments are the address for the result of the kernel and the
+        # address for a description of an exception. The arguments of the kernel follow.
         prototype = ctypes.CFUNCTYPE(
             ctypes.c_int32, ctypes.POINTER(result_type), ctypes.c_void_p, *types
         )
@@ -129,7 +132,8 @@ class Loaded:
         for convert, argument in zip(self._converters, arguments, strict=True):
             convert(argument, flat)
         result = self._result_type()
-        exception = ctypes.c_void_p()
+        exception = ctypes.c_void_p()  # required by the calling convention, not read
+        # The C function returns an error code, 0 without an error, and stores the result.
         if self._function(result, ctypes.addressof(exception), *flat):
             raise RuntimeError("a kernel raised an exception")
         return result.value
