@@ -58,8 +58,12 @@ class Compilation:
     def settings(self) -> dict[str, str]:
         """Environment variables of the process that compiles the kernel.
 
-        Kernels with equal settings can be compiled by the same process.
+        Kernels with equal settings can be compiled by the same process. NUMBA_CPU_NAME and
+        NUMBA_CPU_FEATURES specify the processor for which numba optimizes (`Target.optimized_for`).
         """
+        # The first target represents all targets. `compilations` combines targets only if they have
+        # the same `optimized_for`, or if the optimization does not depend on the processor because
+        # the kernel is not vectorized.
         cpu, features = next(iter(self.targets.values())).optimized_for
         return {
             "TDINT_KERNELS_VARIANT": self.variant.text,
@@ -103,17 +107,23 @@ class Compilation:
     def reason(self, text: list[str]) -> str:
         """Return the reason why this compilation failed, from the error output of the process.
 
-        The message is the line after the last "Failed in nopython" in the output of numba, or
-        otherwise the last line of the output. The position in the source files of the kernel is
+        The message is the first line after the last "Failed in nopython" in the output of numba. If
+        this line ends with a colon, the message includes the next line. Without "Failed in
+        nopython", the message is the last line of the output.
+
+        External files are the files of plug-ins: of the laws of the variant, and of the kernel if
+        it is not part of tdint. The source files of the kernel are these files and the files of all
+        modules that its object file depends on (`closure`). The position in the source files is
         determined as follows:
 
         1. If the message reports an undefined name, numba gives no position. The position is the
-           first line that uses the name. The files of plug-ins are searched first.
-        2. Otherwise, the position is read from the output: the lines after the last "Failed in
-           nopython", then all lines from the last to the first. The first position in a file of a
-           plug-in is selected, or otherwise the first position in any source file of the kernel.
-        3. If there is still no position and the kernel uses plug-ins, the position is a file of
-           a plug-in without a line.
+           first line that uses the name. The external files are searched first.
+        2. Otherwise, the position is read from the output. The lines after the last "Failed in
+           nopython" are searched first, from the first to the last. Then all lines of the output
+           are searched, from the last to the first. The result is the first position that is found
+           in an external file, or otherwise the first position in any source file.
+        3. If no position is found and there are external files, the position is an external file
+           without a line: the file of the kernel, or otherwise the file of the last law.
 
         Parameters
         ----------
@@ -136,10 +146,11 @@ class Compilation:
         message = " ".join(lines_after[: 2 if lines_after[0].endswith(":") else 1])
         if not message:
             return ""
-        plugin_files = [file for _, file in self.plugins.values()]
-        if self.request[1]:  # the kernel is in a file that is not part of the package
-            plugin_files.append(self.request[1])
-        files = [Path(file) for file in plugin_files]
+        external_files = [file for _, file in self.plugins.values()]
+        # `request[1]` is the file of the kernel, or None for a kernel of tdint.
+        if self.request[1]:
+            external_files.append(self.request[1])
+        files = [Path(file) for file in external_files]
         files += [
             file for file in closure(self.module, self.variant.laws).values() if file not in files
         ]
@@ -150,6 +161,7 @@ class Compilation:
             )
         else:
             # Case 2: `match[1]` is the name of a file without its directory, `match[2]` the line.
+            # `text[::-1]` contains all lines, from the last to the first.
             # If several files have the same name, the first file is used: `reversed` lets the
             # first file overwrite the others.
             files_by_name = {file.name: file for file in reversed(files)}
@@ -159,13 +171,13 @@ class Compilation:
                 for match in matches
                 if match[1] in files_by_name
             ]
-            plugin_positions = [
-                position for position in positions if position.startswith(tuple(plugin_files))
+            external_positions = [
+                position for position in positions if position.startswith(tuple(external_files))
             ]
-            position = next(iter([*plugin_positions, *positions]), "")
-        # Case 3: the last file is the file of the kernel, if the kernel is not part of the package.
-        if not position and plugin_files:
-            position = plugin_files[-1]
+            position = next(iter([*external_positions, *positions]), "")
+        # Case 3: the last file is the file of the kernel, if the kernel is not part of tdint.
+        if not position and external_files:
+            position = external_files[-1]
         return f"{position}: {message}" if position else message
 
 
@@ -278,8 +290,10 @@ def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[C
     groups: dict[Any, dict[str, Target]] = {}
     for kernel, variant, name in requested:
         target = named(name)
-        # Without vectorization the optimizer treats all processors equally, except this processor,
-        # for which numba compiles specifically.
+        # Targets with an equal value of `optimization` share a compilation by numba. Without
+        # vectorization the code does not depend on the processor, so that all targets share the
+        # value None. The exception is this machine: the code generator of numba writes its object
+        # file, and it always has a separate compilation.
         optimization = target.optimized_for if kernel.vectorized or target == native() else None
         groups.setdefault((kernel, variant, optimization), {})[name] = target
     return [
@@ -361,7 +375,11 @@ class _ProcessPool:
     """
 
     def __init__(self, compilations: Sequence[Compilation]) -> None:
-        """Sort the compilations from the longest to the shortest; no process is started yet."""
+        """Sort the compilations by their estimated time, the longest first; start no process yet.
+
+        The estimate is the size of the sources of the kernel (`size`). A long compilation that
+        starts last would delay the end, while the other processes are idle.
+        """
         self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
         self._lock = Lock()
         self._waiting = sorted(
