@@ -86,17 +86,17 @@ def digest_of_all() -> str:
 
 
 def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
-    """Return the modules with which the module of a kernel is compiled, by name, including the
-    module.
+    """Return the source files of all modules on which the object file of a kernel depends.
+
+    The result contains the module of the kernel, the modules of kernels and methods that it imports
+    directly or indirectly, the modules of the laws, and three modules of the package `building`
+    (_COMPILING), which affect the object file. Imports of other modules of `building` (_BUILDING)
+    are ignored, because a change of these modules does not require a new compilation.
 
     For a module of tdint, the source file follows from its name. For a module of a plug-in and the
     modules that it imports, it is the file from which the module was loaded. The module of a law of
     tdint has the name of the law, with underscores instead of hyphens. The dictionary OUTSIDE
     contains the module of each law of a plug-in, by the name of the law.
-
-    The modules of the package `building` (_BUILDING) compile the kernels. Three of these modules
-    (_COMPILING) affect the object file and are therefore always included. A change of the other
-    modules does not require a new compilation, so that imports from this package are ignored.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     Returns
     -------
     dict of str to Path
-        Source file of each module.
+        Source file of each module, by the name of the module.
     """
     # Modules of the package of the laws that the kernel needs: the declarations and its laws
     law_modules = {"law", *(name.replace("-", "_") for name in laws)}
@@ -122,6 +122,8 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         if name in files or file is None:
             continue
         files[name] = file
+        # Imports of a module of tdint are found by a fast search in the text (second result of
+        # `_read`). The files of plug-ins can import in any form and are parsed (`_imported`).
         imports = _read(file)[1] if name.startswith("tdint.") else _imported(file, name)
         for imported in imports:
             # The package of the laws imports all laws; laws that are not needed are ignored.
