@@ -69,7 +69,9 @@ def find_object(
 ) -> tuple[Path, bytes, str] | None:
     """Return the path of the object file of a kernel, its code, and the name of its function.
 
-    The first target with an object file is used; None if there is no object file.
+    The first directory with a valid object file for a target is used. If this directory contains
+    object files for several targets, the first of these targets is used. Without an object file in
+    any directory, None is returned.
 
     Corrupt files are ignored. In the cache, files of other users are also ignored, except files of
     the owner of the package.
@@ -83,7 +85,7 @@ def find_object(
     targets : tuple of Target
         Processors of one platform, in order of preference.
     """
-    # The first directory with a valid object file is used. `filter(None, ...)` skips the results
+    # Each directory is a pair: path, and True for the cache. `filter(None, ...)` skips the results
     # None of directories without object file.
     directories = _search_path(targets[0].platform)
     return next(
@@ -102,8 +104,10 @@ def origin(file: Path) -> str:
 
 
 def has(name: str, variant: str, target: Target, directory: Path | None = None) -> bool:
-    """Return True if a directory contains an object file of a kernel, regardless of other
-    directories.
+    """Return True if a directory contains a valid object file of a kernel.
+
+    Only this directory is searched. In the cache, files of other users are ignored, except files of
+    the owner of the package. False is returned if there is no cache.
 
     Parameters
     ----------
@@ -119,6 +123,7 @@ def has(name: str, variant: str, target: Target, directory: Path | None = None) 
     root = directory or cache_home()
     if root is None:
         return False
+    # The second argument is True for the cache: files of other users are then ignored.
     return bool(
         _find_in(root / folder_name(target.platform), directory is None, name, variant, (target,))
     )
@@ -208,10 +213,11 @@ def _find_in(
 def save(
     data: bytes, name: str, variant: str, target: Target, directory: Path | None = None
 ) -> Path | None:
-    """Write an object file atomically and return its path; None if no directory is writable.
+    """Write an object file atomically and return its path.
 
-    After a file has been written to the cache of the user, files and directories of the cache that
-    have not been used for _DAYS_KEPT days are removed. A shared directory is never cleaned.
+    If the file cannot be written to the cache of the user, None is returned. After a file has been
+    written to the cache, files and directories of the cache that have not been used for _DAYS_KEPT
+    days are removed. A shared directory is never cleaned.
 
     Parameters
     ----------
@@ -239,7 +245,7 @@ def save(
         with suppress(OSError):
             path = _write(data, cached / file_name(name, variant, target))
             # Remove unused kernels of the current versions of compiler and Python, then unused
-            # directories of other versions.
+            # directories of other versions. `remove_unused` ignores files that it cannot remove.
             remove_unused("*.object", _DAYS_KEPT, keep=path)
             remove_unused("kernels-*", _DAYS_KEPT, keep=path.parent)
             return path
