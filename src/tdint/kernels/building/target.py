@@ -61,8 +61,9 @@ class Target:
     def text(self) -> str:
         """Text that identifies the processor in the names of object files.
 
-        The name of a level of x86-64 or of AARCH64 is sufficient. For other processors, such as the
-        processor of this machine, the text is the LLVM name and a hash of the features.
+        For a level of x86-64 (LEVELS) and for AARCH64, the text is this name. For the target of a
+        specific machine (`native`), the text is the LLVM name of the processor and a hash of its
+        features.
         """
         if self.cpu in LEVELS or self.cpu == AARCH64:
             return self.cpu
@@ -70,15 +71,19 @@ class Target:
 
     @property
     def optimized_for(self) -> tuple[str, str]:
-        """Processor name and features that numba is given for its optimization.
+        """Name and features of the processor for which numba optimizes the code.
 
-        Numba optimizes either for this machine or, on x86-64, for any of the levels. The result is
+        numba runs on this machine. It can optimize for this machine or, if this machine has an
+        x86-64 processor, for any level of x86-64 (LEVELS).
 
-            the target is this machine              its LLVM name and its features
-            x86-64, the target is a level           the name of the level, without features
-            x86-64, other target (ARM)              x86-64-v2, without features, because its vectors
-                                                    have the length of ARM vectors
-            this machine is not x86-64              "generic", without features
+            this machine    target          name and features
+            any             this machine    LLVM name and features of the target
+            x86-64          level           name of the level, no features
+            x86-64          ARM             x86-64-v2, no features
+            not x86-64      any other       "generic", no features
+
+        For an ARM target, x86-64-v2 is used because vectors of x86-64-v2 and of ARM have the same
+        length.
         """
         if self == native():
             return self.cpu, self.features
@@ -87,7 +92,13 @@ class Target:
         return self.cpu if self.cpu in LEVELS else "x86-64-v2", ""
 
     def machine(self) -> Any:
-        """Return the LLVM target machine that writes object files for the processor."""
+        """Return the LLVM target machine that generates object files for this target.
+
+        The target is a level of x86-64 (a key of LEVELS) or AARCH64, the 64-bit ARM processors. The
+        settings are the same as in numba for x86-64 and for ARM. The method is not called for the
+        target `native`: the code generator of numba writes the object files of this machine.
+        """
+        # The second part of the key is True for x86-64, False for ARM.
         triple = _TRIPLES[self.platform, self.cpu in LEVELS]
         llvm.initialize_all_targets()
         llvm.initialize_all_asmprinters()
@@ -95,7 +106,8 @@ class Target:
             cpu = self.cpu
         else:
             cpu = "apple-m1" if self.platform == "darwin" else "generic"
-        reloc = "static" if self.cpu in LEVELS else "default"  # as numba does for each family
+        # Relocation model that numba uses for x86-64 and for ARM
+        reloc = "static" if self.cpu in LEVELS else "default"
         return llvm.Target.from_triple(triple).create_target_machine(
             cpu=cpu, features=self.features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True
         )
@@ -115,8 +127,11 @@ def native() -> Target:
 
 
 def machine() -> Any:
-    """Return the LLVM target machine that loads object files on this machine. An engine created
-    from it owns it."""
+    """Return the LLVM target machine that describes this machine.
+
+    The class `tdint.kernels.building.loading.Loaded` creates an engine from it, which loads an
+    object file and then owns the target machine.
+    """
     # Newer versions of llvmlite initialize LLVM automatically. The function then raises an error or
     # does not exist.
     with suppress(RuntimeError, AttributeError):
@@ -148,12 +163,13 @@ def named(name: str) -> Target:
     # name.
     prefix, _, suffix = name.partition("-")
     platform, cpu = (_PLATFORMS[prefix], suffix) if prefix in _PLATFORMS else (sys.platform, name)
+    # _TRIPLES contains the supported combinations of a platform with x86-64 (True) or ARM (False).
     if (cpu not in LEVELS and cpu != AARCH64) or (platform, cpu in LEVELS) not in _TRIPLES:
         raise UsageError(
             f"unknown processor {name}: use native, {', '.join(LEVELS)} or {AARCH64}, with the "
             f"prefix {', '.join(f'{prefix}-' for prefix in _PLATFORMS)} for another platform"
         )
-    return Target(cpu, "", platform)
+    return Target(cpu, "", platform)  # a level of x86-64 or AARCH64 has no list of features
 
 
 @cache
