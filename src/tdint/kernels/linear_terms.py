@@ -65,8 +65,8 @@ def force_impulse(forces, j, t, h):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE and SINE (N)
+        and OMEGA (rad/s). OMEGA must not be negative.
     j : int
         Index of the force.
     t : float
@@ -75,7 +75,8 @@ def force_impulse(forces, j, t, h):
         Time step, s.
     """
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
-    # `sinc` is sin(x) / x. For small x, where the quotient can be 0 / 0, its Taylor series is used.
+    # `sinc` is sin(x) / x with x = `half_angle` >= 0. For small x, where the quotient can be 0 / 0,
+    # its Taylor series is used.
     sinc = (
         math.sin(half_angle) / half_angle
         if half_angle > 1e-4
@@ -206,7 +207,7 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
 
 @outlined
 def _add_impulses(forces, t, h, scratch, row):
-    """Add the impulses of the floor forces to a row of `scratch`, N s.
+    """Add the impulses of the floor forces over the step [t, t + h] to a row of `scratch`, N s.
 
     Parameters
     ----------
@@ -214,13 +215,13 @@ def _add_impulses(forces, t, h, scratch, row):
         Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
-        Time, s.
+        Time at the start of the step, s.
     h : float
         Time step, s.
     scratch : ndarray
         Scratch array: one row per quantity, one column per floor or story.
     row : int
-        Row of the impulse.
+        Row of `scratch` with the impulses of all floors; the result is added to this row.
     """
     for j in range(forces.shape[0]):
         scratch[row, int(forces[j, rows.FLOOR])] += force_impulse(forces, j, t, h)
@@ -241,8 +242,12 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
         q1 - q0 + 12 r ((q0 + q1) / 2 - mean)
 
     The displacement of a very stiff part of the building, where inertia is negligible, then agrees
-    with the force at the endpoints of the steps. For a force that is linear in time, the two
-    moments are equal.
+    with the force at the endpoints of the steps. For r = 0, the exact moment is used. It is not the
+    limit of the moment for r > 0: that moment tends to q1 - q0 as r tends to 0.
+
+    For a force that is linear in time, such as -m ag, the two moments are equal. Only the moment of
+    the floor forces therefore depends on r. `_add_means` adds the mean and the moment of the floor
+    forces.
 
     Parameters
     ----------
@@ -262,6 +267,7 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     row : int
         Row of the mean; the moment is stored in the next row.
     """
+    # Store mean and moment of -m ag.
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = (
             -0.5 * linear_terms[rows.MASS, i] * (load[rows.GROUND_0] + load[rows.GROUND_1])
@@ -285,7 +291,8 @@ def _add_means(forces, t, h, r, scratch, row):
 
     q0 and q1 are the forces at the start and at the end. The formula for r > 0 is used with
     numerical dissipation: the displacements of very stiff parts of the building then agree with the
-    force at the endpoints of the steps.
+    force at the endpoints of the steps. As r tends to 0, this formula tends to q1 - q0 and not to
+    the exact moment.
 
     Parameters
     ----------
