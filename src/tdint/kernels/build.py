@@ -158,8 +158,8 @@ def _take_shortcuts() -> None:
         identity = bytecode.FunctionIdentity
         numbering_of_caller = identity._unique_ids, labels._value, ir_utils._unique_var_count
         # The first number is for `function`. This number is part of the symbol of the compiled
-        # function and must be unique in the process. The other numbers, from 1, are for functions that are
-        # inlined into `function`. The inlined functions have no symbol.
+        # function and must be unique in the process. The other numbers, from 1, are for functions
+        # that are inlined into `function`. The inlined functions have no symbol.
         identity._unique_ids = itertools.chain([next(function_numbers)], itertools.count(1))
         labels._value, ir_utils._unique_var_count = 0, 0
         try:
