@@ -147,7 +147,7 @@ class Compilation:
         if not message:
             return ""
         external_files = [file for _, file in self.plugins.values()]
-        # `request[1]` is the file of the kernel; it is None for a kernel of tdint.
+        # `request[1]` is the file of a kernel that is not part of tdint.
         if self.request[1]:
             external_files.append(self.request[1])
         files = [Path(file) for file in external_files]
