@@ -153,16 +153,17 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     - The coefficients 1 - theta, theta and alpha are replaced by 1.
     - C (floor dampers and modal damping) is omitted, so that the requirement is slightly stricter.
 
-    Row SIZE adds the rounding errors of the displacements to the sums: residuals below these errors
-    are always small enough.
+    In addition, residuals below the effect of the rounding errors of the displacements are always
+    small enough. Row SIZE contains these errors as a force, divided by RESIDUAL_TOLERANCE. It is
+    added to the sums, which are multiplied by `tolerance`, at least RESIDUAL_TOLERANCE.
 
     Parameters
     ----------
     is_last : bool
-        True if no further iteration is allowed. The largest relative residual is then stored in
-        `step_status`.
+        True if no further iteration is allowed. The largest relative residual above the tolerance
+        is then stored in `step_status`.
     tolerance : float
-        Maximum relative residual.
+        Maximum relative residual, at least RESIDUAL_TOLERANCE.
     beta : float
         Coefficient of a1 in the kinematic equation.
     linear_terms : ndarray
@@ -177,7 +178,8 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
         u1 - u0 (m); DV, v1 - v0 (m/s); V1, v1 (m/s); A1, a1 (m/s^2); IMPULSE, I (N s); FORCE_S, the
         part of S of each story (N s); SIZE (N).
     step_status : ndarray
-        Rows RESIDUAL and WORST_STORY are updated.
+        Row RESIDUAL is set to 0, or to the largest relative residual if `is_last` is True and a
+        residual is too large; row WORST_STORY then receives the floor of this residual.
     """
     n = linear_terms.shape[1] - 1
     by_a = beta * h * h
@@ -186,7 +188,8 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
-        # `rounding` is the rounding error of the stories below and above the floor, as a force, N.
+        # `rounding` is the effect of the rounding errors of the displacements on the forces of the
+        # stories below and above the floor, divided by RESIDUAL_TOLERANCE, N.
         rounding = scratch[SIZE, i] + link * scratch[SIZE, i + 1]
         # `scale` is the sum of the absolute values of the terms: first of the kinematic equation
         # (m, without the factor mass), then of the momentum equation (N s).
@@ -207,8 +210,14 @@ def correct(beta, modal, h, factors, n):
     v0.
 
     Rows R1 and R2 of the scratch array contain the negative residuals of kinematics and momentum,
-    and receive the corrections of rows DU (m) and DV (m/s). The kinematic equation contains the
-    acceleration a1 at the end of the step as -beta h^2 a1.
+    and receive the corrections of rows DU (m) and DV (m/s). The kinematic equation of a floor with
+    the mass M is
+
+        M (u1 - u0) = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1))
+        M a1 = p1 - C v1 - f(u1)
+
+    with displacement, velocity and acceleration u0, v0, a0 at the start and u1, v1, a1 at the end
+    of the step. C contains modal damping.
 
     Parameters
     ----------
@@ -229,8 +238,10 @@ def correct(beta, modal, h, factors, n):
         True if the corrections of the displacements are of the order of rounding errors.
     """
     scratch = factors.table
-    # In the matrix, modal damping adds -beta h^2 W^T W to the coefficients of v1 in the kinematic
-    # equations, and W^T W to those of u1 in the momentum equations.
+    # Modal damping is the part W^T W of C, with the rows w of `modal`. If all terms with unknowns
+    # are on the left side, the kinematic equation contains +beta h^2 M a1 and therefore -beta h^2 C
+    # v1. The momentum equation contains C (u1 - u0). Modal damping has the factor -beta h^2 for v1
+    # in the first equation, and the factor 1 for u1 in the second equation.
     solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
     is_small = True
     for i in range(n):
