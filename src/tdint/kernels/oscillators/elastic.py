@@ -10,7 +10,7 @@ maximum at the samples and between the samples:
   maximum of |q''|. q'' is a free vibration, which the maxima bound. Only few intervals can contain
   the overall maximum. These intervals are integrated again, separately for each oscillator.
 3. If q' changes its sign between two samples of such an interval, Newton's method computes the zero
-  with the Taylor series of q. With omega h <= 1 twelve terms have an error below 1e-9.
+  with the Taylor series of q. With omega h <= 1 the error of the series is below 1e-9.
 
 The caller divides longer steps, for each oscillator as required.
 """
@@ -70,12 +70,15 @@ INTERVAL_STEPS = 32
 """Number of steps of an interval for which maxima are stored."""
 
 # Number of steps of an oscillator before the next oscillator is processed, so that its values
-# remain in registers
+# remain in registers; must divide INTERVAL_STEPS
 _BLOCK = 4
 
 
 def scratch(samples: int, parts: int, lanes: int) -> tuple[NDArray[np.float64], ...]:
     """Return the scratch arrays of `peaks`, uninitialized, in the order of its arguments.
+
+    A step is a sampling interval divided by `parts`. An interval has INTERVAL_STEPS (32) steps; the
+    remaining steps after the last complete interval only have a row in `starts`.
 
     Parameters
     ----------
@@ -134,8 +137,9 @@ def peaks(
         u1 = A11 u0 + A12 v0 - B10 ag0 - B11 ag1,   v1 = A21 u0 + A22 v0 - B20 ag0 - B21 ag1
 
     First, all oscillators of a group are integrated together, and the maxima at the steps are
-    stored for each interval of INTERVAL_STEPS steps. Then the intervals that can contain a maximum
-    between the steps are searched for each oscillator (`_search`).
+    stored for each interval of INTERVAL_STEPS steps. Then `_search` computes the overall maxima of
+    each oscillator from them. It integrates the remaining steps after the last complete interval. If maxima
+    between the steps are required, it integrates again the intervals that can contain such maxima.
 
     Parameters
     ----------
@@ -174,7 +178,8 @@ def peaks(
     by_u, by_v = local(lanes), local(lanes)
     us, vs = local(lanes), local(lanes)
     max_u, max_v, max_a = local(lanes), local(lanes), local(lanes)
-    # `series` is the scratch array for the Taylor series of a quantity q, of q' and of q''.
+    # `best` receives the maxima of an oscillator. `series` is the scratch array for the Taylor
+    # series of a quantity q, of q' and of q''.
     best, series = local(PEAKS), local_table(3, TERMS)
     for c in range(intervals):
         _measure_ground(ground, h, c, ground_maxima)
@@ -190,7 +195,9 @@ def peaks(
                 oscillators[BY_VELOCITY, group + i],
             )
             us[i] = vs[i] = 0.0
-        # Integrate the group; store start and maxima of each interval. `size_...` are maxima.
+        # Integrate the group over the complete intervals, and store the state at the start and the
+        # maxima of each interval. _BLOCK divides INTERVAL_STEPS. `size_u`, `size_v` and `size_a`
+        # are the maxima of |u|, |v| and |omega^2 u + 2 xi omega v| until now.
         for c in range(intervals):
             for i in range(lanes):
                 starts[i, c, 0], starts[i, c, 1] = us[i], vs[i]
@@ -214,7 +221,8 @@ def peaks(
                     us[i], vs[i], max_u[i], max_v[i], max_a[i] = u, v, size_u, size_v, size_a
             for i in range(lanes):
                 maxima[i, c, 0], maxima[i, c, 1], maxima[i, c, 2] = max_u[i], max_v[i], max_a[i]
-        # Search each oscillator of the group for the maxima between the steps.
+        # Compute the maxima of each oscillator of the group. Row `intervals` of `starts` is the
+        # state at the start of the remaining steps, which `_search` integrates.
         for i in range(min(lanes, result.shape[1] - group)):
             starts[i, intervals, 0], starts[i, intervals, 1] = us[i], vs[i]
             best[:] = 0.0
@@ -378,8 +386,9 @@ def _integrate_interval(oscillator, interval):
     The maxima of |u|, |v| and |p| at the ends of the steps are recorded. If maxima between the
     steps are required, extrema of u, v and p within a step are included. `may_exceed` tests
     whether an extremum can exceed the maximum. `largest_between` computes the extremum from the
-    quantity and its first three derivatives at the start of the step. In the code, `dp`, `ddp` and
-    `dddp` are the first, second and third derivative of p. The suffix 1 denotes the end of a step.
+    quantity and its first three derivatives at the start of the step, and from its first derivative
+    at the end. In the code, `dp`, `ddp` and `dddp` are the first, second and third derivative of p.
+    The suffix 1 denotes the end of a step.
 
     Parameters
     ----------
@@ -399,7 +408,10 @@ def _integrate_interval(oscillator, interval):
     a21, a22 = oscillators[A21, column], oscillators[A22, column]
     b20, b21 = oscillators[B20, column], oscillators[B21, column]
     vibration = _vibration(oscillator)
-    by_u, by_v, _ = vibration
+    by_u, by_v, _ = vibration  # omega^2 and 2 xi omega; the third field is h
+    # Between the endpoints of a step, |q| exceeds the larger of its two endpoint values by at most
+    # `factor` times the larger endpoint value of |q''|; q is u, v or p. `n` is the number of terms
+    # of the Taylor series of q in `largest_between`.
     factor, n = excess_factor(vibration), term_count(vibration)
     u, v = starts[interval, 0], starts[interval, 1]
     g0 = ground[interval * INTERVAL_STEPS]
