@@ -327,33 +327,35 @@ def _column_at(sums, steps, row, slope, t, c):
 
 @outlined
 def _maximum_after(sums, steps, row, c, size):
-    """Return the maximum absolute drift ratio of column `c` between step `row` and the next step.
+    """Return the larger value of `size` and of the maximum absolute drift ratio of column `c` at an
+    extremum between step `row` and the next step.
 
-    The drift ratio is a superposition of modes (`_column_at`). If its rate changes its sign between
-    both steps, the zero of the rate is located by regula falsi (`narrow_bracket`). All values of
-    the iteration are considered.
+    The drift ratio is a superposition of modes (`_column_at`). If its rate has different signs at
+    both steps, the zero of the rate is located by regula falsi, and all values of the iteration are
+    considered. Otherwise the result is `size`. The values at both steps are not evaluated.
 
     Parameters
     ----------
     sums : _Sum
         Terms of the superposition.
     steps : _Steps
-        Steps of the chunk.
+        Steps of the chunk; `motion` is the ground acceleration, m/s^2.
     row : int
-        Index of the step in the chunk.
+        Index of the first of both steps in the chunk.
     c : int
         Column: index of the story; the last column is the roof.
     size : float
-        Absolute value at the step; the result if there is no larger extremum between both steps.
+        Absolute drift ratio at step `row` or at step `row` + 1.
     """
     h = sums.h
+    # The ground acceleration is linear between both steps, with the rate `slope` (m/s^3).
     slope = (steps.motion[row + 1] - steps.motion[row]) / h
     left_speed = _rate(sums, steps, row, slope, c)
     right_speed = _rate(sums, steps, row + 1, slope, c)
     if left_speed * right_speed >= 0.0:
         return size
     left, right = 0.0, h  # The rate changes its sign between both times.
-    side = 0
+    side = 0  # `narrow_bracket` sets 1 if it moved the right endpoint, and -1 if the left endpoint
     for _ in range(60):
         t = (left * right_speed - right * left_speed) / (right_speed - left_speed)
         if not left < t < right:
@@ -362,6 +364,7 @@ def _maximum_after(sums, steps, row, c, size):
         size = max(size, abs(value))
         if speed == 0.0 or right - left < 1e-7 * h:
             break
+        # Move the endpoint where the rate has the sign of `speed` to `t`, by `change` (s).
         left, left_speed, right, right_speed, side, change = narrow_bracket(
             left, left_speed, right, right_speed, side, t, speed
         )
@@ -475,7 +478,7 @@ def largest_drifts(
     the modes, minus `static` times the ground acceleration. A modal coordinate q satisfies q'' + 2
     xi omega q' + omega^2 q = -ag; its step is exact for a ground acceleration ag that is linear
     within the step. The steps are processed in chunks. The first pass computes the maxima at the
-    steps. The second pass integrates those chunks again that can contain the maximum between the
+    steps. The second pass integrates again all chunks that can contain the maximum between the
     steps.
 
     Parameters
@@ -495,9 +498,11 @@ def largest_drifts(
     static : ndarray, shape (stories + 1,)
         Flexibility that is not included in the modes, s^2/m. It follows the ground without delay.
     results : ndarray, shape (RESULTS,)
-        Receives PEAK, STORY and ROOF.
+        Receives three values. PEAK: maximum absolute drift ratio of all stories. STORY: index of
+        the story with this maximum. ROOF: maximum absolute roof drift ratio.
     q, rate, motion, drift, start_q, start_rate, column_maxima, column_bends, chunk_maxima : ndarray
-        Scratch arrays from `scratch`.
+        Scratch arrays from `scratch`. They must be zero at the start: row 0 of `q` and `rate` is
+        the state of rest, and the maxima in `chunk_maxima` start from zero.
 
     Returns
     -------
@@ -508,7 +513,9 @@ def largest_drifts(
     steps = (ground.size - 1) * parts
     count, columns = shapes.shape
     chunks = (steps + _CHUNK_STEPS - 1) // _CHUNK_STEPS
-    bends = local(2)  # maximum second differences of the stories and of the roof
+    # Maximum second differences of the drift ratio at three successive steps, |d0 - 2 d1 + d2|, of
+    # the stories and of the roof
+    bends = local(2)
     bends[:] = 0.0
     # The first pass computes the maxima at the steps of each chunk.
     story_maximum = roof_maximum = 0.0
@@ -529,8 +536,10 @@ def largest_drifts(
         # The last row of a chunk is the first row of the next chunk.
         for j in range(count):
             q[0, j], rate[0, j] = q[rows - 1, j], rate[rows - 1, j]
-    # The second pass processes the chunks that can contain the maximum between the steps. `story`
-    # and `roof` contain the maximum and its column.
+    # The second pass processes the chunks that can contain the maximum between the steps. Between
+    # two steps, a smooth curve exceeds its values at both steps by at most about one eighth of the
+    # second difference. The tolerance is _TOLERANCE = 0.5 times the maximum second difference,
+    # which exceeds one eighth with a margin. `story` and `roof` contain the maximum and its column.
     story_tolerance, roof_tolerance = _TOLERANCE * bends[0], _TOLERANCE * bends[1]
     story, roof = (-1.0, 0.0), (-1.0, 0.0)
     for chunk in range(chunks):
