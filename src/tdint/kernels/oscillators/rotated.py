@@ -1,13 +1,13 @@
 """Peak displacement of many oscillators subjected to two horizontal ground motions, in each of 180
 directions.
 
-The two ground motions act along two axes. The result is the maximum displacement in each direction,
-at the samples and between the samples. As in `tdint.kernels.oscillators.elastic`, all oscillators
-are integrated together first. This pass stores the maximum displacement in `AXES` directions for
-each interval of steps. The displacement in a direction between two adjacent axes is at most the
-larger of both displacements divided by the cosine of half their angle. Therefore only few intervals
-can contain a maximum. In these intervals, the same rule for narrower sectors leaves few steps and
-directions for the exact computation.
+The two ground motions are two perpendicular components. The result is the maximum displacement in
+each direction, at the samples and between the samples. As in `tdint.kernels.oscillators.elastic`,
+all oscillators are integrated together first. This pass stores the maximum displacement along
+`AXES` axes, the directions at steps of 30 degrees, for each interval. The displacement in a
+direction between two adjacent axes is at most the larger of both displacements divided by the
+cosine of half their angle. Therefore only few intervals can contain a maximum. In these intervals,
+the same rule for narrower sectors leaves few steps and directions for the exact computation.
 """
 
 from __future__ import annotations
@@ -56,15 +56,16 @@ from tdint.kernels.oscillators.elastic import (
 from tdint.kernels.stepping import Array
 
 ANGLES = 180
-"""Number of directions, at one degree, from the first ground motion towards the second."""
+"""Number of directions at steps of 1 degree. Direction 0 is the first ground motion component,
+direction 90 the second component."""
 
-# Number of axes, at 30 degrees; a displacement between two axes exceeds the larger of both by at
-# most a factor of 1.04
+# Number of axes, at steps of 30 degrees; a displacement between two axes exceeds the larger of both
+# by at most a factor of 1.04
 AXES = 6
 _SECTORS = 18  # number of sectors of 10 degrees; few steps can contain a maximum of a sector
 _SECTOR = ANGLES // _SECTORS  # directions in a sector
 _SECTORS_PER_WEDGE = _SECTORS // AXES  # number of sectors between two axes
-# Maximum displacement in a sector divided by the larger displacement along its edges
+# Bound of the displacement in a sector divided by the larger displacement along its edges
 _SPREAD = 1.0 / math.cos(math.radians(_SECTOR / 2))
 # The unit vector at j sectors after an axis is the sum of the next axis times factor j and of this
 # axis times factor _SECTORS_PER_WEDGE - j.
@@ -85,7 +86,7 @@ _SECTOR_ROWS = 5
 _ACCELERATION = AXES  # index of the maximum relative acceleration, after the maximum displacements
 _C, _S = math.cos(math.pi / 6), 0.5  # cosine and sine of 30 degrees
 # Number of steps of an oscillator in a call of `_advance`; then the next oscillator of the group
-# follows.
+# follows. Must divide INTERVAL_STEPS.
 _BLOCK = 4
 
 LANES = 16
@@ -94,15 +95,20 @@ position of their values."""
 
 # Rows of the values of the oscillators in a group, after those of the table of oscillators
 _STATE = COEFFICIENTS
-_X, _V = _STATE, _STATE + 1  # displacement and velocity along the first axis
-_Y, _W = _STATE + 2, _STATE + 3  # displacement and velocity along the second axis
-# Maximum displacements along the axes, then the square of the maximum relative acceleration
+_X, _V = _STATE, _STATE + 1  # displacement and velocity along the first component
+_Y, _W = _STATE + 2, _STATE + 3  # displacement and velocity along the second component
+# Maximum displacements along the AXES axes, then the square of the maximum relative acceleration
 _MAXIMA = _STATE + 4
 _ROWS = _MAXIMA + AXES + 1
 
 
 def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
     """Return the scratch arrays of `rotated_peaks`, uninitialized, in the order of its arguments.
+
+    A step is a sampling interval divided by `parts`. An interval has INTERVAL_STEPS (32) steps; the
+    remaining steps after the last complete interval only have a row in `starts`. The two ground
+    motions are the first and the second component. The AXES (6) axes are the directions at 0, 30,
+    ..., 150 degrees from the first component.
 
     Parameters
     ----------
@@ -116,11 +122,12 @@ def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
     ground : ndarray, shape (2, steps + 1)
         Ground accelerations of both components at the steps, m/s^2.
     starts : ndarray, shape (LANES, intervals + 1, 4)
-        Displacement (m) and velocity (m/s) of each oscillator at the start of each interval, along
-        the first and then along the second axis.
+        Displacement (m) and velocity (m/s) along the first component, then along the second
+        component, of each oscillator at the start of each interval. The last row is the state at
+        the start of the remaining steps.
     maxima : ndarray, shape (LANES, intervals, AXES + 1)
-        Maximum displacements along the axes in each interval (m), then the maximum relative
-        acceleration (m/s^2).
+        Maximum absolute displacement along each of the AXES axes in each interval (m), then the
+        maximum resultant of the relative accelerations of both components (m/s^2).
     """
     steps = (samples - 1) * parts
     intervals = steps // INTERVAL_STEPS
@@ -142,16 +149,21 @@ def rotated_peaks(
     """Integrate oscillators from rest over two ground motions and store their maximum absolute
     displacements in all directions.
 
-    The equation of motion along each axis is u'' + 2 xi omega u' + omega^2 u = -ag. With the
-    displacements x and y along both axes, the displacement in the direction of the angle theta is x
-    cos(theta) + y sin(theta). First, the oscillators of a group are integrated together, and the
-    maxima along AXES directions are stored for each interval of steps. Then the intervals that can
-    contain a maximum are searched for each oscillator (`_search`).
+    The two ground motions are perpendicular components. The equation of motion along each component
+    is u'' + 2 xi omega u' + omega^2 u = -ag. With the displacements x and y along the first and the
+    second component, the displacement in the direction of the angle theta is x cos(theta) + y
+    sin(theta). ANGLES (180) directions at steps of 1 degree are analyzed.
+
+    First, the oscillators of a group are integrated together. The maximum displacements along AXES
+    (6) of the directions, the axes at 0, 30, ..., 150 degrees, are stored for each interval of
+    INTERVAL_STEPS steps. Then `_search` computes the maxima of each oscillator in all directions.
+    It integrates again the intervals that can contain a maximum, and the remaining steps after the
+    last complete interval.
 
     Parameters
     ----------
     first, second : ndarray
-        Ground accelerations of the components, m/s^2.
+        Ground accelerations of both components at the samples, m/s^2.
     dt : float
         Sampling interval, s.
     parts : int
@@ -178,7 +190,15 @@ def rotated_peaks(
     interpolate_samples(first, parts, ground[0])
     interpolate_samples(second, parts, ground[1])
     intervals = (ground.shape[1] - 1) // INTERVAL_STEPS
+    # `lane` contains _ROWS values of each oscillator of the group. Value `row` of oscillator `i` is
+    # element row * LANES + i. The rows are the COEFFICIENTS rows of the table of oscillators, four
+    # rows of the state (x, its velocity, y, its velocity; from row _STATE), the maximum
+    # displacements along the AXES axes (from row _MAXIMA), and the square of the maximum resultant
+    # of the relative accelerations.
     lane = local(_ROWS * LANES)
+    # `best` receives the maxima of an oscillator in all directions. `scratch` is a table of sectors
+    # of _SECTOR = 10 degrees with a column for each of their edges, at 0, 10, ..., 180 degrees. The
+    # last edge is equal to the first edge, because only absolute displacements are used.
     best, scratch = local(ANGLES), local_table(_SECTOR_ROWS, _SECTORS + 1)
     for k in range(_SECTORS + 1):
         scratch[_COSINES, k] = directions[0, k * _SECTOR % ANGLES]
@@ -191,7 +211,8 @@ def rotated_peaks(
                 lane[k * LANES + i] = oscillators[k, group + i]
         for i in range(_STATE * LANES, _MAXIMA * LANES):
             lane[i] = 0.0
-        # Integrate the group; store start and maxima of each interval.
+        # Integrate the group; store the state at the start of each interval and its maxima. Index
+        # `intervals` denotes the remaining steps. Only the state at their start is stored.
         for c in range(intervals + 1):
             for i in range(LANES):
                 for k in range(4):
@@ -205,6 +226,7 @@ def rotated_peaks(
             for i in range(LANES):
                 for k in range(AXES):
                     maxima[i, c, k] = lane[(_MAXIMA + k) * LANES + i]
+                # `_advance` stores the square of the acceleration.
                 maxima[i, c, _ACCELERATION] = math.sqrt(lane[(_MAXIMA + _ACCELERATION) * LANES + i])
         # Search each oscillator of the group in all directions.
         for i in range(min(LANES, result.shape[0] - group)):
@@ -216,6 +238,8 @@ def rotated_peaks(
             oscillator = _TableOscillator(
                 ground, oscillators, column, vibration, directions, starts[i], scratch, series, best
             )
+            # The last argument times the maximum relative acceleration bounds the excess of a
+            # displacement between two steps. It is 0 if only the maxima at the steps are required.
             _search(oscillator, maxima[i], between_steps * excess_factor(vibration))
             for k in range(ANGLES):
                 result[group + i, k] = best[k]
@@ -226,27 +250,28 @@ def rotated_peaks(
 def _advance(ground, s, lane):
     """Integrate LANES oscillators over a block of steps and update the maxima at the steps.
 
-    Along each of the two axes, with the displacement u, the velocity v and the ground acceleration
-    g at the start (0) and at the end (1) of a step,
+    Along each of the two ground motion components, with the displacement u, the velocity v and the
+    ground acceleration g at the start (0) and at the end (1) of a step,
 
         u1 = A11 u0 + A12 v0 - B10 g0 - B11 g1
         v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1
 
-    The step is exact for a ground acceleration that is linear within the step. The maxima are those
-    of the absolute displacement along the axes at 0, 30, ..., 150 degrees, and of the resultant of
-    the relative accelerations a along the first and b along the second axis, sqrt(a^2 + b^2). From
-    the equation of motion, a = -(omega^2 u + 2 xi omega v + g).
+    The step is exact for a ground acceleration that is linear within the step. The maxima are the
+    maximum absolute displacements along the axes at 0, 30, ..., 150 degrees, and the maximum of a^2
+    + b^2. This is the square of the resultant of the relative accelerations a along the first and b
+    along the second component. From the equation of motion, a = -(omega^2 u + 2 xi omega v + g).
 
     Parameters
     ----------
     ground : ndarray, shape (2, steps + 1)
-        Ground accelerations at the steps, m/s^2: one row for each of the two axes.
+        Ground accelerations at the steps, m/s^2: one row for each of the two components.
     s : int
         Index of the first of the _BLOCK steps.
     lane : ndarray
         Values of the oscillators: value `row` of oscillator `i` is element row * LANES + i. The
         rows are A11 to B21, BY_DISPLACEMENT (omega^2, 1/s^2) and BY_VELOCITY (2 xi omega, 1/s), the
-        state (rows _X to _W, updated) and the maxima (from row _MAXIMA on, updated).
+        state (rows _X to _W, updated), the maximum displacements (AXES rows from _MAXIMA on,
+        updated) and the maximum of a^2 + b^2 (row _MAXIMA + _ACCELERATION, updated).
     """
     for i in range(LANES):
         a11, a12 = lane[A11 * LANES + i], lane[A12 * LANES + i]
@@ -254,7 +279,7 @@ def _advance(ground, s, lane):
         a21, a22 = lane[A21 * LANES + i], lane[A22 * LANES + i]
         b20, b21 = lane[B20 * LANES + i], lane[B21 * LANES + i]
         by_u, by_v = lane[BY_DISPLACEMENT * LANES + i], lane[BY_VELOCITY * LANES + i]
-        # Displacement and velocity are x, v along the first axis and y, w along the second axis.
+        # Displacement and velocity are x, v along the first component, y, w along the second.
         x, v = lane[_X * LANES + i], lane[_V * LANES + i]
         y, w = lane[_Y * LANES + i], lane[_W * LANES + i]
         # t0 to t5 are the maximum displacements along the axes at 0, 30, ..., 150 degrees.
@@ -265,7 +290,7 @@ def _advance(ground, s, lane):
         max_acceleration_squared = lane[(_MAXIMA + _ACCELERATION) * LANES + i]
         # The maxima include both endpoints of the block. The last pass has no step.
         for j in range(_BLOCK + 1):
-            # f and g are the ground accelerations along the first and along the second axis.
+            # f and g are the ground accelerations along the first and the second component.
             f0, g0 = ground[0, s + j], ground[1, s + j]
             # The displacement along the axis at the angle theta is x cos(theta) + y sin(theta).
             cx, sx, cy, sy = _C * x, _S * x, _C * y, _S * y
@@ -316,7 +341,7 @@ class _TableOscillator(NamedTuple):
     directions : ndarray
         Cosine and sine of each of the 180 directions.
     starts : ndarray
-        Displacements and velocities along both axes at the start of each interval.
+        Displacements and velocities along both components at the start of each interval.
     scratch : ndarray
         Table of the sectors.
     series : ndarray
@@ -338,14 +363,14 @@ class _TableOscillator(NamedTuple):
 
 @outlined
 def _search(oscillator, maxima, margin):
-    """Compute the maximum displacements of an oscillator in all directions from its maxima along
-    the axes.
+    """Compute the maximum displacements of an oscillator in all directions.
 
     The following terms are used:
 
         direction    one of ANGLES directions at steps of 1 degree; `best` contains its maximum
                      displacement until now
         axis         one of AXES directions at steps of 30 degrees
+        edge         one of the directions at steps of 10 degrees
         sector       10 adjacent directions between two edges; there are three sectors between two
                      axes
         interval     INTERVAL_STEPS successive steps; `maxima` contains the maximum displacement
@@ -363,16 +388,23 @@ def _search(oscillator, maxima, margin):
 
     The remaining steps, and usually the other intervals of pass 1, are therefore integrated twice.
 
-    The bounds are compared by sector in the table `scratch` of the oscillator. `_interpolate`
-    stores the bounds of the displacements along the edges of the sectors in rows _AT_START and
-    _AT_END. Row _LOWEST contains the smallest maximum of the directions of each sector (`_lowest`).
-    `_count_higher` returns the number of sectors with a bound above this value.
-    `_integrate_interval` updates row _LOWEST in pass 2.
+    The bounds of an interval follow in three steps:
+
+    1. `_interpolate` computes bounds of the displacements along the edges from `maxima` along the
+       axes: the unit vector of an edge is a weighted sum of two adjacent axes.
+    2. The displacement in a sector at the steps is at most the larger bound of its two edges
+       divided by the cosine of 5 degrees.
+    3. Between the steps, this value is exceeded by at most `margin` times the maximum relative
+       acceleration of the interval.
+
+    Row _LOWEST of the table `scratch` contains, for each sector, the smallest of the maxima `best`
+    in the directions of the sector (`_lowest`). `_count_higher` returns the number of sectors with
+    a bound above this value. `_integrate_interval` updates the row in pass 2.
 
     Parameters
     ----------
     oscillator : _TableOscillator
-        Oscillator; `best` is updated.
+        Oscillator; `best` is updated, and the table of the sectors, `scratch`, is used.
     maxima : ndarray
         Maximum displacements along the axes in each interval, m, then the maximum resultant of the
         relative accelerations (column _ACCELERATION), m/s^2.
@@ -397,7 +429,7 @@ def _search(oscillator, maxima, margin):
             _integrate_interval(oscillator, interval, margin, True)
             last_interval = interval
     # Pass 2: integrate the remaining steps again, now with the maxima between the steps, then the
-    # intervals with a bound that exceeds a maximum.
+    # intervals with a bound that exceeds a maximum in any sector.
     for k in range(_SECTORS):
         lowest[k] = _lowest(best, k)
     _integrate_interval(oscillator, intervals, margin, False)
@@ -409,7 +441,11 @@ def _search(oscillator, maxima, margin):
 
 @outlined
 def _interpolate(axis_maxima, scratch):
-    """Store bounds of the displacements of an interval along the edges of the sectors.
+    """Store bounds of the displacements along the edges of the sectors in an interval of steps.
+
+    The AXES axes are directions at steps of 30 degrees. There are three sectors of 10 degrees
+    between two axes. The edges are the limits of the sectors: directions at steps of 10 degrees, so
+    that edge 3 k is axis k.
 
     A unit vector at j sectors after an axis is f(3 - j) times this axis plus f(j) times the next
     axis, with the factors f(j) = sin(10 j degrees) / sin(30 degrees) (_FACTORS; there are three
@@ -417,10 +453,14 @@ def _interpolate(axis_maxima, scratch):
     of the displacement in this direction. The last axis is followed by the first axis with the
     opposite direction, for which the absolute displacements are the same.
 
+    `_top`, which reads the table of the sectors, uses the larger value of rows _AT_START and
+    _AT_END: for a step, these rows contain the displacements at its start and at its end. An
+    interval has a single bound, which is stored in both rows.
+
     Parameters
     ----------
     axis_maxima : ndarray
-        Maximum displacements in the interval along the AXES axes, m.
+        Maximum absolute displacements at the steps of the interval along the AXES axes, m.
     scratch : ndarray
         Table of the sectors; rows _AT_START and _AT_END receive the bounds, one column per edge.
     """
@@ -455,21 +495,24 @@ def _integrate_interval(oscillator, interval, margin, coarse):
 
     The interval has INTERVAL_STEPS steps, or the remaining steps after the last complete interval.
     The step is exact for ground accelerations that are linear within the step (coefficients A11 to
-    B21 of the table). These symbols are used along both axes:
+    B21 of the table). These symbols are used along both ground motion components:
 
-                                                   first axis    second axis
-        ground acceleration, m/s^2                 f             g
-        displacement, m                            x             y
-        velocity, m/s                              v             w
-        relative acceleration, m/s^2               a             b
-        its rate (relative jerk), m/s^3            p             q
+                                                   first component    second component
+        ground acceleration, m/s^2                 f                  g
+        displacement, m                            x                  y
+        velocity, m/s                              v                  w
+        relative acceleration, m/s^2               a                  b
+        its rate (relative jerk), m/s^3            p                  q
 
     The suffixes 0 and 1 denote the start and the end of a step; x, y, v, w, a and b without a
     suffix are values at the start. The displacement in a direction with the cosine c and the sine
     d is c x + d y. From the equation of motion, a = -(omega^2 x + 2 xi omega v + f).
 
-    The directions are divided into sectors of adjacent directions. A sector is skipped in a step if
-    the displacement in the sector cannot exceed the smallest of its maxima until now (row _LOWEST).
+    The directions are divided into sectors of 10 degrees between two edges. A sector is skipped in
+    a step if the displacement in the sector cannot exceed the smallest of its maxima until now (row
+    _LOWEST). The displacement in a sector is at most the largest displacement along its edges at
+    both endpoints of the step (`_top`) times _SPREAD = 1 / cos(5 degrees), plus the excess between
+    the endpoints.
 
     Parameters
     ----------
@@ -485,8 +528,9 @@ def _integrate_interval(oscillator, interval, margin, coarse):
         the larger relative acceleration, s^2 (`excess_factor`); 0 if maxima between the steps are
         not required.
     coarse : bool
-        True to use only the values at the steps, in all directions. False to include maxima between
-        the steps where they can be larger.
+        True for the pass of preliminary maxima: only values at the steps are used, in all
+        directions, and row _LOWEST is not used. False for the final pass: sectors are skipped as
+        above, and maxima between the steps are included if `margin` is positive.
     """
     ground, oscillators, column, vibration, directions, starts, scratch, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
@@ -499,6 +543,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
     x, v, y, w = starts[interval, 0], starts[interval, 1], starts[interval, 2], starts[interval, 3]
     f0, g0 = ground[0, interval * INTERVAL_STEPS], ground[1, interval * INTERVAL_STEPS]
     a, b = -(by_u * x + by_v * v) - f0, -(by_u * y + by_v * w) - g0
+    # Store the absolute displacements along the edges at the start of the first step.
     _project(x, y, scratch, start_values)
     for s in range(
         interval * INTERVAL_STEPS, min((interval + 1) * INTERVAL_STEPS, ground.shape[1] - 1)
@@ -522,8 +567,8 @@ def _integrate_interval(oscillator, interval, margin, coarse):
             # Compute the relative jerks at the start of the step.
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
-            # Process only the sectors with a maximum that the step can exceed; usually there is
-            # none.
+            # Process only the sectors with a maximum that the step can exceed. `_count_higher`
+            # returns their number, which is usually 0.
             for sector in range(_SECTORS if _count_higher(scratch, excess) > 0 else 0):
                 if _top(scratch, sector) * _SPREAD + excess <= lowest[sector]:
                     continue
@@ -535,6 +580,9 @@ def _integrate_interval(oscillator, interval, margin, coarse):
                     u0, u1, v0 = c * x + d * y, c * x1 + d * y1, c * v + d * w
                     speed, e0, e1 = c * v1 + d * w1, c * a + d * b, c * a1 + d * b1
                     best[k] = max(best[k], abs(u1))
+                    # `largest_between` returns the maximum at the extrema between the endpoints,
+                    # from u0, its first three derivatives at the start (the third derivative is the
+                    # jerk c p + d q), and the velocity at the end.
                     if margin > 0.0 and may_exceed(best[k], margin, u0, v0, e0, u1, speed, e1):
                         size = largest_between(
                             u0, (v0, e0, c * p + d * q), speed, vibration, n, series
@@ -554,7 +602,7 @@ def _project(x, y, scratch, sizes):
     Parameters
     ----------
     x, y : float
-        Displacements along both axes, m.
+        Displacements along both ground motion components, m.
     scratch : ndarray
         Table of the sectors with the cosines and sines of the directions of the edges.
     sizes : ndarray
@@ -572,7 +620,8 @@ def _count_higher(scratch, excess):
     angle of a sector). The displacement in a sector is at most the largest displacement along its
     edges at both endpoints of the step (`_top`) times _SPREAD, plus the excess between the
     endpoints. If this bound exceeds the smallest of the maxima until now in the directions of the
-    sector (row _LOWEST), the step can exceed a maximum.
+    sector (row _LOWEST), the step can exceed a maximum. `_search` uses this function also for an
+    interval of steps, with the bounds from `_interpolate` in place of the displacements.
 
     Parameters
     ----------
