@@ -138,8 +138,9 @@ def peaks(
 
     First, all oscillators of a group are integrated together, and the maxima at the steps are
     stored for each interval of INTERVAL_STEPS steps. Then `_search` computes the overall maxima of
-    each oscillator from them. It integrates the remaining steps after the last complete interval. If maxima
-    between the steps are required, it integrates again the intervals that can contain such maxima.
+    each oscillator from the stored maxima. It integrates the remaining steps after the last
+    complete interval. If maxima between the steps are required, it integrates again the intervals
+    that can contain such maxima.
 
     Parameters
     ----------
