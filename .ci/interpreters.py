@@ -20,18 +20,20 @@ def newest_of_each_minor(listed: list[dict[str, Any]]) -> dict[Version, tuple[Ve
 
     Shims, builds without the interpreter lock and previews are omitted.
     """
-    found: dict[Version, tuple[Version, str]] = {}
+    interpreters: dict[Version, tuple[Version, str]] = {}
     for entry in listed:
         is_usual = entry["implementation"] == "cpython" and entry["variant"] == "default"
         is_release = entry["version"].replace(".", "").isdigit()
         if is_usual and is_release and "/shims/" not in entry["path"]:
             version = tuple(map(int, entry["version"].split(".")))
-            found[version[:2]] = max(found.get(version[:2], ((), "")), (version, entry["path"]))
-    return found
+            interpreters[version[:2]] = max(
+                interpreters.get(version[:2], ((), "")), (version, entry["path"])
+            )
+    return interpreters
 
 
 def environments(
-    found: dict[Version, tuple[Version, str]], differs: list[str], compiles: list[str]
+    interpreters: dict[Version, tuple[Version, str]], differs: list[str], compiles: list[str]
 ) -> list[list[str]]:
     """Return the line of each environment as a list; environments with few tests are last.
 
@@ -39,12 +41,12 @@ def environments(
     the newest libraries, because the complete suite runs in it.
     """
     ranked = []
-    for minor, (_, path) in sorted(found.items(), reverse=True):
+    for minor, (_, path) in sorted(interpreters.items(), reverse=True):
         name = ".".join(map(str, minor))
         if minor == (3, 11):
             ranked.append((0, [f"{name}-lowest", path, "lowest-direct", *differs]))
         if minor != sys.version_info[:2]:
-            is_newest = minor == max(found)
+            is_newest = minor == max(interpreters)
             files = differs if is_newest else compiles
             ranked.append((1 if is_newest else 2, [name, path, "highest", *files]))
     return [words for _, words in sorted(ranked)]

@@ -19,19 +19,21 @@ SMALLEST = 1e-12
 """Difference, in the unit of the column, that is attributed to rounding for a value near zero."""
 
 
-def differences(one: list[list[str]], other: list[list[str]]) -> list[str]:
+def differences(table: list[list[str]], other_table: list[list[str]]) -> list[str]:
     """Return a message for each cell that differs."""
-    if [len(row) for row in one] != [len(row) for row in other] or one[0] != other[0]:
+    if [len(row) for row in table] != [len(row) for row in other_table] or table[0] != other_table[
+        0
+    ]:
         return ["other rows or columns"]
-    head, found = one[0], []
-    for row, other_row in zip(one[1:], other[1:], strict=True):
+    head, differing_cells = table[0], []
+    for row, other_row in zip(table[1:], other_table[1:], strict=True):
         for name, a, b in zip(head, row, other_row, strict=True):
             # An estimated error is a difference of two peaks: it is rounded like the peaks.
             peak = row[head.index(name.removesuffix("_error"))] if name.endswith("_error") else ""
             allowed = max(SMALLEST, ROUNDING * abs(float(peak or 0.0)))
             if a != b and not is_close(a, b, allowed):
-                found.append(f"{name}: {a} and {b}")
-    return found
+                differing_cells.append(f"{name}: {a} and {b}")
+    return differing_cells
 
 
 def is_close(a: str, b: str, allowed: float) -> bool:

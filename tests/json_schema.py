@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from tdint.model.keys.fields import Bounds, Choice, Either, EntriesOf, Keys, ValueType, Whole
+from tdint.model.keys.fields import Bounds, Choice, Either, EntriesOf, Integer, Keys, ValueType
 
 TYPES: dict[str, Callable[[object], bool]] = {
     "object": lambda value: isinstance(value, dict),
@@ -122,7 +122,7 @@ def wrong(value_type: ValueType) -> list[object]:
             "abc",
             *(value for value in outside if abs(value) < 1e30 and not value_type.allow(value)),
         ]
-    if isinstance(value_type, Whole):
+    if isinstance(value_type, Integer):
         return [value_type.low - 1, value_type.high + 1, value_type.low + 0.5, "a"]
     if isinstance(value_type, Choice):
         return ["no such name", {}]

@@ -148,10 +148,10 @@ def _transposed(names: Sequence[str], columns: Sequence[Sequence[str]], width: i
     row_count = len(columns[0])
     name_width = max(map(len, names))
     # A shortened text of 8 characters still has five letters before its three dots.
-    room = max(8, (width - name_width) // row_count - len(_GAP))
+    max_width = max(8, (width - name_width) // row_count - len(_GAP))
     # The values of a single row are not shortened.
     value_widths = [
-        min(room, max(len(cells[k]) for cells in columns)) if row_count > 1 else None
+        min(max_width, max(len(cells[k]) for cells in columns)) if row_count > 1 else None
         for k in range(row_count)
     ]
     text = ""
@@ -213,11 +213,11 @@ def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: i
     # The words of the header are wrapped to the width of the cells. A longer word has a separate
     # line.
     cells = _shortened(cells, [limit] * len(cells))
-    room = max(_MIN_HEADER_WIDTH, *map(len, cells), 0)
+    max_width = max(_MIN_HEADER_WIDTH, *map(len, cells), 0)
     header = [""]
     for word in words:
         joined = f"{header[-1]} {word}".strip()
-        if len(joined) <= room or not header[-1]:
+        if len(joined) <= max_width or not header[-1]:
             header[-1] = joined
         else:
             header.append(word)
@@ -226,25 +226,30 @@ def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: i
     return [line.rjust(column_width) if right else line.ljust(column_width) for line in lines]
 
 
-def _shortened(texts: Sequence[str], rooms: Sequence[int | None]) -> list[str]:
-    """Shorten each text to its number of characters in `rooms` (None: unlimited).
+def _shortened(texts: Sequence[str], widths: Sequence[int | None]) -> list[str]:
+    """Shorten each text to its number of characters in `widths` (None: unlimited).
 
     The end of each text is removed. If this makes two different texts equal, for example file names
     with different last letters, the middle of each text is removed instead.
     """
-    pairs = list(zip(texts, rooms, strict=True))
+    pairs = list(zip(texts, widths, strict=True))
     short = [
-        text if room is None or len(text) <= room else text[: room - 3] + "..."
-        for text, room in pairs
+        text if max_width is None or len(text) <= max_width else text[: max_width - 3] + "..."
+        for text, max_width in pairs
     ]
     if len(set(short)) == len(set(texts)):
         return short
     return [
-        text
-        if room is None or len(text) <= room
-        else f"{text[: (room - 3) // 2]}...{text[len(text) - (room - 3) + (room - 3) // 2 :]}"
-        for text, room in pairs
+        text if max_width is None or len(text) <= max_width else _without_middle(text, max_width)
+        for text, max_width in pairs
     ]
+
+
+def _without_middle(text: str, width: int) -> str:
+    """Shorten a text to `width` characters; three dots replace the middle."""
+    kept = width - 3
+    start = kept // 2
+    return f"{text[:start]}...{text[len(text) - kept + start :]}"
 
 
 def _side_by_side(

@@ -594,7 +594,7 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     options_of_files = {
         RATIOS: request.baseline,
         MEASURES: request.im,
-        SPECTRA: request.of_floors.floors,
+        SPECTRA: request.floor_request.floors,
     }
     files = page_files + (
         [folder / name for name, option in options_of_files.items() if option] if folder else []
@@ -779,7 +779,7 @@ def _suite_contents(
         contents[RATIOS] = profiles.ratios(stories=True).csv()
     if plan is None:
         return contents
-    floor_files, floor_spectra = request.of_floors.of_suite(
+    floor_files, floor_spectra = request.floor_request.suite_spectra(
         plan, store, request.jobs, profiles.units, plot=request.plot is not None
     )
     contents |= floor_files

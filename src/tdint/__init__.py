@@ -77,11 +77,11 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.run.outcome import Collapse as Collapse
     from tdint.analysis.run.outcome import Energy as Energy
     from tdint.analysis.run.outcome import ErrorEstimate as ErrorEstimate
+    from tdint.analysis.run.outcome import EventResponse as EventResponse
     from tdint.analysis.run.outcome import FailedRun as FailedRun
     from tdint.analysis.run.outcome import Gradient as Gradient
     from tdint.analysis.run.outcome import History as History
     from tdint.analysis.run.outcome import Response as Response
-    from tdint.analysis.run.outcome import Shock as Shock
     from tdint.analysis.run.outcome import StoryErrors as StoryErrors
     from tdint.analysis.run.outcome import StoryPeaks as StoryPeaks
     from tdint.analysis.run.overview import Overview as Overview

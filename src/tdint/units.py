@@ -108,15 +108,15 @@ class DriftSize:
     text : str
         Text as the user wrote it.
     value : float
-        Positive number; in m if `kind` is `length`.
-    kind : str
+        Positive number; in m if `quantity` is `length`.
+    quantity : str
         Meaning of the number: `ratio` (drift divided by story height), `length`, or `yield drift`
         (multiple of the yield drift).
     """
 
     text: str
     value: float
-    kind: str
+    quantity: str
 
 
 _DRIFT_UNITS = {"": (1.0, "ratio"), "%": (0.01, "ratio"), "dy": (1.0, "yield drift")} | {
@@ -148,19 +148,19 @@ def parse_drift(text: str) -> DriftSize:
             f"drift {text!r}: write a drift ratio (0.02 or 2%), a length ({units}: 20mm), or a "
             "multiple of the yield drift (4dy)"
         )
-    factor, kind = _DRIFT_UNITS[unit]
+    factor, quantity = _DRIFT_UNITS[unit]
     value = float(number[0]) * factor
     if not _MIN_DRIFT <= value <= _MAX_DRIFT:
         raise UsageError(
             f"drift {text!r}: must be a positive number between {_MIN_DRIFT:g} and {_MAX_DRIFT:g}"
         )
-    if kind == "ratio" and value > 1.0:
+    if quantity == "ratio" and value > 1.0:
         # A usual mistake is 2 instead of 2%.
         hint = (
             "" if unit else f"; a number without a unit is a drift ratio, did you mean {compact}%?"
         )
         raise UsageError(f"drift {text!r}: a drift ratio must be at most 1{hint}")
-    return DriftSize(compact, value, kind)
+    return DriftSize(compact, value, quantity)
 
 
 def canonical(name: str) -> str:
@@ -244,7 +244,7 @@ class Quantity:
         Name in columns and keys if it differs from the name of the field.
     name : str
         Name of the field; set by `quantities`.
-    kind : type
+    value_type : type
         Type of a value: float, int or str. It is stated if the annotation of the field does not
         determine it, as for an array.
     """
@@ -255,7 +255,7 @@ class Quantity:
     shown: tuple[str, ...] = ("table", "summary")
     called: str = ""
     name: str = ""
-    kind: type = float
+    value_type: type = float
 
     @property
     def column(self) -> str:
@@ -294,7 +294,7 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
                     replace(
                         quantity,
                         name=name,
-                        kind=value_type if value_type in (int, str) else quantity.kind,
+                        value_type=value_type if value_type in (int, str) else quantity.value_type,
                     )
                 )
     return tuple(declared)

@@ -231,7 +231,7 @@ def test_errors_of_derivatives_agree_with_two_calls(method, factor, least):
         check=True,
     )
     np.testing.assert_array_equal(
-        many.gradient.of_run(0).errors.peak_drift, gradient.errors.peak_drift
+        many.gradient.select_run(0).errors.peak_drift, gradient.errors.peak_drift
     )
     assert np.all(np.isnan(many.gradient.errors.peak_drift[1, :, 1:]))
     assert np.all(np.isfinite(many.gradient.errors.peak_drift[1, :, 0]))

@@ -83,8 +83,8 @@ def test_each_event_has_estimated_errors():
 def test_events_with_different_sampling_intervals_are_resampled():
     coarse = shock(3, 5.0, dt=0.02, samples=300, source="coarse")
     joined = sequence_of(case(), [MAIN, coarse], rest=1.0)
-    assert joined.whole.dt == 0.01
-    second = joined.whole.acceleration[joined.starts[1] :]
+    assert joined.joined.dt == 0.01
+    second = joined.joined.acceleration[joined.starts[1] :]
     assert np.array_equal(second[::2], coarse.acceleration)
     assert second[1::2] == pytest.approx(0.5 * (coarse.acceleration[1:] + coarse.acceleration[:-1]))
     with pytest.raises(UsageError, match=r"integer multiple.*--resample"):

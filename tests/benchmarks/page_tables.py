@@ -20,7 +20,7 @@ from tdint.analysis.chart.profiles import (
     TOLERANCES,
     FieldChart,
     Measured,
-    of_steps,
+    has_specified_steps,
 )
 from tdint.analysis.chart.work_precision import BY_TOLERANCE, NOT_RUN
 from tdint.model.damage_states import DONE
@@ -138,7 +138,7 @@ def cost_of_tolerances(chart: FieldChart, method: str = "impulse4") -> str:
             single = {
                 line: cost
                 for line, cost in costs.items()
-                if of_steps(line) and not line.endswith(BY_TOLERANCE) and cost == cost
+                if has_specified_steps(line) and not line.endswith(BY_TOLERANCE) and cost == cost
             }
             over_all.append(asked[0].fastest / min(single.values()))
             if method in single:
@@ -195,7 +195,7 @@ def mean_costs(measured: Sequence[Measured], tolerance: float) -> dict[str, floa
         costs = {
             line: cost
             for line, cost in problem.costs(quantity, tolerance).items()
-            if of_steps(line) and not math.isnan(cost)
+            if has_specified_steps(line) and not math.isnan(cost)
         }
         minimum = min(costs.values(), default=math.nan)
         for line, cost in costs.items():
@@ -271,7 +271,7 @@ def _count_near_minimum(chart: FieldChart, smallest_tolerance: float) -> dict[st
     """
     counts: dict[str, int] = defaultdict(int)
     for profile in chart.profiles:
-        if of_steps(profile.method) and profile.tolerance >= smallest_tolerance:
+        if has_specified_steps(profile.method) and profile.tolerance >= smallest_tolerance:
             counts[profile.method] += profile.within(2.0)
     return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
@@ -335,7 +335,7 @@ def compare_verdicts(first: FieldChart, second: FieldChart) -> str:
         {
             (profile.quantity, profile.tolerance, profile.method): profile.solved
             for profile in chart.profiles
-            if of_steps(profile.method)
+            if has_specified_steps(profile.method)
         }
         for chart in (first, second)
     ]

@@ -270,7 +270,7 @@ def test_scale_includes_factor_of_grid(study: Path) -> None:
         for building in measure_campaign.chunk(n).buildings
         for run in building.runs
     ):
-        whole_motion = measure_campaign.motions[run.motion].whole
+        whole_motion = measure_campaign.motions[run.motion].ground_motion
         mean = np.sqrt(whole_motion.first.pga * whole_motion.second.pga)
         np.testing.assert_allclose(run.scale, 0.1 * STANDARD_GRAVITY / mean, rtol=1e-12)
 

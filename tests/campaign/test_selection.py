@@ -75,7 +75,7 @@ def test_mean_of_selected_motions_fits_target(pool):
     np.testing.assert_allclose(scaling.factors, alone.factors.clip(0.2, 20.0), rtol=1e-12)
     aim = np.log(scaling.target.at(PERIODS))
     deviations = np.log(scaling.spectra(PERIODS)) - aim
-    others = np.log(scaling.rest) - aim
+    others = np.log(scaling.unselected_spectra) - aim
     near = sorted([*deviations, *others], key=lambda row: np.mean(row**2))[:4]
     assert score(deviations) <= score(np.array(near))
     assert list(scaling.to_dict()) == ["record", "component", "factor"]

@@ -480,8 +480,8 @@ def test_a_row_of_a_field_needs_at_most_100_bytes_of_memory(working_directory: P
     found = read(count)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert isinstance(found.places, FieldMotions) and peak < 100 * count + 1_000_000
-    draws = found.places.draws(7)
+    assert isinstance(found.site_motions, FieldMotions) and peak < 100 * count + 1_000_000
+    draws = found.site_motions.draws(7)
     assert [draw.sample for draw in draws] == list(range(1, 401))
     assert [draw.factor for draw in draws] == pytest.approx(
         [1.0 + 1e-3 * (2800 + index) for index in range(400)]

@@ -473,11 +473,11 @@ def idle_options():
         choosing = {
             argument
             for mode in modes
-            for argument in MODE_ARGUMENTS[name, mode.words].split()
+            for argument in MODE_ARGUMENTS[name, mode.label].split()
             if argument.startswith("--")
         }
         for mode in modes:
-            arguments = MODE_ARGUMENTS[name, mode.words].split()
+            arguments = MODE_ARGUMENTS[name, mode.label].split()
             for parameter in PARAMETERS[name]:
                 option = max(parameter.opts, key=len)
                 is_idle = parameter.name in taken - mode.takes and isinstance(
@@ -490,7 +490,7 @@ def idle_options():
                         mode,
                         parameter,
                         option in choosing,
-                        id=f"{name} {mode.words} {option}",
+                        id=f"{name} {mode.label} {option}",
                     )
 
 
@@ -506,9 +506,9 @@ def test_an_option_that_a_mode_does_not_support_is_refused(
     option = max(parameter.opts, key=len)
     value = VALUES[option].split() if option in VALUES else valid_value(parameter)
     typed = value if value and value[0].startswith(option) else [option, *value]
-    result = tdint(name, *MODE_ARGUMENTS[name, mode.words].split(), *typed)
+    result = tdint(name, *MODE_ARGUMENTS[name, mode.label].split(), *typed)
     advice = mode.advice.get(parameter.name, f"omit {option}")
-    expected = f"Error: {option} has no effect {mode.words}; {advice}"
+    expected = f"Error: {option} has no effect {mode.label}; {advice}"
     # If two options select a mode, or if the call contains two options, either may be refused.
     text = " has no effect with" if chooses or len(value) > 1 else expected
     assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
@@ -523,12 +523,12 @@ def test_an_option_that_a_mode_does_not_support_is_refused(
 def test_modes_contain_only_parameters_of_their_command(name):
     parameters = {parameter.name for parameter in PARAMETERS[name]}
     assert [
-        mode.words
+        mode.label
         for mode in MODES[name]
         if not parameters.issuperset(mode.takes | set(mode.advice))
     ] == []
     assert {mode_text for command, mode_text in MODE_ARGUMENTS if command == name} == {
-        mode.words for mode in MODES[name]
+        mode.label for mode in MODES[name]
     }
 
 

@@ -66,7 +66,7 @@ def refused(source, match, **options):
         assert str(caught.value).startswith(f"{source}: ")
 
 
-def refused_by(look, data, match):
+def refused_by(read_headers, data, match):
     """Check that a function that inspects a format refuses the data with a message."""
     with pytest.raises(Damaged, match=match):
-        look(bytes(data))
+        read_headers(bytes(data))

@@ -189,7 +189,10 @@ class TestMiniSeedByHand:
         )
         assert first_header.end - first_header.start == pytest.approx(20.0 / 200.5)
         assert second_header.end - first_header.start == pytest.approx(36.0)
-        assert (first_header.rest, second_header.rest) == (512 - 64 - 20 * 4, 256 - 64 - 5 * 4)
+        assert (first_header.remaining_bytes, second_header.remaining_bytes) == (
+            512 - 64 - 20 * 4,
+            256 - 64 - 5 * 4,
+        )
 
     @pytest.mark.parametrize(
         ("field", "least", "most"),
@@ -236,7 +239,7 @@ class TestMiniSeedByHand:
         header have space."""
         room = (512 - 64) * 8 // bits
         (record,) = look_at_mseed(seed_record(encoding=encoding, samples=room))
-        assert record.samples * bits // 8 + record.rest == 512 - 64
+        assert record.samples * bits // 8 + record.remaining_bytes == 512 - 64
         refused_by(
             look_at_mseed,
             seed_record(encoding=encoding, samples=room + 1),

@@ -373,11 +373,11 @@ def test_step_with_corners_is_searched_if_bound_exceeds_peak(leaving, link):
         deviation = corners._FORCE_DEVIATION * 100.0 * (abs(story[0]) + 0.5 * abs(story[1]))
         of_stories = np.zeros(2)
         of_stories[leaving] = deviation
-        of_floors = of_stories + np.array([link * of_stories[1], 0.0])
+        floor_request = of_stories + np.array([link * of_stories[1], 0.0])
         ends = [
             (mean + sign * 0.5 * change) / h**2 + g for sign, g in zip((-1, 1), ground, strict=True)
         ]
-        accelerations = np.max(np.abs(ends), axis=0) + of_floors / mass
+        accelerations = np.max(np.abs(ends), axis=0) + floor_request / mass
         shears = [np.array([m[0] + link * m[1], m[1]]) for m in (mass * end for end in ends)]
         total_shears = np.max(np.abs(shears), axis=0) + of_stories
         for row, bounds in (

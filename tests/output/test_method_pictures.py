@@ -93,9 +93,9 @@ def test_a_method_has_the_same_distinct_style_in_all_figures(register_methods):
     register_methods(LONG)
     all_styles = styles_in_figures(NAMES)
     for drawn in all_styles:
-        assert len({look[:2] for look in drawn.values()}) == len(NAMES)
-        assert {name: look[:2] for name, look in drawn.items()} == {
-            name: look[:2] for name, look in all_styles[0].items()
+        assert len({plot_style[:2] for plot_style in drawn.values()}) == len(NAMES)
+        assert {name: plot_style[:2] for name, plot_style in drawn.items()} == {
+            name: plot_style[:2] for name, plot_style in all_styles[0].items()
         }
     # The styles are equal in figures of other methods. Methods with parameters use free styles.
     subset = [name for name in NAMES if ":" not in name][1::2]
@@ -119,17 +119,23 @@ def test_highlighted_and_plugin_methods_are_thick_and_in_front(
     front = highlighted or "mine"
     for drawn in styles_in_figures(lines, highlighted):
         *_, width, height = drawn.pop(front)
-        assert all(width > 1.5 * look[2] and height > look[3] for look in drawn.values())
-        assert len({look[2] for look in drawn.values()}) == 1  # All other methods have equal width.
+        assert all(
+            width > 1.5 * plot_style[2] and height > plot_style[3] for plot_style in drawn.values()
+        )
+        assert (
+            len({plot_style[2] for plot_style in drawn.values()}) == 1
+        )  # All other methods have equal width.
 
 
 def test_several_plugins_are_in_front_of_other_methods_and_equally_thick(register_methods):
     register_methods(LONG)
     for drawn in styles_in_figures(["impulse4", "newmark-average", *LONG]):
         others = [drawn.pop(name) for name in ("impulse4", "newmark-average")]
-        assert len({look[2] for look in drawn.values()}) == 1
+        assert len({plot_style[2] for plot_style in drawn.values()}) == 1
         for _, _, width, height in drawn.values():
-            assert all(width > 1.5 * look[2] and height > look[3] for look in others)
+            assert all(
+                width > 1.5 * plot_style[2] and height > plot_style[3] for plot_style in others
+            )
 
 
 @pytest.mark.long

@@ -147,7 +147,7 @@ def test_derivatives_have_a_panel_with_errors_for_each_parameter(results):
     with pytest.raises(UsageError, match="units cannot be selected"):
         gradient.plot(units="kip,in,g")
     many = tdint.run_many(MODEL, results["record"], gradient="damping").gradient
-    with pytest.raises(UsageError, match="of_run"):
+    with pytest.raises(UsageError, match="select_run"):
         many.plot()
 
 

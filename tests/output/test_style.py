@@ -12,7 +12,7 @@ from tdint.output.figures.style import (
     add_legend,
     add_ratio_axis,
     legend_columns,
-    method_looks,
+    method_styles,
     scaled_unit,
     write_labels,
 )
@@ -104,11 +104,13 @@ def test_each_method_has_a_unique_style_in_all_figures():
     """The style of a method does not depend on the other methods of a figure. Methods with
     parameters and other programs use the remaining styles."""
     lines = [*catalogue(), "wilson:theta=1.3", "impulse4:rho_inf=0", "openseespy/hht", "scipy/RK45"]
-    looks = method_looks(lines)
-    assert len({(looks[line]["color"], looks[line]["marker"]) for line in lines}) == len(lines)
-    assert all(method_looks([name])[name] == looks[name] for name in catalogue())
+    plot_styles = method_styles(lines)
+    assert len(
+        {(plot_styles[line]["color"], plot_styles[line]["marker"]) for line in lines}
+    ) == len(lines)
+    assert all(method_styles([name])[name] == plot_styles[name] for name in catalogue())
     # There are twelve colors. Methods of the standard chart that share a color differ in dashes.
-    shared = Counter(looks[name]["color"] for name in METHODS)
+    shared = Counter(plot_styles[name]["color"] for name in METHODS)
     assert max(shared.values()) <= 2 and len(shared) >= 12
-    pairs = {(looks[name]["color"], str(looks[name]["linestyle"])) for name in METHODS}
+    pairs = {(plot_styles[name]["color"], str(plot_styles[name]["linestyle"])) for name in METHODS}
     assert len(pairs) == len(METHODS)

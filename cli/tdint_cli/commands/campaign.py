@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 class CampaignRequest(SuiteRequest):
     """The command line of `tdint campaign`."""
 
-    words: tuple[str, ...] = options.argument(
+    arguments: tuple[str, ...] = options.argument(
         "CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName()
     )
     output: str | None = options.output.output(
@@ -180,7 +180,7 @@ MODES = (_RUN, _STATUS, _EXPORT, _MERGE)
     },
 )
 @options.analysis.plugin
-@options.spectra.of_floors
+@options.spectra.floor_request
 @options.of(CampaignRequest)
 def command(request: CampaignRequest) -> None:
     """Run many buildings under many records at many intensity levels.
@@ -195,7 +195,7 @@ def command(request: CampaignRequest) -> None:
     status without peaks. Records that cannot be read are reported, the other records are processed,
     and the exit code is 4.
     """
-    mode, act = _ACTIONS.get(request.words[0], (_RUN, _run))
+    mode, act = _ACTIONS.get(request.arguments[0], (_RUN, _run))
     refuse_idle(mode, MODES)
     act(request)
 
@@ -216,14 +216,15 @@ def _run(request: CampaignRequest) -> None:
         Some inputs could not be used, or with --require a limit is exceeded. Raised after all files
         are written.
     """
-    if len(request.words) > 1:
+    if len(request.arguments) > 1:
         raise UsageError(
-            f"one campaign file is required, got {len(request.words)}: {' '.join(request.words)}"
+            f"one campaign file is required, got {len(request.arguments)}: "
+            f"{' '.join(request.arguments)}"
         )
     if request.output is None:
         raise UsageError("-o DIR is required: the directory of the campaign")
     # Check the options first, because reading the inputs of a large campaign can last minutes.
-    request.of_floors.check(request.output)
+    request.floor_request.check(request.output)
     if request.im:
         from tdint.campaign.fragility.measures import run_measure
 
@@ -252,7 +253,7 @@ def _run(request: CampaignRequest) -> None:
         engine = cluster(scheduler)
     else:
         engine = threads(request.jobs or processors())
-    campaign = load_campaign(request.words[0])
+    campaign = load_campaign(request.arguments[0])
     campaign = replace(campaign, pair_demand=request.pair_demand or campaign.pair_demand)
     plan = make_plan(campaign, read_inputs(campaign))
     apply_style(plan.style, campaign.source, drawn=bool(request.plot or request.report))
@@ -337,7 +338,7 @@ def _merge(request: CampaignRequest) -> None:
         Some inputs could not be used, or with --require a limit is exceeded. Raised after the
         tables are written.
     """
-    folders = [Path(word) for word in request.words[1:]]
+    folders = [Path(word) for word in request.arguments[1:]]
     if not folders or request.output is None:
         raise UsageError(
             "the directories to merge and -o DIR are required, such as: tdint campaign merge "
@@ -403,12 +404,12 @@ def _folder(request: CampaignRequest) -> Path:
     request : CampaignRequest
         Options of the command line.
     """
-    if len(request.words) != 2:
+    if len(request.arguments) != 2:
         raise UsageError(
-            f"exactly one directory is required, got {len(request.words) - 1}; use: tdint campaign "
-            f"{request.words[0]} DIR"
+            f"exactly one directory is required, got {len(request.arguments) - 1}; use: "
+            f"tdint campaign {request.arguments[0]} DIR"
         )
-    return Path(request.words[1])
+    return Path(request.arguments[1])
 
 
 _ACTIONS: dict[str, tuple[Mode, Callable[[CampaignRequest], None]]] = {

@@ -37,13 +37,13 @@ MOST_SECONDS = 1e6
 LIMITS = (0.01, 0.001)
 """Errors for which a method and a time step are recommended."""
 
-_OF_MODELS = NAMES | {"models", "records", "scale", "duration"}
-_OF_STEPS = _OF_MODELS | {"steps", "halvings", "cache"}
-_ONE = Mode("with one building", _OF_STEPS | {"tolerances", "versus", "peers"})
-_SIZES = Mode("with --stories", _OF_STEPS | {"stories"})
-_MANY = Mode("with many problems", _OF_MODELS | {"tolerances", "peers"})
+_MODEL_OPTIONS = NAMES | {"models", "records", "scale", "duration"}
+_STEP_OPTIONS = _MODEL_OPTIONS | {"steps", "halvings", "cache"}
+_ONE_BUILDING = Mode("with one building", _STEP_OPTIONS | {"tolerances", "versus", "peers"})
+_SIZES = Mode("with --stories", _STEP_OPTIONS | {"stories"})
+_MANY = Mode("with many problems", _MODEL_OPTIONS | {"tolerances", "peers"})
 _PROBLEMS = Mode("with --problems", frozenset({"tolerances", "peers"}))
-MODES = (_ONE, _SIZES, _MANY, _PROBLEMS)
+MODES = (_ONE_BUILDING, _SIZES, _MANY, _PROBLEMS)
 
 
 @options.request
@@ -138,11 +138,11 @@ class Request(options.record.RecordRequest):
         record : str or None
             Record file; None if the command line specifies no record.
         """
-        given = {
+        record_fields = {
             field.name: getattr(self, field.name) for field in fields(options.record.RecordRequest)
         }
         return BuildingRequest(
-            **given, model=model, record=record, scale=self.scale, duration=self.duration
+            **record_fields, model=model, record=record, scale=self.scale, duration=self.duration
         )
 
 
@@ -152,7 +152,7 @@ class Request(options.record.RecordRequest):
     "tdint chart office.yaml --method impulse4,newmark-average --dt 0.01 --plot=chart.png",
 )
 @options.analysis.plugin
-@options.record.of_motion
+@options.record.motion_options
 @options.output.to_files(
     "Write the table to this file instead of standard output, and a .json file next to it.",
     picture=options.output.PICTURE,
@@ -204,7 +204,7 @@ def command(request: Request) -> None:
         refuse_idle(_PROBLEMS if request.problems else _MANY, MODES)
         _chart_many(request)
         return
-    refuse_idle(_SIZES if request.stories else _ONE, MODES)
+    refuse_idle(_SIZES if request.stories else _ONE_BUILDING, MODES)
     building = _check(request)
     from tdint.analysis.arguments import model_record
     from tdint.model.config.model_file import load_model

@@ -422,7 +422,7 @@ def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
         # The place of a parameter is the number of its story. A parameter of the complete building
         # has no place.
         changes = [
-            " ".join(filter(None, (item.name, str(item.place or ""), f"{item.value:.5g}")))
+            " ".join(filter(None, (item.name, str(item.number or ""), f"{item.value:.5g}")))
             for item in values
         ]
         source = comparisons[0].event.recording.source

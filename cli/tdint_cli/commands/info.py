@@ -85,7 +85,7 @@ _EXPORT = options.output.option(
     "tdint info office-motion.txt --highpass 0.1 --export filtered.csv",
     exits={4: "a record cannot be read; the other records are processed"},
 )
-@options.record.of_records
+@options.record.record_options
 @options.output.to_files(
     "Write the table to this file instead of standard output, and a description of the records "
     "to a JSON file next to it.",

@@ -131,7 +131,7 @@ def command(request: Request) -> None:
         check_outputs([*files, *request.outputs.files], overwrite=request.outputs.overwrite)
         write_files(files, overwrite=request.outputs.overwrite)
     request.outputs.deliver(
-        Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived)
+        Table.of_results(columns.INVENTORY if classes is None else columns.CLASS_COLUMNS, derived)
     )
     # One row of the table can have several errors, but it is one building.
     say(

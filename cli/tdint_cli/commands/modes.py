@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 
 MODES = (
-    _OF_BUILDING := Mode("without --target", frozenset({"shapes"})),
-    _PEAKS := Mode("with --target"),
+    _MODE_TABLE := Mode("without --target", frozenset({"shapes"})),
+    _PEAK_TABLE := Mode("with --target"),
 )
 
 
@@ -59,7 +59,7 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     under a design spectrum, with modal peaks combined by SRSS and CQC; floor accelerations, floor
     forces and overturning moments. The JSON file next to -o contains the contribution of each mode.
     """
-    refuse_idle(_OF_BUILDING if target is None else _PEAKS, MODES)
+    refuse_idle(_MODE_TABLE if target is None else _PEAK_TABLE, MODES)
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 

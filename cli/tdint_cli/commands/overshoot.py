@@ -46,7 +46,7 @@ class Request(options.analysis.OscillatorRequest):
     "tdint overshoot --method wilson,hht --steps 20 --plot=overshoot.png",
     "tdint overshoot --method newmark-average,moment4 --law softening",
 )
-@options.analysis.of_oscillator(_DRAWN)
+@options.analysis.oscillator_options(_DRAWN)
 @options.of(Request)
 def command(request: Request) -> None:
     """Measure the overshoot of methods at large time steps.

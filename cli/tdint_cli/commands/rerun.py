@@ -385,7 +385,7 @@ class _RecordedCommand:
             arguments,
             command,
             output,
-            output_type.kind == "dir" or _is_folder_name(output, file),
+            output_type.path_type == "dir" or _is_folder_name(output, file),
             inputs,
             versions,
             plugins,

@@ -64,8 +64,8 @@ _MIN_PROBABILITY = 5e-4
     exits={5: "the run failed, or with --require the drift limit is exceeded"},
 )
 @options.analysis.model
-@options.record.of_record
-@options.spectra.of_floors
+@options.record.single_record_options
+@options.spectra.floor_request
 @options.of(Request)
 def command(request: Request) -> None:
     """Compute the response history of a building and the peaks of each story.
@@ -130,7 +130,7 @@ def command(request: Request) -> None:
         or (records and is_folder(records[0]))
     ):
         refuse_idle(SEVERAL, MODES)
-        request.of_floors.check(request.output)
+        request.floor_request.check(request.output)
         from tdint_cli.commands.many_runs import run_many
 
         run_many(request, records)
@@ -163,7 +163,7 @@ def _run(request: Request) -> None:
     model = _model(request)
     request = replace(request, output_units=model.output_units)
     check_limit_options(request.limit, request.require, [model])
-    request.of_floors.chosen_floors(len(model.stories))
+    request.floor_request.chosen_floors(len(model.stories))
     if model.damage:
         from tdint.campaign.fragility.type_states import own_type
 
@@ -381,7 +381,7 @@ def _respond(case: Case, events: list[Record], request: Request) -> Response:
 
     settings: dict[str, Any] = {
         "dt": request.dt,
-        "history": bool(request.of_floors.floors or request.export_floors),
+        "history": bool(request.floor_request.floors or request.export_floors),
         "check": request.check,
         "tolerance": request.tolerance,
         "until_rest": request.until_rest,
@@ -463,7 +463,7 @@ def _files(
         )
         files[file] = lambda stream: tables.responses.write_pieces(chunks, stream, units)
     if request.output:
-        floor_files, notes = request.of_floors.files(
+        floor_files, notes = request.floor_request.files(
             response,
             Path(request.output),
             units,
@@ -536,7 +536,7 @@ def _report_page(
         limits=limit_table({"": checks}, units, mean=False) if checks else None,
         governing_story=governing_story(checks),
     )
-    floors = request.of_floors.of_run(response)
+    floors = request.floor_request.run_spectra(response)
     return run_page(_with_history(response), page_text, floors=floors, units=units)
 
 
@@ -698,10 +698,10 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     for number, event in enumerate(response.events, start=1):
         maximum = demands(event.stories)
         drift, ratio, residual = maximum.drift, maximum.drift_ratio, maximum.residual_drift_ratio
-        drift_text = f"{units.text(drift.value, 'm')} in story {drift.place}"
-        if residual.place is not None:
+        drift_text = f"{units.text(drift.value, 'm')} in story {drift.location}"
+        if residual.location is not None:
             drift_text = (
-                f"ratio {ratio.value:.4g} in story {ratio.place}, residual {residual.value:.3g}"
+                f"ratio {ratio.value:.4g} in story {ratio.location}, residual {residual.value:.3g}"
             )
         lines.append(f"Event {number}, from {event.start:.6g} s: maximum drift {drift_text}.")
     if response.model.damage:
@@ -776,11 +776,11 @@ def _maximum_demands(
     from tdint.analysis.run.demands import demands
 
     maximum = demands(stories)
-    drift_text = f"drift {units.text(maximum.drift.value, 'm')} in story {maximum.drift.place}"
-    if maximum.drift_ratio.place is not None:
+    drift_text = f"drift {units.text(maximum.drift.value, 'm')} in story {maximum.drift.location}"
+    if maximum.drift_ratio.location is not None:
         value = maximum.drift_ratio.value
         value_text = f"{100.0 * value:.4g} %" if page else f"{value:.4g}"
-        ratio_text = f"drift ratio {value_text} in story {maximum.drift_ratio.place}"
+        ratio_text = f"drift ratio {value_text} in story {maximum.drift_ratio.location}"
         # A story without a height has no drift ratio, so that the maximum drift is reported also.
         # For a building with isolators, the maximum displacement of the isolators is reported.
         isolators = [i for i, story in enumerate(model.stories) if story.isolator]

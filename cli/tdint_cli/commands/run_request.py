@@ -157,7 +157,7 @@ class Request(BuildingRequest, SuiteRequest):
             An output file exists without --overwrite, or cannot be written.
         """
         history = self.history_file
-        self.of_floors.check(self.output, self.export_floors)
+        self.floor_request.check(self.output, self.export_floors)
         # `check_motion` refuses different scale factors, which the events of a sequence may have.
         check_motion(replace(self, scale=None) if self.sequence else self)
         picture = self.picture_file
@@ -218,5 +218,5 @@ class Request(BuildingRequest, SuiteRequest):
             "tolerance": self.tolerance,
             "allow_unstable": self.allow_unstable or None,
             **({"sequence": True, "rest_s": self.rest} if self.sequence else {}),
-            "floor_spectra": list(self.of_floors.floors or ()),
+            "floor_spectra": list(self.floor_request.floors or ()),
         }

@@ -249,7 +249,7 @@ _SPECTRA = options.output.option(
     exits={5: "a factor exceeds --max-factor; no selection within --factor-range"},
 )
 @options.analysis.plugin
-@options.record.of_records
+@options.record.record_options
 @options.output.to_files(
     picture="Also draw the scaled spectra with median, fractiles and target. Written to this file "
     "(.png, .pdf, .svg), or next to -o with its name.",
@@ -556,8 +556,8 @@ def _limit_line(scaling: Scaling) -> str:
     if scaling.at_limit:
         listed = abbreviate([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
         text += f" ({listed})"
-    if scaling.rest is not None and len(scaling.rest):
-        text += f", {scaling.others_at_limit} of {len(scaling.rest)} others"
+    if scaling.unselected_spectra is not None and len(scaling.unselected_spectra):
+        text += f", {scaling.others_at_limit} of {len(scaling.unselected_spectra)} others"
     return f"{text}."
 
 
@@ -616,7 +616,7 @@ def _selection_text(scaling: Scaling) -> str:
     """
     import numpy as np
 
-    periods, target, remaining = scaling.periods, scaling.target, scaling.rest
+    periods, target, remaining = scaling.periods, scaling.target, scaling.unselected_spectra
     if target is None or periods is None or remaining is None:
         return ""
     # The rows of the spectra are ground motions and the columns are periods.

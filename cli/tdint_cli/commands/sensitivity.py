@@ -89,7 +89,7 @@ MODES = (_MODEL, _CAMPAIGN)
 )
 @options.analysis.plugin
 @click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
-@options.record.of_records_if_any
+@options.record.optional_record_options
 @options.output.to_files(picture=options.output.PICTURE)
 @options.of(Request)
 def command(request: Request) -> None:

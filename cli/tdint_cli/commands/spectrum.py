@@ -322,7 +322,7 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
     "tdint spectrum office-motion.txt --period 0.5,1 --ductility 2,4",
     exits={4: "a record cannot be read; the remaining records are processed"},
 )
-@options.record.of_records_if_any
+@options.record.optional_record_options
 @options.record.one_scale
 @options.spectra.tables_of_records(AXES)
 @options.of(SpectrumRequest)

@@ -449,7 +449,7 @@ class _OscillatorSpectra(TableType):
             remarks.append(
                 f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) values "
                 "depend on the ground motion between the samples: taken as "
-                f"{settings.interpolation.words}, maxima {settings.maxima.description}"
+                f"{settings.interpolation.description}, maxima {settings.maxima.description}"
             )
         # The default grid is coarse if its spacing exceeds half the width of a resonance, which is
         # the damping ratio.

@@ -37,7 +37,7 @@ class Request(options.analysis.OscillatorRequest):
     "tdint stability --method impulse4,hht --plot=stability.png",
     "tdint stability --method newmark:beta=0.25:gamma=0.5 --dt-over-t 0.1,1 --damping 5%",
 )
-@options.analysis.of_oscillator(_DRAWN)
+@options.analysis.oscillator_options(_DRAWN)
 @options.of(Request)
 def command(request: Request) -> None:
     """Compute spectral radius, period error and numerical damping over dt/T.

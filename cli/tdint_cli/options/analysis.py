@@ -209,7 +209,7 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
 
 @dataclass(frozen=True, kw_only=True)
 class OscillatorRequest:
-    """Common options of the commands that test methods on an oscillator; see `of_oscillator`.
+    """Common options of the commands that test methods on an oscillator; see `oscillator_options`.
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ class OscillatorRequest:
         return [result for result in results if result.method.partition(":")[0] in names]
 
 
-def of_oscillator(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:
+def oscillator_options(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:
     """Declare the options of an `OscillatorRequest`; `names` are the methods plotted by default."""
     damping = option(
         "--damping",

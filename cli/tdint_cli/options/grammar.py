@@ -466,7 +466,7 @@ class FileName(ValueType):
     def __init__(
         self, *, folder: bool = False, written: bool = False, tables: bool = False
     ) -> None:
-        self.kind = "dir" if folder else "file"
+        self.path_type = "dir" if folder else "file"
         self.written = written
         self.tables = tables
 
@@ -480,7 +480,7 @@ class FileName(ValueType):
         if not self.written:
             protect_input(value)
         elif (elsewhere := ELSEWHERE.get()) and value not in ("", STDIN, BESIDE):
-            return elsewhere(param.name or "" if param else "", value, self.kind == "dir")
+            return elsewhere(param.name or "" if param else "", value, self.path_type == "dir")
         return value
 
     def shell_complete(
@@ -497,14 +497,14 @@ class FileName(ValueType):
         incomplete : str
             Incomplete text of the value.
         """
-        return [CompletionItem(incomplete, type=self.kind)]
+        return [CompletionItem(incomplete, type=self.path_type)]
 
 
 # ---- The help of a command lists options under headings, which do not depend on the order of
 # declaration.
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-Kind = TypeVar("Kind")
+RequestT = TypeVar("RequestT")
 
 _OPTIONS: dict[type[Any], Sequence[Callable[[Any], Any]]] = {}
 """Declared options of each request class."""
@@ -598,7 +598,7 @@ class Declaration(_Value):
         """Add the option to the function of a command; a declaration is used as a decorator."""
         return together(self.declare(*self.names, **self.settings), *self.behind)(command)
 
-    def of_field(self, name: str, annotation: str) -> Declaration:
+    def for_field(self, name: str, annotation: str) -> Declaration:
         """Return the declaration for a field of a request.
 
         Parameters
@@ -672,7 +672,7 @@ def argument(metavar: str, **settings: Any) -> Declaration:
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
-def request(request_class: type[Kind]) -> type[Kind]:
+def request(request_class: type[RequestT]) -> type[RequestT]:
     """Convert a class to a frozen dataclass that contains the values of a command line.
 
     A field whose default is the declaration of an option receives the value of this option. The
@@ -692,7 +692,7 @@ def request(request_class: type[Kind]) -> type[Kind]:
         delattr(request_class, name)
     frozen_class = dataclass(frozen=True, kw_only=True)(request_class)
     _OPTIONS[frozen_class] = tuple(
-        declaration.of_field(name, request_class.__annotations__[name])
+        declaration.for_field(name, request_class.__annotations__[name])
         for name, declaration in declarations.items()
     )
     return frozen_class
@@ -762,9 +762,9 @@ def with_named_files(
         Names of the options of the command; other words are not changed. By default both options.
     """
     result: list[str] = []
-    words = iter(enumerate(arguments))
+    remaining = iter(enumerate(arguments))
     # As in click, words after -- are not options.
-    for i, word in words:
+    for i, word in remaining:
         if word == "--":
             return [*result, *arguments[i:]]
         if word not in _NAMED_FILES or word not in options:
@@ -772,21 +772,21 @@ def with_named_files(
             continue
         following = arguments[i + 1] if i + 1 < len(arguments) else BESIDE
         if following == "" or _NAMED_FILES[word].fullmatch(following):
-            next(words)
+            next(remaining)
             result.append(f"{word}={following}")
         else:
             result.append(f"{word}={BESIDE}")
     return result
 
 
-def recorded_words(command: click.Command, words: Sequence[str]) -> tuple[str, ...]:
+def recorded_words(command: click.Command, arguments: Sequence[str]) -> tuple[str, ...]:
     """Return the words of a command line without the options that are not recorded.
 
     Parameters
     ----------
     command : Command
         The command, whose options declare whether they are recorded.
-    words : sequence of str
+    arguments : sequence of str
         The command line after the name of the command.
     """
     unrecorded: dict[str, click.Option] = {}
@@ -796,7 +796,7 @@ def recorded_words(command: click.Command, words: Sequence[str]) -> tuple[str, .
     # `letters` contains the letter of each short name of these options, such as q for -q.
     letters = "".join(name[1] for name in unrecorded if not name.startswith("--"))
     result: list[str] = []
-    remaining = iter(words)
+    remaining = iter(arguments)
     for word in remaining:
         if word == "--":
             return (*result, word, *remaining)
@@ -1088,7 +1088,7 @@ class Mode:
 
     Attributes
     ----------
-    words : str
+    label : str
         Name of the mode in messages, as in "--period has no effect with --fourier".
     takes : frozenset of str
         Parameter names of the options that the mode supports and that some other mode does not.
@@ -1096,7 +1096,7 @@ class Mode:
         Remedies for options that the mode does not support; by default, to omit the option.
     """
 
-    words: str
+    label: str
     takes: frozenset[str] = frozenset()
     advice: Mapping[str, str] = field(default_factory=dict)
 
@@ -1126,7 +1126,7 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
         if parameter.secondary_opts and not context.params[parameter.name]:
             name = parameter.secondary_opts[-1]
         advice = mode.advice.get(parameter.name, f"omit {name}")
-        raise UsageError(f"{name} has no effect {mode.words}; {advice}")
+        raise UsageError(f"{name} has no effect {mode.label}; {advice}")
 
 
 def command(

@@ -229,17 +229,17 @@ def _with_layout_and_processing(command: Function) -> Function:
 _READING = (units, component, *_LAYOUT, inventory)
 _PROCESSED = (*_PROCESSING, _with_layout_and_processing)
 
-of_records = grammar.together(records, *_READING, *_PROCESSED)
+record_options = grammar.together(records, *_READING, *_PROCESSED)
 """Common options of commands with records as arguments, for a RecordsRequest."""
 
-of_records_if_any = grammar.together(records_if_any, *_READING, *_PROCESSED)
+optional_record_options = grammar.together(records_if_any, *_READING, *_PROCESSED)
 """The same options for commands with optional records."""
 
-of_motion = grammar.together(*_READING, scale, *_PROCESSED)
+motion_options = grammar.together(*_READING, scale, *_PROCESSED)
 """Options of a single record except --record, for a BuildingRequest. The record replaces the record
 of the model, or the options change it."""
 
-of_record = grammar.together(record, of_motion)
+single_record_options = grammar.together(record, motion_options)
 """The same options with --record."""
 
 

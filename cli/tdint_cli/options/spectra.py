@@ -192,7 +192,7 @@ class FloorRequest:
         """Return the periods of the floor spectra, s."""
         return chosen_periods(self.floor_periods, PERIODS)
 
-    def of_suite(
+    def suite_spectra(
         self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
     ) -> tuple[dict[str, Content], Sequence[FloorSuite]]:
         """Return the floor spectra of a suite, and their files; empty if no floor is requested.
@@ -247,7 +247,7 @@ class FloorRequest:
             contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         return contents, suites
 
-    def of_run(self, response: Response) -> Sequence[FloorSpectrum]:
+    def run_spectra(self, response: Response) -> Sequence[FloorSpectrum]:
         """Return the requested floor spectra of a run; empty without --floor-spectra."""
         if not self.floors:
             return ()
@@ -283,7 +283,7 @@ class FloorRequest:
         stories = len(response.model.stories)
         files: dict[Path, Content] = {}
         notes: Sequence[str] = ()
-        if spectra := self.of_run(response):
+        if spectra := self.run_spectra(response):
             files[folder / SPECTRA] = (
                 tables.spectra.floor_spectrum_table(spectra).in_units(units).csv()
             )
@@ -309,4 +309,4 @@ class FloorRequest:
         return files, notes
 
 
-of_floors = grammar.of(FloorRequest, "of_floors")
+floor_request = grammar.of(FloorRequest, "floor_request")

@@ -56,7 +56,7 @@ class SuiteRequest:
         Exit with code 5 if a limit is exceeded.
     jobs : int or None
         Number of threads; None: as many as processors.
-    of_floors : FloorRequest
+    floor_request : FloorRequest
         Options of floor spectra.
     baseline : str or None
         Reference building: ratios of the demands of the other buildings to its demands are
@@ -81,7 +81,7 @@ class SuiteRequest:
     limit: float | str | None
     require: bool
     jobs: int | None
-    of_floors: FloorRequest
+    floor_request: FloorRequest
     baseline: str | None = None
     im: tuple[str, ...] | None = None
     by: str | None = None

@@ -62,7 +62,7 @@ class FittedValue:
     name : str
         `stiffness_N_m`, `stiffness_factor`, `damping_ratio`, or a Rayleigh coefficient:
         `mass_coefficient_1_s`, `stiffness_coefficient_s`.
-    place : int or None
+    number : int or None
         Number of the story or mode, from 1; None for a value common to all of them.
     start, value : float
         Value before and after the fit.
@@ -74,7 +74,7 @@ class FittedValue:
     """
 
     name: str
-    place: int | None
+    number: int | None
     start: float
     value: float
     low: float
@@ -133,7 +133,7 @@ class _FreeValue:
     """
 
     name: str
-    place: int | None
+    number: int | None
     start: float
     bounds: tuple[float, float]
     set_in: Callable[[Model, float], Model]
@@ -187,7 +187,7 @@ def fit(
     values = tuple(
         FittedValue(
             value.name,
-            value.place,
+            value.number,
             value.start,
             math.exp(logarithm),
             *value.bounds,
@@ -686,6 +686,6 @@ def _ratio_setter(i: int) -> Callable[[Model, float], Model]:
 
 def _label(value: FittedValue) -> str:
     """Return the name of a value with its story or mode, for messages."""
-    if value.place is None:
+    if value.number is None:
         return value.name
-    return f"{value.name} of {'story' if value.name == _STIFFNESS else 'mode'} {value.place}"
+    return f"{value.name} of {'story' if value.name == _STIFFNESS else 'mode'} {value.number}"

@@ -362,14 +362,16 @@ def amplitude(size: DriftSize, building: Building, story: int) -> float:
         "ratio": building.heights[story - 1],
         "yield drift": building.yield_drift[story - 1],
     }
-    if math.isnan(unit_in_m[size.kind]):
+    if math.isnan(unit_in_m[size.quantity]):
         reason = {
             "ratio": f"is a drift ratio, and story {story} has no height",
             "yield drift": f"is a multiple of the yield drift, and the law of story {story} does "
             "not yield",
         }
-        raise UsageError(f"drift {size.text} {reason[size.kind]}; specify a length, such as 20mm")
-    return size.value * float(unit_in_m[size.kind])
+        raise UsageError(
+            f"drift {size.text} {reason[size.quantity]}; specify a length, such as 20mm"
+        )
+    return size.value * float(unit_in_m[size.quantity])
 
 
 def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
@@ -665,16 +667,16 @@ def _target(size: DriftSize, building: Building) -> float:
         The size is a multiple of a yield drift, or it is a drift ratio and a height is missing.
     """
     unit_in_m = {"length": 1.0, "ratio": float(building.height_contributions.sum())}
-    if size.kind not in unit_in_m:
+    if size.quantity not in unit_in_m:
         raise UsageError(
             f"drift {size.text}: the roof has no yield drift; specify a drift ratio or a length"
         )
-    if math.isnan(unit_in_m[size.kind]):
+    if math.isnan(unit_in_m[size.quantity]):
         raise UsageError(
             f"drift {size.text} is a drift ratio, and a story has no height; specify a length, "
             "such as 200mm"
         )
-    return size.value * unit_in_m[size.kind]
+    return size.value * unit_in_m[size.quantity]
 
 
 class _Chain:

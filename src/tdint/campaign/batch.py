@@ -27,9 +27,9 @@ from tdint.analysis.run.outcome import (
     STORY_QUANTITIES,
     Collapse,
     ErrorEstimate,
+    EventResponse,
     FailedRun,
     Response,
-    Shock,
     StoryPeaks,
 )
 from tdint.analysis.run.prepared import Motions
@@ -176,7 +176,7 @@ _INDICES = {quantity.name: index for index, quantity in enumerate(RUN)}
 """Index of each quantity in `RunRow.values`, by the name of the quantity."""
 
 
-class ShockRow(NamedTuple):
+class EventRow(NamedTuple):
     """Demands of one event in a run under a sequence of earthquakes.
 
     The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `shock` is
@@ -221,7 +221,7 @@ class Rows:
 
     runs: list[RunRow] = field(default_factory=list)
     stories: list[StoryRow] = field(default_factory=list)
-    shocks: list[ShockRow] = field(default_factory=list)
+    shocks: list[EventRow] = field(default_factory=list)
 
     def extend(self, added: Rows) -> None:
         """Append the rows of another object."""
@@ -284,7 +284,7 @@ def _values_by_story(peaks: Any) -> Iterable[tuple[float, ...]]:
     )
 
 
-def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
+def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list[EventRow]:
     """Return the rows of the events of a run under a sequence of earthquakes.
 
     Parameters
@@ -293,15 +293,15 @@ def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRo
         Number of the building.
     run : Run
         Ground motion, scale factor and sample of the run.
-    shocks : sequence of Shock
+    events : sequence of EventResponse
         Responses to the events, in chronological order.
     """
     rows = []
-    for number, shock in enumerate(shocks, start=1):
+    for number, event in enumerate(events, start=1):
         # The peaks of an event have one run on their first axis, so there is one dictionary.
-        (demands,) = demand_cells(shock.stories)
+        (demands,) = demand_cells(event.stories)
         rows.append(
-            ShockRow(building, *run, number, shock.start, shock.record.pga, tuple(demands.values()))
+            EventRow(building, *run, number, event.start, event.record.pga, tuple(demands.values()))
         )
     return rows
 
@@ -357,8 +357,8 @@ def building_step(
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
             # Replace the events of a sequence by one record that joins them.
-            sequence = sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt)
-            case = case.under(sequence.whole)
+            sequence = sequence_of(case, record.events, rest=record.rest, dt=settings.dt)
+            case = case.under(sequence.joined)
         # Runs that collapse or fail provide no time step: try other runs instead.
         outcome = attempt(case, case.steps(settings.dt, settings.duration))
         if isinstance(outcome, Response) and outcome.collapse:
@@ -538,26 +538,26 @@ class Batch:
         record = case.record
         assert isinstance(record, JoinedRecord)
         # The start times of events may depend on the decay of free vibration at this scale factor.
-        sequence = sequence_of(case, record.shocks, rest=record.rest, dt=dt)
+        sequence = sequence_of(case, record.events, rest=record.rest, dt=dt)
         # The joined record includes the scale factor, so it is run at the scale factor 1 with
         # scaled intensities.
         spectral = self.spectral[run.motion]
         single_run_batch = replace(
             self,
-            motions=Motions({run.motion: sequence.whole}),
+            motions=Motions({run.motion: sequence.joined}),
             spectral={run.motion: None if spectral is None else spectral * abs(run.scale)},
-            settings=replace(self.settings, duration=sequence.whole.duration),
+            settings=replace(self.settings, duration=sequence.joined.duration),
         )
         joined_rows = single_run_batch.results([run._replace(scale=1.0)], max_step)
         (run_row,) = joined_rows.runs
         # A failed run has no number of steps, and no demands of its events.
-        event_rows: list[ShockRow] = []
+        rows_of_events: list[EventRow] = []
         if run_row.steps is not None:
             # The demands of the events require the response history: the run is repeated with the
             # same time step and the same number of steps.
-            joined_case = case.under(sequence.whole)
+            joined_case = case.under(sequence.joined)
             joined_steps = replace(
-                joined_case.steps(run_row.dt, sequence.whole.duration), count=run_row.steps
+                joined_case.steps(run_row.dt, sequence.joined.duration), count=run_row.steps
             )
             events = event_responses(
                 joined_case,
@@ -565,13 +565,13 @@ class Batch:
                 joined_steps,
                 check=self.settings.check and bool(record.fixed),
             )
-            event_rows = shock_rows(self.number, run, events)
+            rows_of_events = event_rows(self.number, run, events)
             # The first `fixed` events of the record are not scaled; they only damage the building
             # before the event of interest. In this case, report the demands of the last event.
             if record.fixed and len(events) > record.fixed:
                 run_row = _with_demands_of_event(run_row, events[-1])
         stories = [story._replace(scale=run.scale) for story in joined_rows.stories]
-        return Rows([run_row._replace(scale=run.scale)], stories, event_rows)
+        return Rows([run_row._replace(scale=run.scale)], stories, rows_of_events)
 
     def _time_steps(self, motion: int, max_step: float) -> Steps:
         """Return the time steps for a ground motion: the longest steps of at most `max_step` (s)
@@ -688,7 +688,7 @@ class Batch:
         return RunRow(self.number, *job.run, tuple(values.get(quantity.name) for quantity in RUN))
 
 
-def _with_demands_of_event(row: RunRow, event: Shock) -> RunRow:
+def _with_demands_of_event(row: RunRow, event: EventResponse) -> RunRow:
     """Return a row in which the demands of the run, and their errors, are replaced by the demands
     of one event.
 
@@ -696,7 +696,7 @@ def _with_demands_of_event(row: RunRow, event: Shock) -> RunRow:
     ----------
     row : RunRow
         Row of a run under a sequence of earthquakes.
-    event : Shock
+    event : EventResponse
         Response to one event of this run.
     """
     # The peaks of an event have one run on their first axis, so there is one dictionary.
@@ -833,7 +833,7 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     """
     if isinstance(record, JoinedRecord):
         values_by_period = zip(
-            *(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True
+            *(spectral_accelerations(event, periods) for event in record.events), strict=True
         )
         # A period that is too short for an event (None) has no result. `filter` omits values of
         # zero, so that 0.0 is the result (`default`) if all events have the value zero.

@@ -21,7 +21,7 @@ from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.definition import PARAMETERS, Model, check_parameter, check_value
-from tdint.model.keys.fields import ANY, Bounds, Key, Keys, Schema, Value, Whole
+from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Value
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,25 +47,25 @@ DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Distribution:
-    """Distribution of a random parameter: `kind` is a key of `DISTRIBUTIONS`; `first` and `second`
+    """Distribution of a random parameter: `name` is a key of `DISTRIBUTIONS`; `first` and `second`
     are the values of its two parameters, for example median and beta of a lognormal
     distribution."""
 
-    kind: str
+    name: str
     first: float
     second: float
 
     def __post_init__(self) -> None:
         """Raise UsageError if the parameters are invalid for this distribution."""
-        first_name, second_name = DISTRIBUTIONS[self.kind]
-        if self.kind == "uniform" and not self.first < self.second:
+        first_name, second_name = DISTRIBUTIONS[self.name]
+        if self.name == "uniform" and not self.first < self.second:
             raise UsageError(
                 f"uniform: {first_name} must be less than {second_name}, got {self.first:g} and "
                 f"{self.second:g}"
             )
-        if self.kind != "uniform" and not self.second > 0.0:
-            raise UsageError(f"{self.kind}: {second_name} must be positive, got {self.second:g}")
-        if self.kind == "lognormal" and not self.first > 0.0:
+        if self.name != "uniform" and not self.second > 0.0:
+            raise UsageError(f"{self.name}: {second_name} must be positive, got {self.second:g}")
+        if self.name == "lognormal" and not self.first > 0.0:
             raise UsageError(f"lognormal: {first_name} must be positive, got {self.first:g}")
 
     def at(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -73,12 +73,12 @@ class Distribution:
         same shape."""
         from scipy.special import ndtri
 
-        if self.kind == "uniform":
+        if self.name == "uniform":
             return self.first + probability * (self.second - self.first)
         # The second parameter is the standard deviation of the value (normal) or of its logarithm
         # (lognormal).
         deviations = self.second * ndtri(probability)
-        if self.kind == "lognormal":
+        if self.name == "lognormal":
             return np.asarray(self.first * np.exp(deviations))
         return np.asarray(self.first + deviations)
 
@@ -258,13 +258,13 @@ class ParameterSweep:
 
 _NUMBER = Bounds(ratio=True)
 _SAMPLES = (
-    Key("samples", Whole(1, 100_000), "number of samples of random parameters (Latin hypercube)"),
-    Key("seed", Whole(0, 2**31 - 1), "random seed"),
+    Key("samples", Integer(1, 100_000), "number of samples of random parameters (Latin hypercube)"),
+    Key("seed", Integer(0, 2**31 - 1), "random seed"),
 )
 _VALUES_TEXT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
 
 
-def _distribution(value: Value, kind: str, **numbers: float) -> Distribution | None:
+def _distribution(value: Value, name: str, **numbers: float) -> Distribution | None:
     """Return the distribution that a key of the campaign file defines; None if its parameters are
     invalid. In this case an error is recorded in the document.
 
@@ -272,13 +272,13 @@ def _distribution(value: Value, kind: str, **numbers: float) -> Distribution | N
     ----------
     value : Value
         Value of the key.
-    kind : str
+    name : str
         Name of the distribution, a key of `DISTRIBUTIONS`.
     **numbers : float
         The two parameters by name, in the order of `DISTRIBUTIONS`.
     """
     try:
-        return Distribution(kind, *numbers.values())
+        return Distribution(name, *numbers.values())
     except UsageError as error:
         value.fault(str(error))
         return None
@@ -287,17 +287,17 @@ def _distribution(value: Value, kind: str, **numbers: float) -> Distribution | N
 _RANDOM = Keys(
     tuple(
         Key(
-            kind,
+            name,
             Keys(
                 tuple(Key(name, _NUMBER, needed=True) for name in parameters),
-                make=partial(_distribution, kind=kind),
+                make=partial(_distribution, name=name),
             ),
         )
-        for kind, parameters in DISTRIBUTIONS.items()
+        for name, parameters in DISTRIBUTIONS.items()
     ),
     # Each alternative group has one key: a mapping with two distributions is an error.
-    alternative_groups=tuple((kind,) for kind in DISTRIBUTIONS),
-    what=_VALUES_TEXT,
+    alternative_groups=tuple((name,) for name in DISTRIBUTIONS),
+    description=_VALUES_TEXT,
     # `distributions` contains the specified distribution, and None for all other types.
     make=lambda _, **distributions: next(filter(None, distributions.values())),
 )

@@ -18,7 +18,7 @@ import numpy as np
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.demands import RUN_WITH_ERROR, demands
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.sequence import ShockSequence, event_responses, sequence_of
+from tdint.analysis.run.sequence import EventSequence, event_responses, sequence_of
 from tdint.arrays import Array, cached_property
 from tdint.campaign.batch import RunRow
 from tdint.campaign.pairs import LARGER, MEAN, combine
@@ -698,11 +698,11 @@ def damaged(
     # event has the index size - 1; the difference is the time at rest.
     rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
     # The residual drift is the drift at the end of the first event, after this time.
-    single_event = ShockSequence(sequence.records[:1], (0,))
-    single_case = case.under(single_event.whole)
+    single_event = EventSequence(sequence.records[:1], (0,))
+    single_case = case.under(single_event.joined)
     steps = single_case.steps(dt, scaled.duration + rest)
-    (shock,) = event_responses(single_case, single_event, steps)
-    return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
+    (event,) = event_responses(single_case, single_event, steps)
+    return DamagedState(scaled, drift, demands(event.stories).residual_drift_ratio.value, rest)
 
 
 def _factor_for_drift(

@@ -144,10 +144,12 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     # Omit buildings that are too far from all sites before a sweep multiplies them. The sites have
     # no locations if the inventory names the site of each building.
     too_far: tuple[ModelFault, ...] = ()
-    has_site_locations = motions.places is not None and motions.places.places
+    has_site_locations = motions.site_motions is not None and motions.site_motions.locations
     if isinstance(campaign.records, GridFile | FieldFile) and has_site_locations:
-        assert motions.places is not None
-        rows, unlocated, too_far = _select_located(campaign, campaign.records, motions.places, rows)
+        assert motions.site_motions is not None
+        rows, unlocated, too_far = _select_located(
+            campaign, campaign.records, motions.site_motions, rows
+        )
         if unlocated:
             faults = (*faults, ModelError(unlocated))
     # Costs are used only after all runs. Check them now, so that an error does not waste the runs.
@@ -155,7 +157,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         _check_costs(rows)
     with sweep.reported_at_key():
         rows = sweep.vary_inventory(rows) if rows and campaign.sweep else rows
-    assignment = _assignment(campaign, motions.places, rows, len(models))
+    assignment = _assignment(campaign, motions.site_motions, rows, len(models))
     damage = read_class_damage(campaign.damage)
     return Inputs(models, rows, motions, assignment, factors, damage, faults, too_far)
 
@@ -320,7 +322,7 @@ def _select_located(
     # A row without a location is an error of the file; a row that is too far away is not. The sum
     # of longitude and latitude is NaN if one of them is missing.
     unlocated: list[ModelFault] = []
-    is_unlocated = np.isnan(rows.places[:, 0] + rows.places[:, 1])
+    is_unlocated = np.isnan(rows.locations[:, 0] + rows.locations[:, 1])
     if is_unlocated.any():
         missing = "is missing; motions at sites require the location of each building"
         for name in ("Latitude", "Longitude"):
@@ -333,8 +335,8 @@ def _select_located(
         raise ModelError(unlocated)
     # The campaign file selects the distance (km or degrees) that determines the nearest site. The
     # limit `max_distance` applies to the distance in m.
-    nearest_sites = nearest(located.places, motions.places, records.distance)
-    distances = meters(located.places, np.array(motions.places)[nearest_sites])
+    nearest_sites = nearest(located.locations, motions.locations, records.distance)
+    distances = meters(located.locations, np.array(motions.locations)[nearest_sites])
     is_too_far = distances > records.max_distance
     selected, distances_km = located.only(~is_too_far), 1e-3 * distances[is_too_far]
     if isinstance(motions, FieldMotions):
@@ -477,21 +479,21 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
         for name in ("component", "factor", "units")
     ]
     names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
-    shocks_of_sequence: dict[str, list[_Shock]] = {}
+    events_by_sequence: dict[str, list[_SequenceEvent]] = {}
     for name, record, component, factor_text, unit, (line, _) in zip(
         names, records, *optional, table.rows, strict=True
     ):
         file = resolve(record, Path(sequences.file).parent)
         factor = _factor(sequences.file, line, factor_text or "1")
-        shocks_of_sequence.setdefault(name, []).append(
-            _Shock(file, component, factor, unit.strip())
+        events_by_sequence.setdefault(name, []).append(
+            _SequenceEvent(file, component, factor, unit.strip())
         )
     motions, failures = list[SuiteMotion](), list[TdintError]()
     notes: dict[str, None] = {}  # keys of a dictionary: each note once, in order
     # Sequences that cannot be used are reported and skipped.
-    for name, shocks in shocks_of_sequence.items():
+    for name, events in events_by_sequence.items():
         try:
-            motions += _sequence(name, shocks, sequences, notes)
+            motions += _sequence(name, events, sequences, notes)
         except (RecordError, UsageError) as error:
             failures.append(RecordError(f"sequence {name}: {error}"))
     if not motions:
@@ -509,7 +511,7 @@ _READERS = {
 """Function that reads the ground motions, by the type of the records in the campaign file."""
 
 
-class _Shock(NamedTuple):
+class _SequenceEvent(NamedTuple):
     """Event of a sequence, as in a row of the file: path of the record, name of the component
     (empty: all components), scale factor, and units of the samples (empty: units of the record)."""
 
@@ -520,7 +522,7 @@ class _Shock(NamedTuple):
 
 
 def _sequence(
-    name: str, shocks: Sequence[_Shock], sequences: SequenceFile, notes: dict[str, None]
+    name: str, events: Sequence[_SequenceEvent], sequences: SequenceFile, notes: dict[str, None]
 ) -> Iterator[SuiteMotion]:
     """Yield the ground motions of a sequence: one joined record for each component that the records
     of all its events have.
@@ -529,7 +531,7 @@ def _sequence(
     ----------
     name : str
         Name of the sequence.
-    shocks : sequence of _Shock
+    events : sequence of _SequenceEvent
         Rows of the sequence.
     sequences : SequenceFile
         Settings for all records.
@@ -542,20 +544,20 @@ def _sequence(
     RecordError
         A record cannot be used; the records have different components.
     """
-    components_of_shocks: list[list[Record]] = []
+    components_by_event: list[list[Record]] = []
     defaults = sequences.choice
-    for shock in shocks:
+    for event in events:
         # Units of a row override the units for all rows ("*": all components).
-        units = {"*": shock.units} if shock.units else defaults.units
-        choice = replace(defaults, component=shock.component or defaults.component, units=units)
-        suite = read_components([shock.file], choice)
+        units = {"*": event.units} if event.units else defaults.units
+        choice = replace(defaults, component=event.component or defaults.component, units=units)
+        suite = read_components([event.file], choice)
         for error in suite.failures:
             raise error  # a sequence requires all of its records
         notes |= dict.fromkeys(suite.notes)
-        components_of_shocks.append([record.scaled(shock.factor) for record in suite.records])
+        components_by_event.append([record.scaled(event.factor) for record in suite.records])
     # The i-th components of all records are joined below. They must have the same name, unless
     # each record has a single component.
-    names = [[record.component for record in records] for records in components_of_shocks]
+    names = [[record.component for record in records] for records in components_by_event]
     have_equal_names = all(names_of_shock == names[0] for names_of_shock in names)
     have_single_component = all(len(names_of_shock) <= 1 for names_of_shock in names)
     if not (have_equal_names or have_single_component):
@@ -563,9 +565,9 @@ def _sequence(
             "the records of the sequence have different components; specify one component for each "
             "record in the column component"
         )
-    for records in zip(*components_of_shocks, strict=True):
+    for records in zip(*components_by_event, strict=True):
         joined = JoinedRecord.of(records, sequences.rest)
-        yield SuiteMotion(joined, name, joined.component, joined.shocks[0])
+        yield SuiteMotion(joined, name, joined.component, joined.events[0])
 
 
 def read_factors(factors_file: FactorsFile) -> FactorTable:
@@ -704,7 +706,9 @@ def read_listed(
                 f"{table.source}: {file} {problem}; specify the full id of the component in the "
                 "table"
             )
-    listed_ids = {id(motion.whole) for motions in motions_of_row.values() for motion in motions}
+    listed_ids = {
+        id(motion.ground_motion) for motions in motions_of_row.values() for motion in motions
+    }
     listed_motions = tuple(motion for motion in suite.motions if id(motion) in listed_ids)
     return table, replace(suite, motions=listed_motions)
 

@@ -17,40 +17,40 @@ from tdint.model.keys.fields import (
     Either,
     EntriesOf,
     Flag,
+    Integer,
     Key,
     Keys,
     Section,
+    TextLine,
     Value,
-    Whole,
-    Words,
 )
 
-SEED = Whole(0, 2**31 - 1)
+SEED = Integer(0, 2**31 - 1)
 _FILES = (
     Key(
         "files",
-        EntriesOf(Words(), least=1),
+        EntriesOf(TextLine(), least=1),
         "records and directories of records, relative to this file",
     ),
     Key(
         "component",
-        Words(),
+        TextLine(),
         "component, if files contain several; all horizontal components by default",
     ),
     Key(
         "pairs",
-        Either((Flag(), Words())),
+        Either((Flag(), TextLine())),
         "combine the two horizontal components of a motion, so that they have the same factors: "
         "true, or patterns of the file names: '{}_N.AT2,{}_E.AT2'",
     ),
-    Key("inventory", Words(), "station metadata, to remove the instrument response"),
+    Key("inventory", TextLine(), "station metadata, to remove the instrument response"),
     *LAYOUT,
     *PROCESSING,
 )
 _GRID = (
-    Key("grid", Words(), "EventGrid.csv, relative to this file"),
-    Key("neighbors", Whole(1, 1000), "number of nearest grid points to sample from"),
-    Key("samples", Whole(1, 100_000), "number of samples for each building"),
+    Key("grid", TextLine(), "EventGrid.csv, relative to this file"),
+    Key("neighbors", Integer(1, 1000), "number of nearest grid points to sample from"),
+    Key("samples", Integer(1, 100_000), "number of samples for each building"),
     Key("seed", SEED, "random seed, combined with the building's id"),
     Key(
         "events",
@@ -62,19 +62,19 @@ _GRID = (
 _FIELDS = (
     Key(
         "fields",
-        Words(),
+        TextLine(),
         "CSV file with the motion of each event (event, site, record, factor), relative to this "
         "file",
     ),
     Key(
         "sites",
-        Words(),
+        TextLine(),
         "CSV file with the locations of the sites (site, longitude, latitude), relative to this "
         "file",
     ),
     Key(
         "rates",
-        Words(),
+        TextLine(),
         "CSV file with the annual rate of each event (event, rate), relative to this file",
     ),
 )
@@ -85,13 +85,13 @@ _DISTANCE = Key(
 )
 _MAX_DISTANCE = Key(
     "max_distance",
-    Either((POSITIVE, Words())),
+    Either((POSITIVE, TextLine())),
     "km; buildings at a larger distance from the nearest site are omitted; 15 by default",
 )
 _SEQUENCES = (
     Key(
         "sequences",
-        Words(),
+        TextLine(),
         "CSV file of events in sequence (sequence, record, component, factor), relative to this "
         "file",
     ),
@@ -106,7 +106,7 @@ _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
 )
 _SAMPLE_UNITS = Key(
     "units",
-    Words(),
+    TextLine(),
     "units of the samples, if the files do not state them: m/s^2, g, ...; by file "
     "'AT2=g,*.mseed=m/s^2', or a table of units, relative to this file",
 )

@@ -36,7 +36,7 @@ MAX_DISTANCE = 15e3
 
 _EARTH_RADIUS = 6371e3  # m, mean radius of the earth
 
-Places = Sequence[tuple[float, float]] | Array
+Locations = Sequence[tuple[float, float]] | Array
 """Longitudes and latitudes, degrees."""
 
 
@@ -79,7 +79,7 @@ class FieldMotions:
     motions : tuple of tuples of (int, float)
         For each record, one pair per component: the number of the motion in the campaign, and the
         divisor that converts a value to a factor.
-    places : sequence of tuples of two floats
+    locations : sequence of tuples of two floats
         Longitude and latitude of the sites, degrees; empty if the inventory names the sites.
     """
 
@@ -90,7 +90,7 @@ class FieldMotions:
     record: NDArray[np.int32] = field(repr=False)
     value: Array = field(repr=False)
     motions: tuple[tuple[tuple[int, float], ...], ...] = field(repr=False)
-    places: Sequence[tuple[float, float]] = field(default=(), repr=False)
+    locations: Sequence[tuple[float, float]] = field(default=(), repr=False)
 
     @classmethod
     def from_rows(
@@ -99,7 +99,7 @@ class FieldMotions:
         sites: Sequence[str],
         rows: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array],
         motions: Sequence[tuple[tuple[int, float], ...]],
-        places: Sequence[tuple[float, float]] = (),
+        locations: Sequence[tuple[float, float]] = (),
     ) -> FieldMotions:
         """Create the object from rows in any order.
 
@@ -109,7 +109,7 @@ class FieldMotions:
             Names of the events and of the sites.
         rows : tuple of four ndarray, shape (rows,)
             Index of the site, number of the event, index of the record, and value of each row.
-        motions, places : sequence
+        motions, locations : sequence
             As for the attributes.
         """
         # The rows of site i are start[i] to start[i + 1] - 1 of the sorted rows.
@@ -117,7 +117,7 @@ class FieldMotions:
         order = np.argsort(site, kind="stable")
         start = np.searchsorted(site[order], np.arange(len(sites) + 1))
         in_order = event[order], record[order], value[order]
-        return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), places)
+        return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), locations)
 
     def draws(self, site: int) -> list[Draw]:
         """Return the motions at the site with this index, sorted by their numbers. The sample
@@ -197,13 +197,13 @@ class GridMotions:
 
     Attributes
     ----------
-    places : sequence of tuples of two floats
+    locations : sequence of tuples of two floats
         Longitude and latitude of the points that have motions, degrees.
     motions : tuple of tuples of PointMotion
         Ground motions of each point.
     """
 
-    places: Sequence[tuple[float, float]] = field(repr=False)
+    locations: Sequence[tuple[float, float]] = field(repr=False)
     motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
 
 
@@ -219,7 +219,7 @@ class CampaignMotions:
         Errors of motions that could not be read.
     notes : tuple of str
         Notes for the user.
-    places : GridMotions or FieldMotions, optional
+    site_motions : GridMotions or FieldMotions, optional
         Motions by their location; None if all buildings have all motions.
     rates : mapping of str to float
         Annual rate of each event, 1/year; empty if not specified.
@@ -228,7 +228,7 @@ class CampaignMotions:
     motions: tuple[SuiteMotion, ...] = ()
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
-    places: GridMotions | FieldMotions | None = None
+    site_motions: GridMotions | FieldMotions | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -365,7 +365,9 @@ class GridSamples:
         """
         # With a sequence for `k`, the results are arrays even for a single neighbor.
         count = min(self.settings.neighbors, self._tree.n)
-        distances, near_points = self._tree.query(self._places[building], k=np.arange(1, count + 1))
+        distances, near_points = self._tree.query(
+            self._building_points[building], k=np.arange(1, count + 1)
+        )
         # If the building is at a point of the grid, the weight of this point is infinite: sample
         # only this point.
         is_at_point = distances == 0.0
@@ -389,14 +391,14 @@ class GridSamples:
         }
 
     @cached_property
-    def _places(self) -> Array:
+    def _building_points(self) -> Array:
         """Coordinates of the buildings in the space of the selected distance."""
-        return coordinates(self.rows.places, self.settings.distance)
+        return coordinates(self.rows.locations, self.settings.distance)
 
     @cached_property
     def _tree(self) -> Any:
         """Search tree of the points of the grid, for nearest neighbors."""
-        return cKDTree(coordinates(self.grid.places, self.settings.distance))
+        return cKDTree(coordinates(self.grid.locations, self.settings.distance))
 
 
 Assignment = EveryMotion | SiteEvents | GridSamples
@@ -404,12 +406,12 @@ Assignment = EveryMotion | SiteEvents | GridSamples
 number of runs of each building, and `description` the settings."""
 
 
-def nearest(places: Places, candidates: Places, distance: str) -> NDArray[np.int64]:
+def nearest(locations: Locations, candidates: Locations, distance: str) -> NDArray[np.int64]:
     """Return the index of the nearest candidate for each location.
 
     Parameters
     ----------
-    places : Places
+    locations : Places
         Longitudes and latitudes of the locations, degrees.
     candidates : Places
         Longitudes and latitudes of the candidates, degrees.
@@ -418,11 +420,11 @@ def nearest(places: Places, candidates: Places, distance: str) -> NDArray[np.int
         plane of longitude and latitude. The nearest candidate depends on this choice.
     """
     tree = cKDTree(coordinates(candidates, distance))
-    _, indices = tree.query(coordinates(places, distance))
+    _, indices = tree.query(coordinates(locations, distance))
     return np.asarray(indices, dtype=np.int64)
 
 
-def meters(places: Places, others: Places) -> Array:
+def meters(locations: Locations, others: Locations) -> Array:
     """Return the distance on the earth between corresponding locations, m, shape (k,).
 
     The distance is 2 R arcsin(c / 2), where R is the radius of the earth and c is the length of the
@@ -430,17 +432,17 @@ def meters(places: Places, others: Places) -> Array:
 
     Parameters
     ----------
-    places, others : Places
+    locations, others : Places
         Longitudes and latitudes of k locations, degrees.
     """
-    chord = np.linalg.norm(coordinates(places, "km") - coordinates(others, "km"), axis=1)
+    chord = np.linalg.norm(coordinates(locations, "km") - coordinates(others, "km"), axis=1)
     return np.asarray(2.0 * _EARTH_RADIUS * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
-def coordinates(places: Places, distance: str) -> Array:
+def coordinates(locations: Locations, distance: str) -> Array:
     """Convert k longitudes and latitudes, in degrees, to points with Euclidean distances that can
     be compared: shape (k, 3) for the distance `km`, shape (k, 2) for `degrees`."""
-    return COORDINATES[distance](np.array(places, dtype=np.float64).reshape(-1, 2))
+    return COORDINATES[distance](np.array(locations, dtype=np.float64).reshape(-1, 2))
 
 
 def unit_vectors(degrees: Array) -> Array:
@@ -541,7 +543,7 @@ class FactorTable:
             The table has no factor for the motion.
         """
         # The ground motion of a component is the pair to which it belongs, otherwise the component.
-        ground_motion = motion.whole
+        ground_motion = motion.ground_motion
         names = dict.fromkeys([motion.name, Path(motion.name).name, ground_motion.source])
         # A row with an empty component applies to all components.
         components = dict.fromkeys([motion.component, ground_motion.component, ""])
@@ -572,7 +574,7 @@ class FactorTable:
         # are identified by `id`, because they are not hashable.
         distinct_factors: dict[int, dict[float, None]] = {}
         for component in suite_motions(motions):
-            values = distinct_factors.setdefault(id(component.whole), {})
+            values = distinct_factors.setdefault(id(component.ground_motion), {})
             values.update(dict.fromkeys(self.of(component)))
         factors: list[float] = []
         for motion in motions:
@@ -657,7 +659,7 @@ class MeasureLevels:
         """
         # `whole` is the pair of a component: the intensity of a pair is computed from both
         # components. Equal periods of several buildings are evaluated only one time.
-        recording = self.motions[motion].whole
+        recording = self.motions[motion].ground_motion
         factors_at_period: dict[float, tuple[float, ...]] = {}
         for period in dict.fromkeys(self._measure_periods(periods)):
             measure = self.measure(period)

@@ -49,8 +49,8 @@ from tdint.model.keys.fields import (
     Keys,
     Schema,
     Section,
+    TextLine,
     Value,
-    Words,
 )
 from tdint.units import GROUND_MOTION, LENGTH, parse_units
 
@@ -74,16 +74,18 @@ _UNITS = Keys(
 )
 _BUILDINGS = Keys(
     (
-        Key("models", EntriesOf(Words(), least=1), "model files, relative to this file"),
-        Key("inventory", Words(), "CSV file with a building per row, relative to this file"),
-        Key("mapping", Words(), "CSV file of taxonomies: the inventory is an exposure model"),
+        Key("models", EntriesOf(TextLine(), least=1), "model files, relative to this file"),
+        Key("inventory", TextLine(), "CSV file with a building per row, relative to this file"),
+        Key("mapping", TextLine(), "CSV file of taxonomies: the inventory is an exposure model"),
         Key(
             "rules",
             Choice(tuple(RULES), "set of rules"),
             "rules that derive the buildings from their rows",
         ),
         Key(
-            "classes", Words(), "CSV file with the capacity curves of classes, for rules: capacity"
+            "classes",
+            TextLine(),
+            "CSV file with the capacity curves of classes, for rules: capacity",
         ),
         Key(
             "as_published",
@@ -115,7 +117,7 @@ _INTENSITY = Keys(
             "period of sa and sa-avg, s; by default the first period of each building",
         ),
         Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
-        Key("levels", EntriesOf(Words(), least=1), "values with units: 0.1 g, 0.2 m/s"),
+        Key("levels", EntriesOf(TextLine(), least=1), "values with units: 0.1 g, 0.2 m/s"),
         Key(
             "pair",
             Choice(tuple(PAIRS), "measure of pairs"),
@@ -123,7 +125,7 @@ _INTENSITY = Keys(
         ),
         Key(
             "factors",
-            Words(),
+            TextLine(),
             "CSV file of `tdint scale`, relative to this file; without `files` of the records it "
             "also lists the records",
         ),
@@ -133,10 +135,10 @@ _INTENSITY = Keys(
 
 _ANALYSIS = Keys(
     (
-        Key("method", Words(), "time-integration method with its parameters, for all buildings"),
+        Key("method", TextLine(), "time-integration method with its parameters, for all buildings"),
         Key(
             "methods",
-            EntriesOf(Words(), least=1),
+            EntriesOf(TextLine(), least=1),
             "several methods, in all combinations with the other values",
         ),
         Key(
@@ -171,7 +173,7 @@ _OUTPUTS = Keys(
 )
 CAMPAIGN = Keys(
     (
-        Key("name", Words(), "name of the campaign; by default the name of the file"),
+        Key("name", TextLine(), "name of the campaign; by default the name of the file"),
         Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
         Key(
             "records",
@@ -200,7 +202,7 @@ CAMPAIGN = Keys(
         ),
         Key(
             "style",
-            Words(),
+            TextLine(),
             "style of the figures, as for --style: 90mm, or width=90mm,title=no",
         ),
     )

@@ -101,7 +101,7 @@ class Scaling(Tabular):
     others_at_limit : int
         For a selection: number of motions that were not selected and would have a factor at a
         limit.
-    rest : ndarray, shape (m, k), or None
+    unselected_spectra : ndarray, shape (m, k), or None
         For a selection: scaled spectra at `periods` of the motions that were not selected, m/s^2.
     """
 
@@ -117,7 +117,7 @@ class Scaling(Tabular):
     least: tuple[float, float] | None = None
     chosen: tuple[int, ...] = ()
     left_out: dict[str, int] = field(default_factory=dict)
-    rest: Array | None = None
+    unselected_spectra: Array | None = None
     events: tuple[str, ...] = ()
     limits: tuple[float, float] | None = None
     others_at_limit: int = 0

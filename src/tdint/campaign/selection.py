@@ -155,7 +155,7 @@ def select(
         scaling,
         chosen=tuple(pool[index] for index in chosen),
         left_out=excluded_counts,
-        rest=spectra[unselected] * pool_factors[unselected, None],
+        unselected_spectra=spectra[unselected] * pool_factors[unselected, None],
         events=tuple(labels[pool[index]] for index in chosen) if labels else (),
         limits=(low, high),
         others_at_limit=int(np.sum(is_at_limit)),

@@ -87,7 +87,7 @@ def read_grid(grid: GridFile) -> CampaignMotions:
     -------
     CampaignMotions
         Components of all records, errors of records that could not be read, and the motions of each
-        point (attribute `places`).
+        point (attribute `site_motions`).
 
     Raises
     ------
@@ -120,7 +120,7 @@ def read_grid(grid: GridFile) -> CampaignMotions:
         return CampaignMotions(
             tuple(motions),
             tuple(failures),
-            places=_rows_as_events(grid.file, points, point_motions),
+            site_motions=_rows_as_events(grid.file, points, point_motions),
         )
     # Points without readable motions are omitted: buildings near them use other points. A motion
     # that could not be read has no components.
@@ -133,7 +133,7 @@ def read_grid(grid: GridFile) -> CampaignMotions:
             locations.append(location)
             readable_motions.append(readable)
     grid_motions = GridMotions(locations, tuple(readable_motions))
-    return CampaignMotions(tuple(motions), tuple(failures), places=grid_motions)
+    return CampaignMotions(tuple(motions), tuple(failures), site_motions=grid_motions)
 
 
 def _read_points(
@@ -251,7 +251,7 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
     -------
     CampaignMotions
         Records, errors of records that could not be read, notes, the motion of each event at each
-        site (attribute `places`), and annual rates of the events.
+        site (attribute `site_motions`), and annual rates of the events.
 
     Raises
     ------
@@ -261,16 +261,16 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
     RecordError
         No record can be read.
     """
-    places = _site_places(field_file.sites) if field_file.sites else {}
+    locations = _site_locations(field_file.sites) if field_file.sites else {}
     # Read the table first, so that its errors are reported before records are read.
-    rows, measure = _field_rows(field_file, {site: number for number, site in enumerate(places)})
+    rows, measure = _field_rows(field_file, {site: number for number, site in enumerate(locations)})
     records = _FieldRecords(field_file)
     motions = [records.motions_of(*record, measure) for record in rows.first_uses()]
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
     events, notes = list(rows.events), tuple(dict.fromkeys(records.notes))
     field = FieldMotions.from_rows(
-        events, list(rows.sites), rows.arrays(), motions, list(places.values())
+        events, list(rows.sites), rows.arrays(), motions, list(locations.values())
     )
     rates = _rates(field_file.rates, events) if field_file.rates else {}
     return CampaignMotions(tuple(records.motions), tuple(records.failures), notes, field, rates)
@@ -309,7 +309,7 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     return {name: rates[name] for name in events}
 
 
-def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -> dict[str, Value]:
+def _by_name(table: CsvTable, column: str, noun: str, values: Iterable[Value]) -> dict[str, Value]:
     """Return a dictionary from the name in each row to the value of the row.
 
     Parameters
@@ -318,7 +318,7 @@ def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -
         The table.
     column : str
         Column with the names, which must be unique.
-    what : str
+    noun : str
         Type of the named objects, for messages.
     values : iterable
         Value of each row.
@@ -332,7 +332,7 @@ def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -
     for (line, name), value in zip(table.lines(column, empty=False), values, strict=True):
         if name in by_name:
             raise ModelError(
-                f"{table.source}:{line}: {what} {name!r} is listed twice; use each name once"
+                f"{table.source}:{line}: {noun} {name!r} is listed twice; use each name once"
             )
         by_name[name] = value
     return by_name
@@ -742,7 +742,7 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
     return columns[0], STANDARD_GRAVITY, sa(float(period), SA_DAMPING) if period else pga()
 
 
-def _site_places(file: str) -> dict[str, tuple[float, float]]:
+def _site_locations(file: str) -> dict[str, tuple[float, float]]:
     """Read a table of sites, and return a dictionary from the name of each site to its longitude
     and latitude, degrees. `file` is the path of the CSV file."""
     format_text = "sites are a CSV file with the columns site, longitude, latitude"
@@ -820,7 +820,7 @@ class _FieldRecords:
         try:
             motions = self._read(record, component, second_file)
             intensities = [
-                1.0 if measure is None else measure.of(motion.whole, GEOMETRIC_MEAN)
+                1.0 if measure is None else measure.of(motion.ground_motion, GEOMETRIC_MEAN)
                 for motion in motions
             ]
         except (AnalysisError, RecordError, UsageError) as error:
@@ -932,7 +932,7 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
     if field.pairs:
         return tuple(selected)
     # Without pairs, each component is a separate motion.
-    return tuple(replace(motion, whole=motion.record, direction=1) for motion in selected)
+    return tuple(replace(motion, ground_motion=motion.record, direction=1) for motion in selected)
 
 
 def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:

@@ -63,7 +63,7 @@ class Identity:
     ----------
     name : str
         Name of the campaign or study.
-    kind : str
+    study_type : str
         Type of study for messages, such as `campaign`.
     settings : dict
         Settings that apply to all runs: JSON texts by name.
@@ -95,7 +95,7 @@ class Identity:
     """
 
     name: str
-    kind: str
+    study_type: str
     settings: dict[str, str]
     buildings: Buildings
     motions: Sequence[SuiteMotion]
@@ -140,7 +140,7 @@ class Identity:
         return cls(
             **{name: getattr(plan, name) for name in plan_attributes},
             name=plan.name,
-            kind="campaign",
+            study_type="campaign",
             settings=as_json(
                 asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
             ),
@@ -982,13 +982,13 @@ def check_same(store: Store, identity: Identity) -> list[str]:
         differences_text = all_differences(
             store.compared_values(),
             identity.compared_values,
-            compared_label=f"this {identity.kind}",
+            compared_label=f"this {identity.study_type}",
             are_shards=bool(store.shards()),
             has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
         )
         raise UsageError(
-            f"{store.name}: contains another {identity.kind}; specify another directory with -o, "
-            "or --overwrite to start again\n"
+            f"{store.name}: contains another {identity.study_type}; specify another directory with "
+            "-o, or --overwrite to start again\n"
             f"{differences_text}"
         )
     version = store.meta("version")

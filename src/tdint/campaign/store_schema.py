@@ -341,7 +341,7 @@ class RowTable:
         Name of the table.
     key, others : dict of str to type
         Type of each column by its name: the columns of the primary key, and the remaining columns,
-        in the order of the fields of a row (`RunRow`, `StoryRow`, `ShockRow`).
+        in the order of the fields of a row (`RunRow`, `StoryRow`, `EventRow`).
     view : str
         Name of the view.
     hidden : tuple of str
@@ -437,7 +437,7 @@ class RowTable:
         Parameters
         ----------
         rows : iterable of tuple
-            Rows (`RunRow`, `StoryRow` or `ShockRow`) of this table.
+            Rows (`RunRow`, `StoryRow` or `EventRow`) of this table.
 
         Returns
         -------
@@ -471,7 +471,10 @@ def _column_types(quantities: Iterable[Quantity], suffix: str = "") -> dict[str,
     suffix : str
         Suffix of the names, such as `_error`. Columns with a suffix contain floating-point numbers.
     """
-    return {quantity.column + suffix: float if suffix else quantity.kind for quantity in quantities}
+    return {
+        quantity.column + suffix: float if suffix else quantity.value_type
+        for quantity in quantities
+    }
 
 
 _HIDDEN = tuple(item.column for item in RUN if item.shown == HIDDEN)

@@ -329,14 +329,15 @@ class Check:
     Attributes
     ----------
     statements : callable
-        Function of the result of `look` and the list of traces; returns the statements to compare.
-    look : callable
+        Function of the result of `read_headers` and the list of traces; returns the statements to
+        compare.
+    read_headers : callable
         Function of the bytes of a file; returns the values stated in the headers. Raises Damaged
         for a file that must not be passed to the reader.
     """
 
     statements: Callable[[Any, list[Any]], list[Statement]]
-    look: Callable[[bytes], Any] = lambda _: None
+    read_headers: Callable[[bytes], Any] = lambda _: None
 
 
 CHECKS = {
@@ -370,7 +371,7 @@ def look_at(format_name: str, data: bytes) -> Any:
         The file contradicts itself and must not be passed to the reader of its format.
     """
     check = CHECKS.get(format_name)
-    return check.look(data) if check else None
+    return check.read_headers(data) if check else None
 
 
 def compare_with_statements(format_name: str, looked_at: Any, traces: list[Any]) -> tuple[str, ...]:

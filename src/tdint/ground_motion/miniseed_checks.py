@@ -56,9 +56,9 @@ class Statement:
 
     Attributes
     ----------
-    what : str
+    header_quantity : str
         Name of the quantity: `SAMPLES`, `PEAK`, ...
-    stated, found : float
+    stated, computed : float
         Stated and computed number, in the same unit.
     rounding : float
         Difference that is explained by the rounding of the stated number.
@@ -71,9 +71,9 @@ class Statement:
         warning instead of an error.
     """
 
-    what: str
+    header_quantity: str
     stated: float
-    found: float
+    computed: float
     rounding: float = 0.0
     unit: str = ""
     where: str = ""
@@ -82,15 +82,15 @@ class Statement:
     @property
     def difference(self) -> float:
         """Difference in excess of the rounding; nan if a number is nan."""
-        return abs(self.stated - self.found) - self.rounding
+        return abs(self.stated - self.computed) - self.rounding
 
     def __str__(self) -> str:
         """Return a message that the stated number and the computed number are different."""
         prefix = f"{self.where}: " if self.where else ""
         unit = f" {self.unit}" if self.unit else ""
         return (
-            f"{prefix}the file states a {self.what} of {self.stated:.9g}{unit}, but the data that "
-            f"were read have {self.found:.9g}{unit}"
+            f"{prefix}the file states a {self.header_quantity} of {self.stated:.9g}{unit}, but the "
+            f"data that were read have {self.computed:.9g}{unit}"
         )
 
 
@@ -119,12 +119,12 @@ def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
     for statement in statements:
         is_equal = statement.difference <= 0.0  # False for nan
         if not is_equal:
-            tolerance = _WARNING_DIFFERENCE * max(abs(statement.stated), abs(statement.found))
+            tolerance = _WARNING_DIFFERENCE * max(abs(statement.stated), abs(statement.computed))
             is_small = isfinite(tolerance) and statement.difference <= tolerance
             if not (statement.measured and is_small):
                 raise RecordError(f"the file is corrupt, or its header is wrong: {statement}")
             warnings.warn(str(statement), stacklevel=2)
-        compared[statement.what] = None
+        compared[statement.header_quantity] = None
     return tuple(compared)
 
 
@@ -250,7 +250,7 @@ class DataRecord:
         Samples per second; 0 for text.
     start : float
         Time of the first sample, s from the start of the year.
-    rest : int
+    remaining_bytes : int
         Number of bytes from the end of the samples to the last non-zero byte, for encodings with a
         fixed width.
     """
@@ -264,7 +264,7 @@ class DataRecord:
     data: int
     rate: float
     start: float
-    rest: int = 0
+    remaining_bytes: int = 0
 
     @property
     def end(self) -> float:
@@ -349,11 +349,11 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
     # missing samples would cause a gap.
     last_records = {record.id: record for record in records if record.samples}
     for record in last_records.values():
-        if record.rest:
+        if record.remaining_bytes:
             warnings.warn(
                 f"the last record of {record.id} states {record.samples} samples, but "
-                f"{record.rest} nonzero bytes follow them: samples may be missing at the end; "
-                "compare the duration with another copy of the file",
+                f"{record.remaining_bytes} nonzero bytes follow them: samples may be "
+                "missing at the end; compare the duration with another copy of the file",
                 stacklevel=2,
             )
     for name in stated:
@@ -569,7 +569,7 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     # record is used instead.
     samples_end = record.data + record.samples * _WIDTHS.get(record.encoding, record.length)
     bytes_after_samples = len(content[samples_end:].rstrip(b"\0")) if record.samples else 0
-    return replace(record, rest=bytes_after_samples)
+    return replace(record, remaining_bytes=bytes_after_samples)
 
 
 def _nominal_rate(factor: int, multiplier: int) -> float:

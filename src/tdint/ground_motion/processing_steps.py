@@ -51,14 +51,14 @@ class Interpolation:
         shape (points,)) for linear interpolation and their interval (s).
     peak : callable
         Function of a record; returns the peak ground acceleration (m/s^2).
-    words : str
+    description : str
         Description of the motion between the samples, for use in a sentence.
     """
 
     name: str
     resample: Callable[[Record, float], tuple[Array, float]]
     peak: Callable[[Record], float]
-    words: str
+    description: str
 
 
 def _samples_of_record(record: Record, shortest_period: float) -> tuple[Array, float]:

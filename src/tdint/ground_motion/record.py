@@ -426,11 +426,11 @@ class JoinedRecord(Record):
 
     The attributes of `Record` describe the events joined with the specified rest, or without rest
     if `rest` is None. They are used only for intensity measures of the sequence. An analysis
-    applies `shocks`, because the rest between them may depend on the building.
+    applies `events`, because the rest between them may depend on the building.
 
     Attributes
     ----------
-    shocks : tuple of Record
+    events : tuple of Record
         Ground motions of the events, with the same sampling interval.
     rest : float or None
         Time between events, s; None means until the building is at rest.
@@ -439,7 +439,7 @@ class JoinedRecord(Record):
         the intensity of the later events.
     """
 
-    shocks: tuple[Record, ...] = ()
+    events: tuple[Record, ...] = ()
     rest: float | None = None
     fixed: int = 0
 
@@ -462,21 +462,21 @@ class JoinedRecord(Record):
             A sampling interval is not an integer multiple of the shortest, or `rest` is negative or
             not finite.
         """
-        shocks, starts = at_one_interval(records), [0]
+        events, starts = at_one_interval(records), [0]
         # Without a specified rest, the joined record has only the minimum of one sampling interval
         # between events.
-        for shock in shocks[:-1]:
-            last_sample = starts[-1] + shock.acceleration.size - 1
-            starts.append(last_sample + rest_intervals(rest or 0.0, shock.dt))
-        joined = join_records(shocks, starts)
+        for event in events[:-1]:
+            last_sample = starts[-1] + event.acceleration.size - 1
+            starts.append(last_sample + rest_intervals(rest or 0.0, event.dt))
+        joined = join_records(events, starts)
         attributes = {field.name: getattr(joined, field.name) for field in fields(Record)}
-        return cls(**attributes, shocks=tuple(shocks), rest=rest, fixed=fixed)
+        return cls(**attributes, events=tuple(events), rest=rest, fixed=fixed)
 
     @property
     def digest(self) -> str:
         """Hexadecimal SHA-256 checksum of the events, the rest between them and the number of
         events that are not scaled."""
-        parts = [*(shock.digest for shock in self.shocks), repr((self.rest, self.fixed))]
+        parts = [*(event.digest for event in self.events), repr((self.rest, self.fixed))]
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
     def scaled(self, factor: float) -> Self:
@@ -493,7 +493,7 @@ class JoinedRecord(Record):
         RecordError
             A product exceeds the range of floats.
         """
-        unscaled_events, other_events = self.shocks[: self.fixed], self.shocks[self.fixed :]
+        unscaled_events, other_events = self.events[: self.fixed], self.events[self.fixed :]
         scaled_events = [event.scaled(factor) for event in other_events]
         return self.of([*unscaled_events, *scaled_events], self.rest, self.fixed)
 

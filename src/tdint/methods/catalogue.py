@@ -114,8 +114,10 @@ def is_ours(name: str) -> bool:
 def register_method(method: Method, where: str | Origin = "") -> None:
     """Register a method under its name for all commands and functions.
 
-    The name and the properties of the method are checked with its default parameters. A method that
-    fails is not registered.
+    The name and the step are checked. Properties, coefficients and the number of scratch rows are
+    evaluated with the default parameters. The coefficients of a family with `prepare` depend on the
+    building and are not evaluated. A method that fails is not registered. For a registered method,
+    the SHA-256 of its files is stored for the description of results (`Origin.keep_code`).
 
     Parameters
     ----------
@@ -132,9 +134,9 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     Raises
     ------
     UsageError
-        `method` is not a `Method`; its name is invalid or already used; a new family has the name
-        of an existing family; or a property of the method cannot be computed with the default
-        parameters.
+        `method` is not a `Method`; its name, or the name of a new family, is invalid or already
+        used; its step does not have the signature STEP; or a property, the coefficients or the
+        number of scratch rows cannot be computed with the default parameters.
     """
     if not isinstance(method, Method):
         raise UsageError(
@@ -155,8 +157,8 @@ def register_method(method: Method, where: str | Origin = "") -> None:
             f"{where}: method {method.name!r}: its step must be a kernel with the "
             "signature tdint.plugin.STEP"
         )
-    # Evaluate the declared properties with default parameters; a method that fails is removed.
-    # An integer is also accepted for a property of type float.
+    # Evaluate the method with default parameters. `parse` requires a registered method; a method
+    # that fails is removed again. An integer is also accepted for a property of type float.
     property_types = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     _known()[method.name] = method
     try:
@@ -177,6 +179,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     except UsageError:
         del _known()[method.name]
         raise
+    # Store the SHA-256 of the files that define the method. A rejected method computes no results.
     origin.keep_code("method", method)
 
 
@@ -264,6 +267,10 @@ def parse(text: str) -> Integrator:
     if not isinstance(text, str):
         raise UsageError(f"a method must be a text such as 'impulse4', got {text!r}")
     name, _, parameter_text = text.strip().partition(":")
+    # The sources are in the order of their cost. `_built_in` imports only the families that it
+    # searches. `_known` imports all families and contains plug-ins that are already registered.
+    # `catalogue` adds the methods of installed packages and then contains all methods. It registers
+    # them with `register_method`, which calls `parse`; `_known` already contains the new method.
     method = _built_in(name) or _known().get(name) or catalogue().get(name)
     if method is None:
         hint = did_you_mean(name, catalogue())

@@ -172,12 +172,14 @@ def step(
     # The first guess is zero in a linear building, otherwise the motion with constant acceleration.
     store_first_guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)
     iterations = 0
-    is_last = False  # True if the last correction has been applied
+    # True if the last correction has been applied. The final pass of the loop then computes the
+    # forces and the acceleration that belong to the corrected increments.
+    is_last = False
     while True:
         # Compute the story forces and their impulses, eqs. 14 and 46.
         is_stale = _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory)
         # Compute the residuals of eqs. 11 and 12 (kinematics) and 13 (momentum), and the
-        # acceleration at the end from equilibrium.
+        # acceleration at the end from equilibrium. _BY_A is the weight of both a0 and a1.
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
         is_balanced = has_converged(
             iterations == MAX_ITERATIONS,
@@ -196,8 +198,10 @@ def step(
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, factors)
             step_status[rows.FACTORED_STEP] = h
-        # One more correction is applied after convergence. It satisfies the published equations up
-        # to rounding, whereas the tolerance of the residuals is 1e-11.
+        # No further correction follows in three cases. `correct` returns True: the correction is of
+        # the order of rounding errors. The residuals were already within their tolerance of 1e-11:
+        # this correction satisfies the published equations up to rounding. The building is linear:
+        # a single correction is exact.
         is_last = correct(_BY_A, modal, h, factors, n) or is_balanced or flags[rows.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
@@ -205,6 +209,7 @@ def step(
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
+    # The loop ends only after a correction: `iterations` is at least 1 even without `max`.
     return max(iterations, 1) if finite(state, n) else rows.NOT_FINITE
 
 
@@ -268,10 +273,16 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
     h : float
         Time step, s.
     memory : Memory
-        State at the start of the step; law states (block FIRST_TRIAL is set). In the scratch array,
-        rows DU (m) and DV (m/s) contain the increments u1 - u0 and v1 - v0. Set are the rows U1 (m)
-        and V1 (m/s), response at the end; FORCE_1 (N), story force at the end; FORCE_S (N s), its
-        impulse; SIZE (N), bound of rounding errors; TANGENT (N/m).
+        State at the start of the step; law states (block FIRST_TRIAL is set). Rows DU (m) and DV
+        (m/s) of the scratch array contain the increments u1 - u0 and v1 - v0. The function sets the
+        following rows of the scratch array.
+
+            U1, V1     displacement (m) and velocity (m/s) of the floor at the end
+            FORCE_1    force of the story at the end, N
+            FORCE_S    impulse of the story, N s
+            SIZE       force that corresponds to the rounding errors of the displacements, divided
+                       by RESIDUAL_TOLERANCE, N
+            TANGENT    tangent stiffness k_T of the law, N/m
 
     Returns
     -------
@@ -311,8 +322,10 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         # Its tangent k_T approximates the integral of the force over the step (eq. 46).
         tangent = restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
         scratch[_ROW.TANGENT, i] = tangent
-        # A drift is a difference of displacements. The rounding errors of the displacements are not
-        # part of the residual.
+        # A drift is a difference of displacements. Their rounding errors, as a force, are ROUNDING
+        # times stiffness times displacements. This force is divided by the tolerance, because the
+        # convergence test multiplies row SIZE by the tolerance. u - drift is the displacement of
+        # the floor below, or 0 on the ground.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(u - drift))
         is_stale = (
@@ -399,12 +412,17 @@ def _limit(beta: float) -> float:
 
     omega is the circular frequency, h the time step and beta the parameter of the method. The
     amplification matrix has the determinant 1, and the method is unstable if its trace is less than
-    -2. With W = omega h, trace + 2 is proportional to (W^2 - 12) (12 beta W^2 - 1). This product
-    is negative between its roots W = sqrt(12) and W = 1 / sqrt(12 beta). The result is the smaller
-    root. For beta = 1/144 (PUBLISHED) the roots are equal, and the product is never negative.
+    -2. With W = omega h, trace + 2 has the sign of the product (W^2 - 12) (12 beta W^2 - 1) from
+    W = 0 until the product becomes negative. The product is positive at W = 0, and becomes negative
+    at its smallest root:
+
+        beta > 0        the smaller of W = sqrt(12) and W = 1 / sqrt(12 beta)
+        beta <= 0       W = sqrt(12), because the second factor is negative for any W
+        beta = 1/144    (PUBLISHED) never, because both roots are equal
     """
     if beta == PUBLISHED:
         return math.inf
+    # Roots W^2 of the product
     roots = [12.0] if beta <= 0.0 else [12.0, 1.0 / (12.0 * beta)]
     return math.sqrt(min(roots))
 

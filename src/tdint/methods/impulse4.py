@@ -147,13 +147,20 @@ def step(
     store_load(
         linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch
     )
+    # Arguments False: stories may change their branches (`keep_branches`), and there is no first
+    # estimate in rows DU and DV (`has_guess`).
     code = newton(False, False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
+    # Update the measure of the step error in row RUN_MAXIMA, which determines the tolerance of
+    # Newton's method in the next steps. The function uses the state at the start of the step and is
+    # therefore called before the update. Its decision about reversals (kinks) has no effect here.
     keep_negligible_kinks(scene, h, memory)
+    # False: the laws of all stories move along the path that Newton's method has evaluated.
     _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
-    # The division into substeps failed. Newton's method does not update the branches of the laws;
-    # `resume` determines them from the new states for the next step.
+    # If the building has branches, the division into substeps failed. Newton's method does not
+    # update the branches of the laws; `resume` determines them from the new states for the next
+    # step.
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         for i in range(n):
             resume(law_parameters, law_state, i)
@@ -197,13 +204,16 @@ def _take_substeps(coefficients, scene, h, load, memory):
     memory : Memory
         State and law states, which are moved to the end of the step; scratch array with rows DU (m)
         and DV (m/s), the changes of displacements and velocities over a substep; status of the
-        step.
+        step: BRANCH_CHANGES, the number of branch changes in the run, is increased; STEP_PEAKS and
+        RUN_PEAKS are set by `_accept_substep`.
 
     Returns
     -------
     int
-        Number of linear solutions, or NOT_CONVERGED. The latter is returned with the initial state
-        if there are more than 20 + 4 n branch changes for n stories or if Newton's method fails.
+        Number of linear solutions. NOT_CONVERGED (negative), with the initial state, if Newton's
+        method fails or if more than 20 + 4 n branch changes are located in a building with n
+        stories; repeated locations of the same change are counted. NOT_FINITE (negative) if the new
+        state is not finite.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state, scratch, step_status = memory
@@ -213,10 +223,12 @@ def _take_substeps(coefficients, scene, h, load, memory):
     max_substeps = 20 + 4 * n
     elapsed = 0.0  # completed part of the time step, s
     substep = h  # length of the present substep, s
-    substep_count = 0
-    branch_changes = 0
+    substep_count = 0  # located branch changes, including repeated locations of the same change
+    branch_changes = 0  # applied branch changes
     solves = 0
-    has_guess = False  # True if DU and DV contain the first estimate of the next substep
+    # True if DU and DV contain the first estimate of the next substep. It remains True after the
+    # first shortened substep: DU and DV then always contain a complete or partial earlier solution.
+    has_guess = False
     # True if the substep is shortened; rows REMAINING then contain the changes DU and DV from the
     # start of the substep to the end of the time step.
     is_shortened = False
@@ -248,7 +260,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
             # The substep ends at the reversal, which is therefore not within the substep. KINK 0
             # means that the story has no reversal within the substep.
             scratch[ROW.KINK, story] = 0.0
-        # Search for the first branch change, or check the end of a shortened substep.
+        # Search for the first branch change, or check the end of a shortened substep. A substep up
+        # to the end of the time step is always searched, like a substep that has passed its event.
         if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
             outcome = (
                 _compare_with_event(linear_terms, substep, state, law_state, scratch, story, event)
@@ -306,9 +319,9 @@ def _take_substeps(coefficients, scene, h, load, memory):
             substep,
             ground,
             ground + ground_rate * substep,
-            False,
-            flags[rows.UNRESOLVED_MODES] != 0.0,
-            False,
+            False,  # on_path: the displacements are not parabolas of time
+            flags[rows.UNRESOLVED_MODES] != 0.0,  # fast: the building has unresolved modes
+            False,  # cornered: accelerations within the substep are not yet searched for peaks
         )
         _accept_substep(substep_count > 0, scene, span, memory)
         if HAS_CURVED_FORCE and is_shortened:
@@ -333,10 +346,12 @@ def _take_substeps(coefficients, scene, h, load, memory):
 def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
     """Compute the response over a substep in which all stories remain on their branches.
 
-    If all laws are linear on their branches and there are no power-law dashpots (ALL_BRANCHES), a
-    single linear solution is exact. Otherwise Newton's method is used, and reversals with a
-    negligible effect are marked in row KINK (`keep_negligible_kinks`), so that the substep is not
-    divided at these reversals.
+    If all laws are linear on their branches and there are no power-law dashpots, a single linear
+    solution is exact. The flag BRANCHES is then ALL_BRANCHES. HAS_CURVED_FORCE, a constant of the
+    compiled variant, is False if the variant has neither curved laws nor power-law dashpots.
+
+    Otherwise Newton's method is used, and reversals with a negligible effect are marked in row KINK
+    (`keep_negligible_kinks`), so that the substep is not divided at these reversals.
 
     Parameters
     ----------
@@ -362,6 +377,7 @@ def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
     if not HAS_CURVED_FORCE or scene.flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         solve_linear(coefficients, scene, h, memory, factors)
     else:
+        # True: stories on a linear branch remain on this branch (`keep_branches`).
         code = newton(True, has_guess, coefficients, scene, h, memory, factors)
         if code >= 0:
             keep_negligible_kinks(scene, h, memory)
@@ -375,16 +391,19 @@ def _accept_substep(is_divided, scene, span, memory):
     Parameters
     ----------
     is_divided : bool
-        True if the time step is divided into substeps. The observer does not see the ends of
-        substeps; the peaks are therefore updated in the rows PEAKS of the scratch array.
+        True if the time step is divided into substeps. The observer of the response processes only
+        the end of the time step; the peaks in the substeps are therefore updated in the rows PEAKS
+        of the scratch array.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
         End time, length and ground acceleration of the substep.
     memory : Memory
         State and law states at the start of the substep, which are replaced; scratch array with the
-        solution in rows DU, DV and A1; status of the step. STEP_PEAKS and RUN_PEAKS of the status
-        receive the number of the first row of the peaks.
+        solution in rows DU, DV and A1; status of the step. After a divided step, STEP_PEAKS and
+        RUN_PEAKS of the status contain the index of the first row PEAKS. The observer merges the
+        rows at STEP_PEAKS into the peaks of the run and resets STEP_PEAKS to 0. RUN_PEAKS remains
+        set: if the peaks of the run are reset, the rows at RUN_PEAKS are reset as well.
     """
     linear_terms, _, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
@@ -393,9 +412,12 @@ def _accept_substep(is_divided, scene, span, memory):
         for row in range(3):
             for i in range(linear_terms.shape[1] - 1):
                 scratch[ROW.SUBSTEP_START + row, i] = state[row, i]
+    # If all laws are linear on their branches and there are no power-law dashpots (ALL_BRANCHES),
+    # the substep was solved on the branches, without Newton's method (`_solve_substep`).
     if not HAS_CURVED_FORCE or flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch)
     else:
+        # True: stories on a linear branch remain on this branch (`keep_branches`).
         _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
     if HAS_NONLINEAR_FORCE and is_divided:
         _update_substep_peaks(scene, span, memory)
@@ -529,8 +551,9 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     float
         _BEYOND_EVENT if the drift of any story is outside its branch by more than the tolerance,
         or if a story has a reversal in the substep that is not accepted. Otherwise _BEFORE_EVENT if
-        `story` has not reached the limit of its branch within the tolerance. Otherwise 0: the
-        substep ends at the branch change.
+        the event is ABOVE or BELOW and `story` has not reached this limit within the tolerance.
+        Otherwise 0: the substep ends at the branch change. For the event REVERSED, there is no
+        limit and therefore no such test.
     """
     outcome = 0.0
     # The variables `..._below` contain the values of the floor below the story.
@@ -606,12 +629,14 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
     Displacements and velocities increase by rows DU and DV. Row A1 contains the new accelerations.
     The law of each story is moved to the end of the step in one of three ways:
 
-    - If the law is on a linear branch, and `keep_branches` is True, its force changes by the
+    - If `keep_branches` is True and the law is on a linear branch, its force changes by the
       stiffness of the branch times the change of drift.
-    - If the story has a reversal within the step (row KINK is not 0), the law moves through the
-      inner point (FIRST_TRIAL) and the reversal (THIRD_TRIAL), in chronological order, to the end
-      (SECOND_TRIAL).
-    - Otherwise the law moves through the inner point (FIRST_TRIAL) to the end (SECOND_TRIAL).
+    - If `keep_branches` is True and the story has an accepted reversal within the step (row KINK is
+      not 0), the law moves through the inner point (FIRST_TRIAL) and the reversal (THIRD_TRIAL), in
+      chronological order, to the end (SECOND_TRIAL).
+    - Otherwise the law moves through the inner point (FIRST_TRIAL) to the end (SECOND_TRIAL). If
+      `keep_branches` is False, Newton's method has not evaluated the law at reversals, and row KINK
+      contains values of an earlier solution.
 
     The trial states are those of the last iteration of Newton's method. Buildings without curved
     laws use `_advance_on_branches` instead, because this function would increase their run time by
@@ -620,7 +645,8 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
     Parameters
     ----------
     keep_branches : bool
-        True if stories on a linear branch do not change the branch, as in a substep.
+        Argument `keep_branches` of `newton`. True for a substep: stories on a linear branch remain
+        on this branch. False for a complete step without location of branch changes.
     linear_terms, law_parameters : ndarray
         Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
     state, law_state : ndarray
@@ -677,6 +703,8 @@ def _update_substep_peaks(scene, span, memory):
     state, law_state, scratch, _ = memory
     reversal_count = 0
     if not span.fast:
+        # The response at the start is in the scratch array from row SUBSTEP_START on. `state`
+        # contains displacements and velocities (first argument) and accelerations at the end.
         passage = Passage(scratch, ROW.SUBSTEP_START, state, state, rows.ACCELERATION)
         reversal_count = find_interstep_peaks(
             span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
@@ -705,9 +733,10 @@ def _update_substep_peaks(scene, span, memory):
             i,
             state[rows.ACCELERATION, i] + span.ground_1,
         )
-        # A story that reversed within the substep has its largest force at the reversal. The force
-        # is computed on the path from the end of the substep (block 0) back to the reversal drift,
-        # because the law state at the start has been replaced.
+        # A story that reversed within the substep has its largest force at the reversal. The law
+        # state at the start has been replaced, so the force is computed on the path from the end of
+        # the substep (block 0) back to the reversal drift. On a linear branch, both directions have
+        # the same path. A curved law has only reversals with a negligible effect in a substep.
         if reversal_count > 0 and scratch[ROW.REVERSAL_DRIFTS, i] != drift:
             restoring_force_outlined(
                 scene.law_parameters,
@@ -746,6 +775,7 @@ def _save_start(state, law_state, scratch, n):
             scratch[ROW.SAVED + 3 + row, i] = law_state[row, i]
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(n):
+            # From the committed state (block 0) to block THIRD_TRIAL
             copy_extra_rows(law_state, i, 0, rows.THIRD_TRIAL)
 
 
@@ -759,11 +789,12 @@ def _restore_start(state, law_state, scratch, n):
     Parameters
     ----------
     state, law_state : ndarray
-        State and law states, which are replaced by the stored values.
+        State and law states, which are replaced by the stored values. `_save_start` has stored the
+        extra rows of laws in the extra rows of block THIRD_TRIAL of `law_state`.
     scratch : ndarray
         Rows SAVED are used. Rows PEAKS are set to zero, because the substeps are discarded:
-        PEAK_ROWS rows of regular peaks and as many rows of possible peaks (unresolved motion).
-        `_save_start` has stored extra rows of laws in the extra rows of THIRD_TRIAL.
+        PEAK_ROWS rows of regular peaks, then PEAK_ROWS rows of possible peaks. Possible peaks are
+        extrema between the endpoints of a substep that does not resolve the motion.
     n : int
         Number of floors.
     """
@@ -776,6 +807,7 @@ def _restore_start(state, law_state, scratch, n):
             law_state[row, i] = scratch[ROW.SAVED + 3 + row, i]
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(n):
+            # From block THIRD_TRIAL to the committed state (block 0)
             copy_extra_rows(law_state, i, rows.THIRD_TRIAL, 0)
 
 
@@ -804,11 +836,12 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     nonlinear laws. For rho_inf = 1 it is 1/2, and the quadrature is Simpson's rule on the cubic
     Hermite interpolant.
 
-    This choice of c was tested with a hardening and a softening oscillator. For rho_inf = 1,
-    Simpson's rule has a quarter of the error of the corrected trapezoidal rule with the tangents at
-    the endpoints. For rho_inf < 1, the choice of c changes the error by a few percent. For
-    c = 1 / (1 + rho_inf), uc would be on the cubic Hermite interpolant, but wc tends to infinity as
-    rho_inf tends to 0; this value is therefore not used.
+    This quadrature was tested with a hardening and a softening oscillator. An alternative without
+    an inner point is the corrected trapezoidal rule h/2 (f0 + f1) + h^2/12 (f0' - f1'), with time
+    derivatives of f from the tangent stiffnesses at the endpoints. For rho_inf = 1, its error is
+    four times the error of Simpson's rule. For rho_inf < 1, the choice of c changes the error by a
+    few percent. For c = 1 / (1 + rho_inf), uc would be on the cubic Hermite interpolant, but wc
+    tends to infinity as rho_inf tends to 0; this value is therefore not used.
 
     Returns
     -------

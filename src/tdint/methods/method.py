@@ -185,7 +185,11 @@ class Integrator:
 
     @property
     def label(self) -> str:
-        """Label in tables, figures and JSON: the specification, in the form that `parse` reads."""
+        """Label in tables, figures and JSON: the specification, in the form that `parse` reads.
+
+        The label is the specification of the user (`typed`). If it is empty, the label contains the
+        name of the method and the values of all parameters.
+        """
         assignments = (f"{name}={value!r}" for name, value in self.resolved.items())
         return self.typed or ":".join([self.method.name, *assignments])
 

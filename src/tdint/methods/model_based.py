@@ -147,7 +147,8 @@ def step(
             linear_terms, modal, law_parameters, rows.STIFFNESS, combination, factors, n
         )
         step_status[rows.FACTORED_STEP] = h
-    # Compute the right side of the linear system in row X. Row SUM contains the story forces.
+    # Compute the right side of the linear system in row X. Row SUM contains the story forces. LINK
+    # is 0 if the story above is on the ground, and in the additional last column.
     _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n)
     _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory)
     for i in range(n):
@@ -247,10 +248,17 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
     displacement at the end of the step of length h, u1 = u0 + h v0 + h^2/2 q0, depends only on
     displacement u0, velocity v0 and q0 at the start.
 
-    The function also stores the terms of the linear system for q1 - q0 (`step`), computed for
-    q1 = q0, with the weights alpha_f of the start and 1 - alpha_f of the end of the step:
+    The equation of motion of the method, with the mass, damping and initial stiffness matrices M, C
+    and K0, the restoring forces f and the loads p, is
 
-        row V, for each floor     v = v0 + (1 - alpha_f) h q0
+        (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0
+        r = p - C v - f(u) - beta h^2 K0 q
+
+    `step` solves this equation for q1 - q0 and requires its residual for q1 = q0. In this case,
+    v1 = v0 + h q0, and the weights of beta h^2 K0 q0 at the start and at the end have the sum 1.
+    The function therefore stores the following terms of the residual:
+
+        row V, for each floor     v = (1 - alpha_f) v1 + alpha_f v0 = v0 + (1 - alpha_f) h q0
         row SUM, for each story   (1 - alpha_f) f1 + alpha_f f0 + beta h^2 k0 dq + c dv
 
     f0 and f1 are the forces of the story (restoring force and P-delta) at the start and at the end,
@@ -264,7 +272,7 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
     end_weight : float
         Weight 1 - alpha_f of the forces at the end of the step.
     by_k : float
-        beta h^2, s^2.
+        Factor beta h^2 of the initial stiffness, s^2.
     h : float
         Time step, s.
     memory : Memory
@@ -362,6 +370,8 @@ def chang_step(
     n = linear_terms.shape[1] - 1
     half_h = 0.5 * h
     displacement_factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
+    # Each factorization needs 2 modes + 1 rows for modal damping, from row _STORE on: two rows per
+    # damped mode and a temporary row.
     acceleration_factors = Factors(
         scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1
     )
@@ -407,8 +417,8 @@ def _displacement_right_side(linear_terms, law_parameters, half_h, state, scratc
     """Store the right side M a0 - h/2 K0 v0 of Chang's equation for the displacement in row X, N.
 
     a0 and v0 are acceleration and velocity at the start of the step. K0 contains the initial
-    stiffnesses of the stories and P-delta. The forces h/2 k0 (drift rate) of the stories are stored
-    in row SUM.
+    stiffnesses of the stories and P-delta. The forces h/2 k0 (drift rate) of the stories, with the
+    stiffness k0 of a story, are stored in row SUM.
 
     Parameters
     ----------
@@ -432,6 +442,8 @@ def _displacement_right_side(linear_terms, law_parameters, half_h, state, scratc
             * (v - linear_terms[rows.LINK, i] * v_below)
         )
         v_below = v
+    # The force on a floor is the force of the story below minus the force of the story above. LINK
+    # is 0 if the story above is on the ground, and in the additional last column.
     for i in range(n):
         floor_force = (
             scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]

@@ -84,21 +84,24 @@ def step(
 
         u(t) = u0 + D0 t + D1 (t^2 - t) / 2
 
-    with the displacement u0 at the start and the unknowns D0 (change of displacement over the step,
-    m) and D1 (h times the change of velocity du/dt along the parabola, m). The acceleration is
-    A0 + A1 s, with its mean A0 and its change A1 over the step:
+    with the displacement u0 at the start and the unknowns D0 (change of u over the step, m) and D1
+    (change of du/dt over the step, m). As t is dimensionless, du/dt is h times the velocity. The
+    acceleration is A0 + A1 s, with its mean A0 and its change A1 over the step (m/s^2):
 
         h^2 A1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   h^2 A0 = D1 - r h^2 A1
 
-    where v0 is the velocity at the start. The equations of motion are integrated over the step with
-    the weights 1 (impulse) and 12 s (first moment):
+    where v0 is the velocity at the start. The equations of motion are integrated over t from 0 to 1
+    with the weights 1 (impulse, divided by h) and 12 s (first moment):
 
-        impulse         M A0 + C D0 / h + int f dt = int p dt
-        first moment    M A1 + C D1 / h + 12 int s f dt + r K D1 = 12 int s p dt
+        impulse         M A0 + C D0 / h + int f dt = P0
+        first moment    M A1 + C D1 / h + 12 int s f dt + r K D1 = P1
         end             u1 = u0 + D0,   v1 = v0 + h A0
 
-    with the mass and damping matrices M and C, the restoring forces f, the loads p and the initial
-    stiffness matrix K. The terms with r are the numerical damping; r is 0 for rho_inf = 1.
+    with the mass and damping matrices M and C, the restoring forces f and the initial stiffness
+    matrix K. The terms with r are the numerical damping; r is 0 for rho_inf = 1. P0 = int p dt is
+    the mean of the load p, and P1 = 12 int s p dt its first moment. For r > 0, the moment of a
+    force q on a floor is replaced by q1 - q0 + 12 r ((q0 + q1) / 2 - mean of q), with the values q0
+    at the start and q1 at the end (`mean_load`).
 
     The step has three stages: integrals of the load, solution for D0 and D1 of all floors, and
     update of the state. If a story changes its branch or reverses, the peaks within the step are
@@ -133,7 +136,7 @@ def step(
         Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
         then unchanged. NOT_FINITE if the new state is not finite.
     """
-    # Compute both integrals of the load: its mean int p dt and its first moment 12 int s p dt.
+    # Compute the mean P0 and the first moment P1 of the load in the two rows LOAD.
     mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)

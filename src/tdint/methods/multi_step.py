@@ -248,15 +248,25 @@ def _guess_multi_step(coefficients, h, state, scratch, n):
 def _family(*memory: int) -> Family:
     """Return the family of the multi-step methods, with the independent rows of the state.
 
-    `memory` contains the numbers of the independent rows; Houbolt's and Park's method have
-    different independent rows. The rows of the state are displacement, velocity, acceleration, the
-    mean velocities of the last step and of the step before, and the mean accelerations of these
-    steps. `derivatives` contains the order of the time derivative of each row.
+    The rows of the state are displacement, velocity, acceleration, the mean velocities of the last
+    step and of the step before, and the mean accelerations of these steps. `derivatives` contains
+    the order of the displacement derivative in each row. The function for the number of scratch
+    rows receives the number of damped modes.
 
-    `shifts` contains the change of each row for a unit jump of the accelerations between two steps
-    of length h, divided by h^(2 - derivative). At the jump, the motion t^2 / 2, with t = 0 at the
-    jump, is added to the motion of the previous steps. The means of this motion over the last two
-    steps are the velocities -h/2 and -3 h/2 and the accelerations 1.
+    If a time step is longer than the sampling interval, the ground acceleration in each step is
+    replaced by a straight line, and the floor accelerations jump between two steps. The time loop
+    then adds the changes `shifts` to the rows of the state (`state_jumps`): the change per unit
+    jump, divided by h^(2 - derivative) with the step length h. The means must change as if the new
+    acceleration had already acted in the previous steps. For a jump 1 at t = 0, the motion t^2 / 2
+    is added to these steps. Its means over the last two steps are the velocities -h/2 and -3 h/2
+    and the accelerations 1.
+
+    Parameters
+    ----------
+    *memory : int
+        Indices of the independent rows: the rows of the state that the multi-step formulas of the
+        method use. The other rows follow from these rows. Houbolt's method does not use the
+        velocity and the mean accelerations.
     """
     return Family(
         "multi-step",

@@ -361,18 +361,22 @@ def implicit_step(
     After UNDAMPED_ITERATIONS corrections, a line search halves corrections that do not reduce the
     residual (`tdint.kernels.equations.iteration`).
 
-    A law is curved if its force between branch changes is a nonlinear function of the drift
-    (`_is_curved`). In a building with curved laws, two things differ:
+    A law is curved if its force between branch changes is a nonlinear function of the drift. In a
+    building with curved laws and without power-law dashpots (`_is_curved`), two things differ:
 
     - The first estimate is extrapolated from the stages of the last step.
-    - The tolerance of the residuals is _TOLERANCE_PER_MISMATCH times the relative mismatch of the
-      run. The mismatch of a step is the sum over floors and stages of the squared difference of the
-      internal force p - M a from its extrapolation, divided by the mass. The relative mismatch is
-      the maximum over the run of this sum, divided by the maximum of the sum of M a^2. It measures
-      the error of the steps. Row RUN_MAXIMA of the scratch array contains both maxima.
+    - The tolerance of the residuals is _TOLERANCE_PER_MISMATCH times the relative mismatch Q_max /
+      S_max, with a lower limit RESIDUAL_TOLERANCE and an upper limit (`tolerance_of_run`).
 
-    One correction is then sufficient in most steps. Both the tolerance and the error are of order 4
-    in the time step, so the order of the method remains 4.
+    Q_max and S_max, in row RUN_MAXIMA of the scratch array, are the maxima over the steps of the
+    run of two sums over floors and stages,
+
+        Q = sum of (F - F_x)^2 / m,   S = sum of m a^2
+
+    with the mass m of a floor, its acceleration a, its internal force F = p - m a and the value F_x
+    of this force that is extrapolated from the last step. Q_max / S_max measures the error of the
+    steps. One correction is then sufficient in most steps. Both the tolerance and the error are of
+    order 4 in the time step, so the order of the method remains 4.
 
     Parameters
     ----------
@@ -421,6 +425,8 @@ def implicit_step(
     while True:
         is_stale = _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory)
         is_final = iterations == MAX_ITERATIONS
+        # `_compute_residuals` returns True if all residuals are within the tolerance. In the final
+        # evaluation (`is_final`), it also stores the largest residual for the error message.
         if _compute_residuals(is_final, tolerance, linear_terms, modal, scratch, step_status):
             break
         if iterations >= UNDAMPED_ITERATIONS:
@@ -483,8 +489,9 @@ def _predict_stages(coefficients, scene, h, load, memory):
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
-        Rows STAGE_LOAD (N) and STAGE_A (m/s^2) of the scratch array are set; for curved laws also
-        PREDICTED_FORCE (N).
+        Rows STAGE_LOAD (N) and STAGE_A (m/s^2) of the scratch array are set. Row PREDICTED_FORCE
+        (N), the extrapolated internal force, is set for curved laws if the last step had the same
+        length.
     """
     linear_terms, _, _, forces, flags = scene
     state, _, scratch, _ = memory
@@ -604,7 +611,8 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     memory : Memory
         State, law states, scratch array and step status. Rows STAGE_A (m/s^2) are used. Rows
         STAGE_U, STAGE_V, STORY_FORCE, FORCE_SCALE, TANGENT and DAMPER_TANGENT of the scratch array
-        are set.
+        are set. FORCE_SCALE (N) is the contribution of the story to the scale of the convergence
+        test: a residual is accepted up to the tolerance times the scale.
 
     Returns
     -------
@@ -664,9 +672,11 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
                 + damper_force
             )
             scratch[_IMPLICIT.STORY_FORCE + stage, i] = story_force
-            # The drift is a difference of displacements, so their rounding errors appear as story
-            # forces. They must not prevent convergence: after multiplication by
-            # RESIDUAL_TOLERANCE, this term is the stiffness times these rounding errors.
+            # The drift is a difference of displacements, so their rounding errors, ROUNDING times
+            # the displacements, appear as story forces and must not prevent convergence. The scale
+            # therefore includes the stiffness times these errors, divided by RESIDUAL_TOLERANCE,
+            # because the convergence test multiplies the scale by a tolerance of at least this
+            # value. u - drift is the displacement of the floor below, or 0 on the ground.
             rounding = ROUNDING / RESIDUAL_TOLERANCE * stiffness
             scale = abs(story_force) + rounding * (abs(u) + abs(u - drift))
             scratch[_IMPLICIT.FORCE_SCALE + stage, i] = scale
@@ -678,13 +688,14 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
     """Compute the residuals p - M a - C v - f(u) at both stages (N) and check convergence.
 
     A residual is small enough if it is at most `tolerance` times the sum of the absolute values of
-    its terms. f is the force of the story below minus that of the story above the floor.
+    its terms. f is the force of the story below the floor minus the force of the story above.
 
     Parameters
     ----------
     is_last : bool
-        True if no further iteration is allowed: the largest relative residual and its floor are
-        then stored in `step_status`.
+        True if no further iteration is allowed: the largest relative residual above the tolerance
+        and the index of its floor are then stored in rows RESIDUAL and WORST_STORY of
+        `step_status`. Floor i and the story below this floor have the same index.
     tolerance : float
         Maximum residual relative to the sum of the absolute values of its terms.
     linear_terms, modal : ndarray
@@ -693,7 +704,7 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
         Rows STAGE_LOAD, STAGE_A, STAGE_V, STORY_FORCE and FORCE_SCALE are used; the rows RESIDUAL
         receive the residuals, N.
     step_status : ndarray
-        RESIDUAL is reset to 0; RESIDUAL and WORST_STORY are set if `is_last`.
+        Row RESIDUAL is reset to 0; RESIDUAL and WORST_STORY are set if `is_last`.
 
     Returns
     -------
@@ -771,8 +782,10 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
                 linear_terms[rows.STORY_DAMPER, i] + scratch[_IMPLICIT.DAMPER_TANGENT + stage, i]
             )
             stiffness = scratch[_IMPLICIT.TANGENT + stage, i] + linear_terms[rows.GEOMETRIC, i]
-            # A story contributes to its floor and, with the opposite sign, to the coupling with the
-            # floor below; `link_blocks` adds it to the floor below.
+            # `story` is the block of the story between floor i and the floor below. It is added to
+            # the diagonal block of floor i here, and by `link_blocks` to the diagonal block of the
+            # floor below. Row COUPLING contains `story` with positive sign; `factor_blocks` assumes
+            # the opposite sign of the blocks between both floors.
             story = k_factor * stiffness + c_factor * damper
             scratch[_IMPLICIT.COUPLING + entry, i] = story
             scratch[_IMPLICIT.BLOCKS + entry, i] = (

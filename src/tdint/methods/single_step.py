@@ -174,7 +174,8 @@ def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, 
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Rows LOAD (N), U (m), V (m/s) and A (m/s^2) are set.
+        Rows LOAD (N), U (m), V (m/s) and A (m/s^2) are set. Row _LOAD_0 receives p0 (N) if W1 is
+        not 1; otherwise p0 is not required.
     """
     n = linear_terms.shape[1] - 1
     w1 = coefficients[W1]
@@ -201,7 +202,14 @@ def newmark(beta: float, gamma: float) -> tuple[float, ...]:
 
     The method is u1 = u0 + h v0 + h^2 ((1/2 - beta) a0 + beta a1), v1 = v0 + h ((1 - gamma) a0 +
     gamma a1) with equilibrium at the end. The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5
-    of `step`.
+    of `step`, which uses the increment da = a1 - a0:
+
+        M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
+            + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
+        u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da
+
+    Equilibrium at the end means W1 = L6W1 = 1. The response in the equation of equilibrium is then
+    the response at the end, so that L2W2 = 1/2, L3W3 = l3 = beta and L5W2 = l5 = gamma.
     """
     return (1.0, 0.5, beta, gamma, 1.0, beta, gamma)
 

@@ -121,8 +121,8 @@ def integrate_in_python(
 
     `_H` is 0.01 s, the largest time step of the check. Both stories have the same hysteresis model.
     The building has an initial velocity and a harmonic ground motion of the duration `_SECONDS`
-    (1.2 s); no forces act on its floors. The arrays of the step are guarded: an
-    index out of bounds raises an error.
+    (1.2 s), sampled at multiples of `_H`; no forces act on its floors. The arrays of the step are
+    guarded: an index out of bounds raises an error.
 
     Parameters
     ----------
@@ -193,8 +193,8 @@ def integrate_in_python(
                 last_step,
                 1,  # steps per row of the history
                 0,  # rows of the complete history before the first row of the array
-                parts,  # number of steps that have the length of the next argument
-                1,  # number of sampling intervals
+                parts,  # number of time steps in the number of sampling intervals that follows
+                1,  # sampling intervals (of length `_H`)
                 HALVINGS if integrator.family.halvable else 0,
                 h,
                 ground,
@@ -257,6 +257,8 @@ def faults_in(module: Any, name: str) -> Iterator[None]:
             if frame.filename == file
         ]
         location = f"{file}:{lines[-1]}" if lines else name
+        # The message of `_Beyond` (index outside a guarded array) is complete. The message of
+        # another exception, such as the key of a KeyError, requires the type of the exception.
         error_type = "" if isinstance(error, _Beyond) else f"{type(error).__name__}: "
         raise AnalysisError(f"{location}: {error_type}{error}") from None
 
@@ -347,7 +349,8 @@ def _order_fault(
 
     They must converge with the order of the method, or with the order that the kinks of the
     hysteresis model permit. The order is observed from the errors e with 1, 2 and 4 time steps in
-    `_H`: log2(e_1 / e_4) / 2 or log2(e_2 / e_4), whichever is larger.
+    the interval `_H` (0.01 s): log2(e_1 / e_4) / 2 or log2(e_2 / e_4), whichever is larger. An
+    error e_4 of at most _NEGLIGIBLE is accepted with any order.
 
     Parameters
     ----------
@@ -426,7 +429,8 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     reference : ndarray
         Reference displacements at multiples of `_H`, m. Differences are compared with the maximum.
     """
-    # Clear the arrays in the middle of the duration: step 60 of 120, after the first yielding.
+    # Clear the arrays in the middle of the duration: step 60 of 120, after the first yielding. The
+    # argument 1 of the following calls is the number of time steps in `_H`.
     continued = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
     limit = _NEGLIGIBLE * float(np.max(np.abs(reference)))
     if _distance(continued, _displacements(arrays, 1)) <= limit:
@@ -441,8 +445,8 @@ def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     """Return a message if a halved step increases the error of the method; otherwise an empty text.
 
     One step of a second integration is reported as not converged, so that the time loop halves it.
-    The error may then be at most twice the error without a halved step. Methods that do not allow
-    halved steps are not tested.
+    The error may then be at most twice the error without a halved step, plus _NEGLIGIBLE. Methods
+    that do not allow halved steps are not tested.
 
     Parameters
     ----------
@@ -457,7 +461,8 @@ def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     """
     if not integrator.family.halvable:
         return ""
-    # Halve a step in the middle of the duration: step 60 of 120, after the first yielding.
+    # Halve a step in the middle of the duration: step 60 of 120, after the first yielding. The
+    # argument 1 of the following calls is the number of time steps in `_H`.
     halved_arrays = integrate_in_python(law, integrator, 1, halve_at=60)
     halved_error = _relative_error(halved_arrays, 1, reference)
     error = _relative_error(arrays, 1, reference)

@@ -30,8 +30,9 @@ memory of its rows.
 class Workspace:
     """Arrays that a time integration reads and writes.
 
-    Each table has one column per story and an additional column of zeros. Their rows are listed in
-    `tdint.kernels.layout`.
+    Their rows or elements are listed in `tdint.kernels.layout`. The tables `state`, `law_state` and
+    `observer_state` have one column per floor or story and an additional column, `peaks` and
+    `limits` one column per floor or story. `flags`, `step_status` and `totals` are vectors.
 
     Attributes
     ----------
@@ -92,8 +93,10 @@ def workspace(
     """Return new arrays for one run: zeros, except for flags, collapse limits, the addresses of
     laws and the value NO_COLLAPSE in the totals.
 
-    The number of their columns is the number of stories plus a column of zeros. State and scratch
-    rows depend on the method, and the rows of the law states on the hysteretic laws of the
+    The tables `state`, `law_state` and `observer_state` have one column per floor or story and an
+    additional column of zeros. The scratch array has at least these columns, `peaks` and `limits`
+    have no additional column, and a row of `history` contains all values of a time. State and
+    scratch rows depend on the method, and the rows of the law states on the hysteretic laws of the
     building. Laws that are compiled separately are compiled here if necessary.
 
     Parameters
@@ -174,9 +177,15 @@ def history_width(building: Building) -> int:
 def state_jumps(integrator: Integrator, h: float) -> Array:
     """Return the change of each row of the state for a unit jump of the floor accelerations.
 
-    Such jumps occur between two time steps if a time step is longer than the sampling interval of
-    the ground motion. A row with the unit of the derivative of order k of the displacement changes
-    by its factor `Family.shifts` times h^(2 - k).
+    If a time step is longer than the sampling interval of the ground motion, the ground
+    acceleration in each step is replaced by a straight line. Successive lines have different values
+    at the common endpoint. The ground acceleration and the relative accelerations therefore jump
+    between two steps. Displacements and velocities do not jump. Further rows of the state with mean
+    velocities and accelerations of earlier steps (multi-step methods) change as if the new
+    acceleration had already acted in these steps.
+
+    A row with the unit of the derivative of order k of the displacement changes by its factor
+    `Family.shifts` times h^(2 - k).
 
     Parameters
     ----------

@@ -486,7 +486,7 @@ class InventoryRows(LazySequence[InventoryRow]):
         )
 
     @cached_property
-    def places(self) -> Array:
+    def locations(self) -> Array:
         """Longitude and latitude of each building, degrees, shape (rows, 2); nan if unknown."""
         unknown = np.full(len(self.table.lines), math.nan)
         degrees = [

@@ -29,7 +29,7 @@ class LimitedQuantity:
         SI unit; 1 for a ratio.
     text : str
         Name of the quantity in sentences.
-    place : str
+    location : str
         Location of the quantity: `story` or `floor`.
     values : callable
         Function that returns the absolute values of the quantity, shape (motions, n). Its arguments
@@ -38,7 +38,7 @@ class LimitedQuantity:
 
     unit: str
     text: str
-    place: str
+    location: str
     values: Callable[[Mapping[str, Array], Array], Array]
 
 

@@ -16,12 +16,12 @@ from tdint.model.keys.fields import (
     Choice,
     Either,
     EntriesOf,
+    Integer,
     Key,
     Keys,
     PathOf,
+    TextLine,
     Value,
-    Whole,
-    Words,
 )
 
 QUANTITIES = ("acceleration", "displacement")
@@ -104,27 +104,29 @@ _SENSOR = Keys(
             needed=True,
             advice="specify the file of the recording",
         ),
-        Key("component", Words(), "component of the record, if the file contains several"),
-        Key("column", Words(), "for a table instead of a record: name of its column"),
-        Key("units", Words(), "units of the samples, if the file does not state them"),
+        Key("component", TextLine(), "component of the record, if the file contains several"),
+        Key("column", TextLine(), "for a table instead of a record: name of its column"),
+        Key("units", TextLine(), "units of the samples, if the file does not state them"),
         Key(
             "quantity",
             Choice(QUANTITIES, "quantity"),
             "quantity of the samples; by default, the units decide",
         ),
-        Key("sign", Whole(-1, 1, " (a direction)"), "-1 for a sensor with the opposite direction"),
+        Key(
+            "sign", Integer(-1, 1, " (a direction)"), "-1 for a sensor with the opposite direction"
+        ),
     ),
-    what="a file or a mapping with the key file",
+    description="a file or a mapping with the key file",
     make=lambda value, **entries: _make_sensor(value, **entries),
 )
 # A sensor is the name of a file or a mapping; a location may have several sensors.
-_SENSOR_FORMS = Either((PathOf(), _SENSOR), _SENSOR.what)
+_SENSOR_FORMS = Either((PathOf(), _SENSOR), _SENSOR.description)
 _SENSORS = Either(
     (
         *_SENSOR_FORMS.types,
         EntriesOf(_SENSOR_FORMS, 1, None, "a list of files", "must name at least one file"),
     ),
-    _SENSOR_FORMS.what,
+    _SENSOR_FORMS.description,
 )
 _BAND = EntriesOf(
     POSITIVE, 2, 2, "a list of two frequencies (Hz) in increasing order", growing=True
@@ -138,7 +140,7 @@ _FLOORS = ByName(
 )
 RECORDING = Keys(
     (
-        Key("name", Words(), "name of the event; by default the name of the file"),
+        Key("name", TextLine(), "name of the event; by default the name of the file"),
         Key(
             "base",
             _SENSORS,

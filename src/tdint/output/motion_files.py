@@ -30,7 +30,7 @@ _PAIR_COMPONENTS = ("H1", "H2")
 """Components of a pair whose own names do not identify them."""
 
 
-def motion_file_names(motions: Sequence[GroundMotion], kind: str) -> list[str]:
+def motion_file_names(motions: Sequence[GroundMotion], file_format: str) -> list[str]:
     """Return the name of a file for each component of ground motions.
 
     A file has the name of its source, with the component at the end if this name does not identify
@@ -40,10 +40,10 @@ def motion_file_names(motions: Sequence[GroundMotion], kind: str) -> list[str]:
     ----------
     motions : sequence of Record or Horizontals
         The motions. The sources are the files that they were read from.
-    kind : str
+    file_format : str
         Format of the files, which is also the suffix of the names: mseed, at2 or csv.
     """
-    names_of_motions = [_names_of_components(components(motion), kind) for motion in motions]
+    names_of_motions = [_names_of_components(components(motion), file_format) for motion in motions]
     count = Counter(name for names in names_of_motions for name in names)
     result: list[str] = []
     for number, names in enumerate(names_of_motions, start=1):
@@ -54,7 +54,7 @@ def motion_file_names(motions: Sequence[GroundMotion], kind: str) -> list[str]:
 
 
 def motion_contents(
-    motions: Sequence[GroundMotion], kind: str
+    motions: Sequence[GroundMotion], file_format: str
 ) -> tuple[list[bytes], tuple[str, ...]]:
     """Return the contents of a file for each component of ground motions, and notes about them.
 
@@ -62,7 +62,7 @@ def motion_contents(
     ----------
     motions : sequence of Record or Horizontals
         The ground motions.
-    kind : str
+    file_format : str
         Format of the files: mseed, at2 or csv.
 
     Returns
@@ -78,9 +78,9 @@ def motion_contents(
         MiniSEED cannot express a sampling interval.
     """
     records = [record for motion in motions for record in _named_components(components(motion))]
-    if kind == "at2":
+    if file_format == "at2":
         return [at2_text(record).encode() for record in records], ()
-    if kind == "csv":
+    if file_format == "csv":
         return [_csv_header(record) + ground_table(record).csv() for record in records], ()
 
     # MiniSEED has short codes for the station and the component, and no place for the event.
@@ -105,7 +105,7 @@ def motion_contents(
     return contents, tuple(dict.fromkeys(notes))
 
 
-def _names_of_components(records: Sequence[Record], kind: str) -> list[str]:
+def _names_of_components(records: Sequence[Record], file_format: str) -> list[str]:
     """Return file names for the components of a ground motion, such that readers recognize two
     files as the components of a pair by their names.
 
@@ -113,7 +113,7 @@ def _names_of_components(records: Sequence[Record], kind: str) -> list[str]:
     ----------
     records : sequence of Record
         One component, or the two components of a pair.
-    kind : str
+    file_format : str
         Suffix of the names, without a dot.
     """
     stems = [Path(record.source).stem.strip(" -") or "motion" for record in records]
@@ -124,17 +124,17 @@ def _names_of_components(records: Sequence[Record], kind: str) -> list[str]:
     if len(records) == 1:
         # The file name of a single component must contain the component.
         has_component = _is_in_name(suffixes[0], stems[0])
-        return [f"{(stems if has_component else with_suffixes)[0]}.{kind}"]
+        return [f"{(stems if has_component else with_suffixes)[0]}.{file_format}"]
 
     # Try the names of the sources, these names with the component, and the common start of the
     # names with the component. Use the first pair of names that identifies the two files as one
     # ground motion.
     common = os.path.commonprefix(stems).rstrip(" -_.") or stems[0]  # noqa: RUF071  of letters
     for candidates in (stems, with_suffixes, [f"{common}-{suffix}" for suffix in suffixes]):
-        names = [f"{name}.{kind}" for name in candidates]
+        names = [f"{name}.{file_format}" for name in candidates]
         if names[0] != names[1] and len(set(motion_names(names))) == 1:
             return names
-    return [f"{common}-{suffix}.{kind}" for suffix in _PAIR_COMPONENTS]
+    return [f"{common}-{suffix}.{file_format}" for suffix in _PAIR_COMPONENTS]
 
 
 def _is_in_name(component: str, stem: str) -> bool:

@@ -825,14 +825,14 @@ def _scaled_motions(
     # because both components of a pair in one file have the same object.
     motions: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
     for index, item in enumerate(plan.motions):
-        motion = item.whole
+        motion = item.ground_motion
         if index in first_of_second and isinstance(motion, Record):
             continue  # the second component of a pair that the list already contains
         if index in second_of_first and isinstance(motion, Record):
             components = [motion, plan.motions[second_of_first[index]].record]
             with suppress(RecordError):  # the files are not a pair: the component remains single
                 motion = find_horizontals(components)
-        motions[id(item.whole)] = motion, tuple(levels.by_motion[index])
+        motions[id(item.ground_motion)] = motion, tuple(levels.by_motion[index])
     return list(motions.values())
 
 

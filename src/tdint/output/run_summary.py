@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from tdint.analysis.run.outcome import (
         Collapse,
         ErrorEstimate,
+        EventResponse,
         FailedRun,
         Response,
-        Shock,
         StoryErrors,
         StoryPeaks,
     )
@@ -101,13 +101,16 @@ MEANINGS |= {
     for name, meaning in ENERGY_TERMS.items()
 }
 MEANINGS |= {
-    f"{name}{suffix(one.unit)}": (one.unit, one.meaning) for name, one in DEMANDS_OF_DAMAGE.items()
+    f"{name}{suffix(demand.unit)}": (demand.unit, demand.meaning)
+    for name, demand in DEMANDS_OF_DAMAGE.items()
 }
-MEANINGS |= {one.column: (one.unit, one.meaning) for one in DEMANDS}
-MEANINGS |= {one.of_place: ("1", f"{one.place} of {one.column}") for one in DEMANDS}
+MEANINGS |= {demand.column: (demand.unit, demand.meaning) for demand in DEMANDS}
 MEANINGS |= {
-    f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}")
-    for one in DEMANDS
+    demand.location_column: ("1", f"{demand.location} of {demand.column}") for demand in DEMANDS
+}
+MEANINGS |= {
+    f"{demand.column}_error": (demand.unit, f"estimated absolute error of {demand.column}")
+    for demand in DEMANDS
 }
 LIMIT_MEANINGS = {
     f"{name}{part}{suffix(unit)}": (unit, f"{text} {name.replace('_', ' ')}")
@@ -186,7 +189,11 @@ def run_summary(
         },
         "peaks": peaks(response.stories),
         "check": _check(response.check, response.stories),
-        **({"events": [_shock(shock) for shock in response.events]} if response.events else {}),
+        **(
+            {"events": [_event_summary(event) for event in response.events]}
+            if response.events
+            else {}
+        ),
         "at_end": {
             "residual_oscillation_m": float(response.residual_oscillation[oscillating]),
             "residual_oscillation_story": oscillating + 1,
@@ -331,7 +338,7 @@ def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
         # A demand of a fixed story (`demand.story`), such as the base shear, does not need a key
         # for its story.
         if demand.story is None:
-            result[demand.of_place] = largest.place
+            result[demand.location_column] = largest.location
     return result
 
 
@@ -368,15 +375,15 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
     return content
 
 
-def _shock(shock: Shock) -> dict[str, Any]:
+def _event_summary(event: EventResponse) -> dict[str, Any]:
     """Return the part of summary.json about one event of a sequence: its record, its start and its
     peak responses, with their errors if these were estimated."""
-    errors = peak_errors(shock.stories, shock.errors) if shock.errors else None
-    record = motion_summary(shock.record)
+    errors = peak_errors(event.stories, event.errors) if event.errors else None
+    record = motion_summary(event.record)
     return {
         "record": record,
-        "start_s": shock.start,
-        "peaks": peaks(shock.stories),
+        "start_s": event.start,
+        "peaks": peaks(event.stories),
         "errors": errors,
     }
 

@@ -121,8 +121,8 @@ def campaign_summary(store: Store) -> dict[str, Any]:
             "by_status": statuses,
         },
         "not_used": {
-            f"{kind}s": {"count": len(reasons), "reasons": reasons}
-            for kind, reasons in unused.items()
+            f"{category}s": {"count": len(reasons), "reasons": reasons}
+            for category, reasons in unused.items()
         },
         "repeated_with_finer_steps": store.count("repeats > 0"),
         "not_at_rest_at_their_end": store.count("at_rest = 0"),

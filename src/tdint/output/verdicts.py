@@ -157,7 +157,7 @@ def _sentence(
     for i, check in enumerate(checks):
         quantity = QUANTITIES[check.quantity]
         clause = f"mean {quantity.text}" if mean else quantity.text
-        clause += f" {_demand(check, units)} ({quantity.place} {check.story})"
+        clause += f" {_demand(check, units)} ({quantity.location} {check.story})"
         clause += " governs:" if i == 0 and len(checks) > 1 else ","
         ratio = number_text(check.ratio, unlike=1.0)
         clause += f" {ratio} times the limit of {_limit(check, units)}"
@@ -173,9 +173,9 @@ def _maximum(check: LimitCheck, units: OutputUnits) -> str:
 
     `check` compares the mean demand of a suite with a limit.
     """
-    place = QUANTITIES[check.quantity].place
+    location = QUANTITIES[check.quantity].location
     value = _text(check, check.largest, units, 3)
-    return f"largest {value} ({place} {check.largest_story}, {check.motion})"
+    return f"largest {value} ({location} {check.largest_story}, {check.motion})"
 
 
 def _demand(check: LimitCheck, units: OutputUnits, digits: int = DIGITS) -> str:
@@ -226,7 +226,7 @@ def _limit(check: LimitCheck, units: OutputUnits) -> str:
 def governing_story(checks: Iterable[LimitCheck]) -> int | None:
     """Return the story (from 1) with the highest ratio of demand to limit; None without limits of
     stories."""
-    story_checks = [check for check in checks if QUANTITIES[check.quantity].place == "story"]
+    story_checks = [check for check in checks if QUANTITIES[check.quantity].location == "story"]
     return max(story_checks, key=lambda check: check.ratio).story if story_checks else None
 
 
@@ -284,7 +284,7 @@ def limit_table(
                 row += [level or "-"] if has_levels else []
                 row += [
                     quantity.text,
-                    f"{quantity.place} {check.story}",
+                    f"{quantity.location} {check.story}",
                     _demand(check, units),
                     _limit(check, units),
                     f"{number_text(check.ratio, unlike=1.0)}",

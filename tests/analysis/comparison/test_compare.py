@@ -318,7 +318,7 @@ def test_stiffness_and_damping_are_fitted_from_30_percent_off(recorded_model):
     )
     found = fit(changed_model, event, ["stiffness", "damping"])
     values = [value.value for value in found.values]
-    assert [value.place for value in found.values] == [1, 2, 3, 1, 2, 3]
+    assert [value.number for value in found.values] == [1, 2, 3, 1, 2, 3]
     assert values[:3] == pytest.approx([900.0, 700.0, 500.0], rel=0.01)
     assert values[3:] == pytest.approx([0.02, 0.03, 0.04], rel=0.15)
     assert not found.notes
@@ -484,7 +484,12 @@ def test_common_stiffness_factor_is_fitted_to_roof_sensor(recorded_model):
     )
     found = fit(soft, event, ["stiffness-factor"])
     (value,) = found.values
-    assert (value.name, value.place, value.low, value.high) == ("stiffness_factor", None, 0.1, 10.0)
+    assert (value.name, value.number, value.low, value.high) == (
+        "stiffness_factor",
+        None,
+        0.1,
+        10.0,
+    )
     assert value.value == pytest.approx(1.3, rel=1e-9)
     assert [story.stiffness for story in found.model.stories] == pytest.approx(
         [900, 700, 500], rel=1e-9

@@ -62,7 +62,7 @@ def test_maximum_demands_and_their_positions():
         )
         for name, expected in expected_demands(run).items():
             demand = getattr(found, name)
-            assert (demand.value[run], demand.place[run]) == pytest.approx(expected), name
+            assert (demand.value[run], demand.location[run]) == pytest.approx(expected), name
             assert tuple(getattr(single, name)) == pytest.approx(expected), name
 
 

@@ -54,7 +54,7 @@ class Fault:
     low: float = -math.inf
     high: float = math.inf
 
-    def found(self, value: float) -> bool:
+    def is_outside(self, value: float) -> bool:
         """Return True if the judged quantity `value` is nan or outside the bounds."""
         return not self.low <= value <= self.high
 
@@ -782,7 +782,7 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
         energy_ratio_min=min_ratio if ratios[0] > 0.0 else math.nan,
         energy_ratio_max=max_ratio,
         error=error,
-        verdict=next((fault.name for fault in problem.faults if fault.found(measure)), PASS),
+        verdict=next((fault.name for fault in problem.faults if fault.is_outside(measure)), PASS),
         time=float(history.time[-1]),
         steps=len(history.time) - 1,
         measure=measure,

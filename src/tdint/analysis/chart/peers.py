@@ -132,7 +132,7 @@ _MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
 """Function that returns the OpenSees material, with its parameters, of each law of tdint (key).
 Only laws that OpenSees can represent exactly are listed; curves are represented by tables."""
 
-_OF_ORDER_1 = ("bouc-wen",)
+_FIRST_ORDER_LAWS = ("bouc-wen",)
 """Laws whose OpenSees material uses only the drift rate at the end of the step. The discretization
 error of a run is then proportional to the time step; with other materials, to its square."""
 
@@ -268,7 +268,9 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
     # Halving the step h divides these terms by the following factors.
     law_codes = problem.building.law_parameters[rows.CODE, :-1]
     error_factors = (
-        (2.0, 4.0) if np.isin(law_codes, [CODES[name] for name in _OF_ORDER_1]).any() else (4.0,)
+        (2.0, 4.0)
+        if np.isin(law_codes, [CODES[name] for name in _FIRST_ORDER_LAWS]).any()
+        else (4.0,)
     )
     gap, description, previous_limits = math.nan, "", list[Array]()
     for steps_per_interval in _CHECKED:

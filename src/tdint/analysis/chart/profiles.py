@@ -255,9 +255,11 @@ class Measured:
         tolerance : float
             Maximum relative error.
         """
-        of_line = [point for point in self.points if point.line == line]
-        executed = [point for point in of_line if point.outcome != NOT_RUN]
-        return len(executed) < len(of_line) and not within(executed, line, quantity, tolerance)
+        line_profiles = [point for point in self.points if point.line == line]
+        executed = [point for point in line_profiles if point.outcome != NOT_RUN]
+        return len(executed) < len(line_profiles) and not within(
+            executed, line, quantity, tolerance
+        )
 
 
 class Leaders(NamedTuple):
@@ -285,7 +287,7 @@ APART = ("openseespy/generalized-alpha",)
 solves other equations than the published method."""
 
 
-def of_steps(line: str) -> bool:
+def has_specified_steps(line: str) -> bool:
     """Return True if a line belongs to one of our methods with specified time steps."""
     return PEER not in line and not line.endswith(BY_TOLERANCE)
 
@@ -313,7 +315,7 @@ class FieldChart(Tabular):
         """Methods, followed by methods that choose their time steps, and by other programs."""
         lines = dict.fromkeys(point.line for measured in self.measured for point in measured.points)
         lines = dict.fromkeys(line for line in lines if line not in APART)
-        return sorted(lines, key=lambda line: (PEER in line, not of_steps(line)))
+        return sorted(lines, key=lambda line: (PEER in line, not has_specified_steps(line)))
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
@@ -325,7 +327,7 @@ class FieldChart(Tabular):
         relative to the minimum of tdint's methods with specified steps.
         """
         profiles = []
-        is_ours = [of_steps(line) for line in self.lines]
+        is_ours = [has_specified_steps(line) for line in self.lines]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
             judged_problems = [
                 measured for measured in self.measured if measured.judges(quantity, tolerance)
@@ -382,7 +384,7 @@ class FieldChart(Tabular):
         AnalysisError
             No reference is accurate enough for any tolerance.
         """
-        profiles = [profile for profile in self.profiles if of_steps(profile.method)]
+        profiles = [profile for profile in self.profiles if has_specified_steps(profile.method)]
         lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
         if not lines:
             raise AnalysisError(
@@ -402,9 +404,9 @@ class FieldChart(Tabular):
 
         def failures(line: str) -> tuple[int, float]:
             """Return the number of unsolved problems, and the maximum ratio of solved problems."""
-            of_line = [p for p in profiles if p.method == line]
-            return sum(p.problems - p.solved for p in of_line), max(
-                (p.worst for p in of_line if p.solved), default=math.inf
+            line_profiles = [p for p in profiles if p.method == line]
+            return sum(p.problems - p.solved for p in line_profiles), max(
+                (p.worst for p in line_profiles if p.solved), default=math.inf
             )
 
         return Leaders(
@@ -416,7 +418,7 @@ class FieldChart(Tabular):
     def _headline(self) -> str:
         """Return the description of the result in one line, without the class name."""
         return (
-            f"of {pluralize(sum(map(of_steps, self.lines)), 'method')}, "
+            f"of {pluralize(sum(map(has_specified_steps, self.lines)), 'method')}, "
             f"{pluralize(len(self.measured), 'problem')}"
         )
 
@@ -826,7 +828,7 @@ def field_chart(measured: Sequence[Measured]) -> FieldChart:
     """Return the chart of measured problems."""
     from tdint.analysis.chart.peers import peers_of
 
-    points = [point for of_problem in measured for point in of_problem.points]
+    points = [point for problem in measured for point in problem.points]
     return FieldChart(tuple(measured), Timing.of(points), peers_of(points))
 
 

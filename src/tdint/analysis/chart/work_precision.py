@@ -712,8 +712,8 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
     list of Point
         Points in the order of increasing time step.
     """
-    of_line = [point for point in points if point.line == line]
-    return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(of_line)))
+    line_points = [point for point in points if point.line == line]
+    return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(line_points)))
 
 
 # ---- Performance profiles: ratios of the cost to the minimum cost, for many problems

@@ -19,21 +19,22 @@ from tdint.units import Quantity, quantities
 
 
 class Largest(NamedTuple):
-    """Maximum (`value`) and its story or floor, from 1 (`place`); nan and None if no story has a
+    """Maximum (`value`) and its story or floor, from 1 (`location`); nan and None if no story has a
     value.
     """
 
     value: float
-    place: int | None
+    location: int | None
 
 
 class LargestOfRuns(NamedTuple):
-    """Maxima of many runs (`value`) and their stories or floors, from 1 (`place`), shape (runs,);
-    nan and 0 if no story of a run has a value.
+    """Maxima of many runs (`value`) and their stories or floors, from 1 (`location`).
+
+    The shape of both is (runs,). They are nan and 0 if no story of a run has a value.
     """
 
     value: Array
-    place: NDArray[np.int64]
+    location: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -48,21 +49,21 @@ class Demand(Quantity):
     story : int or None
         Index of the story of the demand, from 0, or -1 for the roof; None for the maximum of all
         stories.
-    place : str
+    location : str
         Type of location: "story" or "floor".
-    of_stories : str
+    story_attribute : str
         Attribute of `StoryPeaks` that is used if there is no `value`; by default the name of the
         demand.
     """
 
     story: int | None = None
-    place: str = "story"
-    of_stories: str = ""
+    location: str = "story"
+    story_attribute: str = ""
 
     @property
-    def of_place(self) -> str:
+    def location_column(self) -> str:
         """Name of the column of the location, without unit."""
-        return f"{self.called or self.name}_{self.place}"
+        return f"{self.called or self.name}_{self.location}"
 
     def of(self, stories: StoryPeaks) -> LargestOfRuns:
         """Compute the demand of each run and its location.
@@ -120,56 +121,58 @@ class Demand(Quantity):
         return np.asarray(
             self.value(source, height)
             if self.value
-            else getattr(source, self.of_stories or self.name)
+            else getattr(source, self.story_attribute or self.name)
         )
 
 
-Found = TypeVar("Found")
+MaximumT = TypeVar("MaximumT")
 
 
 @dataclass(frozen=True)
-class Demands(Generic[Found]):
+class Demands(Generic[MaximumT]):
     """Demands of a run (`Largest`) or of many runs (`LargestOfRuns`), SI units."""
 
     roof_displacement: Annotated[
-        Found,
+        MaximumT,
         Demand(
             "m",
             "maximum absolute displacement of the roof, relative to the ground",
-            of_stories="peak_displacement",
+            story_attribute="peak_displacement",
             story=-1,
         ),
     ]
     base_shear: Annotated[
-        Found,
+        MaximumT,
         Demand(
             "N",
             "maximum absolute restoring force of the first story, without viscous forces",
-            of_stories="peak_shear",
+            story_attribute="peak_shear",
             story=0,
         ),
     ]
     total_base_shear: Annotated[
-        Found,
+        MaximumT,
         Demand(
             "N",
             "maximum absolute force between building and ground: restoring, P-delta and all "
             "viscous forces",
-            of_stories="peak_total_shear",
+            story_attribute="peak_total_shear",
             story=0,
         ),
     ]
     drift: Annotated[
-        Found,
+        MaximumT,
         Demand(
-            "m", "largest drift of a story, relative to the floor below", of_stories="peak_drift"
+            "m",
+            "largest drift of a story, relative to the floor below",
+            story_attribute="peak_drift",
         ),
     ]
     drift_ratio: Annotated[
-        Found, Demand("1", "largest drift over story height", of_stories="peak_drift_ratio")
+        MaximumT, Demand("1", "largest drift over story height", story_attribute="peak_drift_ratio")
     ]
     residual_drift: Annotated[
-        Found,
+        MaximumT,
         Demand(
             "m",
             "largest absolute drift at the end of the run",
@@ -177,7 +180,7 @@ class Demands(Generic[Found]):
         ),
     ]
     residual_drift_ratio: Annotated[
-        Found,
+        MaximumT,
         Demand(
             "1",
             "largest absolute drift at the end over story height",
@@ -185,16 +188,17 @@ class Demands(Generic[Found]):
         ),
     ]
     ductility: Annotated[
-        Found, Demand("1", "largest drift over drift at first yield", of_stories="ductility")
+        MaximumT,
+        Demand("1", "largest drift over drift at first yield", story_attribute="ductility"),
     ]
     acceleration: Annotated[
-        Found,
+        MaximumT,
         Demand(
             "m/s^2",
             "largest absolute acceleration of a floor",
-            of_stories="peak_absolute_acceleration",
+            story_attribute="peak_absolute_acceleration",
             called="floor_absolute_acceleration",
-            place="floor",
+            location="floor",
         ),
     ]
 
@@ -244,7 +248,7 @@ def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
 
 def only(demand: Any) -> Largest:
     """Return the only item of a `LargestOfRuns` as `Largest`; its location is None if it is 0."""
-    return Largest(float(demand.value[0]), int(demand.place[0]) or None)
+    return Largest(float(demand.value[0]), int(demand.location[0]) or None)
 
 
 # ---- Values of runs for `Runs.to_dict`, runs.csv and the store of a campaign
@@ -264,9 +268,9 @@ class RunValues:
     """
 
     dt: Annotated[Array, Quantity("s", "time step, after repetitions with finer ones")]
-    status: Annotated[NDArray[np.str_], Quantity("text", "how the run ended", kind=str)]
+    status: Annotated[NDArray[np.str_], Quantity("text", "how the run ended", value_type=str)]
     collapse_time: Annotated[Array, Quantity("s", "time of the collapse")]
-    collapse_story: Annotated[Counts, Quantity("1", "story that collapsed first", kind=int)]
+    collapse_story: Annotated[Counts, Quantity("1", "story that collapsed first", value_type=int)]
     peak_drift_ratio: Annotated[
         Array,
         Quantity("1", "largest peak drift over story height", attrgetter("drift_ratio.value")),
@@ -277,9 +281,11 @@ class RunValues:
             "1",
             "story that has it; without heights that of the largest drift",
             lambda largest: np.where(
-                largest.drift_ratio.place > 0, largest.drift_ratio.place, largest.drift.place
+                largest.drift_ratio.location > 0,
+                largest.drift_ratio.location,
+                largest.drift.location,
             ),
-            kind=int,
+            value_type=int,
         ),
     ]
     peak_drift: Annotated[
@@ -302,7 +308,8 @@ class RunValues:
         ),
     ]
     peak_acceleration_floor: Annotated[
-        Counts, Quantity("1", "floor that has it", attrgetter("acceleration.place"), kind=int)
+        Counts,
+        Quantity("1", "floor that has it", attrgetter("acceleration.location"), value_type=int),
     ]
     peak_roof_displacement: Annotated[
         Array,
@@ -313,7 +320,7 @@ class RunValues:
         Quantity("N", "largest restoring force of the first story", attrgetter("base_shear.value")),
     ]
     energy_error: Annotated[Array, Quantity("1", "imbalance over the largest input energy")]
-    steps: Annotated[Counts, Quantity("1", "time steps", kind=int)]
+    steps: Annotated[Counts, Quantity("1", "time steps", value_type=int)]
     pga: Annotated[Array, Quantity("m/s^2", "peak ground acceleration, scaled")]
     sa_t1: Annotated[
         Array,
@@ -323,11 +330,15 @@ class RunValues:
     ]
     at_rest: Annotated[
         Counts,
-        Quantity("1", "1 if the run came to rest, if this was requested", shown=HIDDEN, kind=int),
+        Quantity(
+            "1", "1 if the run came to rest, if this was requested", shown=HIDDEN, value_type=int
+        ),
     ]
     repeats: Annotated[
         Counts,
-        Quantity("1", "number of repetitions with half the time step", shown=HIDDEN, kind=int),
+        Quantity(
+            "1", "number of repetitions with half the time step", shown=HIDDEN, value_type=int
+        ),
     ]
 
 
@@ -337,7 +348,7 @@ RUN = quantities(RunValues)
 DEMANDED = tuple(quantity for quantity in RUN if quantity.value)
 """Quantities that are computed from the demands."""
 
-RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.kind is float)
+RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.value_type is float)
 """Quantities with error estimates."""
 
 

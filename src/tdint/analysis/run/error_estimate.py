@@ -53,10 +53,10 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import (
     ErrorEstimate,
     ErrorHistory,
+    EventResponse,
     FailedRun,
     History,
     Response,
-    Shock,
     StoryErrors,
     StoryPeaks,
 )
@@ -76,7 +76,7 @@ _MIN_ORDER = 4
 `moment4` without numerical dissipation, which has order 4.
 """
 
-OF_DIFFERENCE = 4.0 / 3.0
+DIFFERENCE_FACTOR = 4.0 / 3.0
 """Dimensionless. Factor f of the error estimate at second order: error of a run divided by its
 difference from a run with half the time step, 1 / (1 - 2^-2).
 """
@@ -114,7 +114,7 @@ class EstimateFactors:
     derivative_common: float = COMMON
 
 
-_LOW_ORDER = EstimateFactors(OF_DIFFERENCE, _MOST)
+_LOW_ORDER = EstimateFactors(DIFFERENCE_FACTOR, _MOST)
 """Factors for methods of order 1 and 2."""
 
 _HIGH_ORDER = EstimateFactors(3.0, _MOST, derivative_common=0.5)
@@ -162,7 +162,7 @@ _SLOW_RUN = 2.0
 
 
 def run_with_error_estimate(
-    case: Case, steps: Steps, history: bool = False, *, of_history: bool = False
+    case: Case, steps: Steps, history: bool = False, *, history_errors: bool = False
 ) -> Response:
     """Integrate a case over `steps` and estimate the errors of its peaks.
 
@@ -174,7 +174,7 @@ def run_with_error_estimate(
         Time steps.
     history : bool, default False
         Keep the response history.
-    of_history : bool, default False
+    history_errors : bool, default False
         Estimate the errors of the history also.
 
     Returns
@@ -189,7 +189,9 @@ def run_with_error_estimate(
     """
     # Compile the kernels of both methods here, in parallel if both are missing in the cache.
     case.prepared.compile([case.method, reference(case).method])
-    return with_error_estimate(case, steps, case.integrate(steps, history), of_history=of_history)
+    return with_error_estimate(
+        case, steps, case.integrate(steps, history), history_errors=history_errors
+    )
 
 
 def reference(case: Case) -> Case:
@@ -265,7 +267,7 @@ def shorter_steps(steps: Steps) -> Steps:
 
 
 def with_error_estimate(
-    case: Case, steps: Steps, response: Response, *, of_history: bool = False
+    case: Case, steps: Steps, response: Response, *, history_errors: bool = False
 ) -> Response:
     """Return a response to `steps` with error estimates from one additional run.
 
@@ -280,7 +282,7 @@ def with_error_estimate(
         Time steps of the response.
     response : Response
         Result of the run.
-    of_history : bool, default False
+    history_errors : bool, default False
         Estimate the errors of the history also, if the response has a history.
 
     Returns
@@ -319,7 +321,7 @@ def with_error_estimate(
             "--no-check omits it"
         )
         response = replace(response, notes=(*response.notes, note))
-    if of_history and response.history_chunks is not None and other.history_chunks is not None:
+    if history_errors and response.history_chunks is not None and other.history_chunks is not None:
         ratio = round(response.dt / other.dt)
         with_error = response.history and _with_error(
             response.history, History.joined(other.history_chunks(ratio))
@@ -362,8 +364,8 @@ def start_peaks(case: Case, steps: Steps) -> StoryPeaks | None:
 
 
 def story_errors(
-    response: Response | Shock,
-    other: Response | Shock,
+    response: Response | EventResponse,
+    other: Response | EventResponse,
     by: EstimateFactors = _LOW_ORDER,
     *,
     start: StoryPeaks | None = None,
@@ -373,9 +375,9 @@ def story_errors(
 
     Parameters
     ----------
-    response : Response or Shock
+    response : Response or EventResponse
         Result with the peaks.
-    other : Response or Shock
+    other : Response or EventResponse
         Result of the additional run for the same time.
     by : EstimateFactors
         Factors of the terms of the estimate.

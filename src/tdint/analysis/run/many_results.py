@@ -133,7 +133,7 @@ class Runs(Tabular):
         dataset: Dataset = type(self).tables().to_xarray(self)
         return dataset
 
-    def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
+    def select_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
         """Return the indices of the runs of one building, and the peaks of these runs.
 
         Parameters
@@ -222,7 +222,7 @@ class Runs(Tabular):
         # The run with the factor of rank r in each group belongs to suite r.
         runs_of: dict[tuple[Any, ...], list[int]] = {}
         for run in sorted(range(len(self.model)), key=lambda run: abs(self.scale[run])):
-            values = tuple(float(of_runs[run]) for of_runs in varied.values())
+            values = tuple(float(values[run]) for values in varied.values())
             runs_of.setdefault((int(self.model[run]), values, int(self.record[run])), []).append(
                 run
             )

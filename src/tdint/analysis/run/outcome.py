@@ -243,7 +243,7 @@ class Gradient(Tabular, StoryValues):
         worst = np.nanmax(np.divide(errors, size, out=np.zeros_like(size), where=size > 0.0))
         return f"{parameters}, errors of drift derivatives up to {worst:.2g} of the largest"
 
-    def of_run(self, number: int) -> Gradient:
+    def select_run(self, number: int) -> Gradient:
         """Return the derivatives of one of many runs.
 
         Parameters
@@ -576,7 +576,7 @@ class Collapse:
 
 
 @dataclass(frozen=True)
-class Shock:
+class EventResponse:
     """Response to one event of a sequence, until the ground motion of the next event or to the end.
 
     Attributes
@@ -647,7 +647,7 @@ class Response(Tabular):
         Information on the run for the user.
     warnings : tuple of str
         Warnings that affect the meaning of the results.
-    events : tuple of Shock
+    events : tuple of EventResponse
         For a sequence: the response to each event up to the event in which the run ended. `record`
         and `stories` are those of the complete sequence.
     gradient : Gradient or None
@@ -675,7 +675,7 @@ class Response(Tabular):
     time_at_rest: float | None = None
     history_chunks: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
     warnings: tuple[str, ...] = ()
-    events: tuple[Shock, ...] = ()
+    events: tuple[EventResponse, ...] = ()
     gradient: Gradient | None = None
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:

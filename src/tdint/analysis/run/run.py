@@ -276,5 +276,5 @@ def run_case(
     return (
         case.integrate(steps, history)
         if check is False
-        else run_with_error_estimate(case, steps, history, of_history=bool(check))
+        else run_with_error_estimate(case, steps, history, history_errors=bool(check))
     )

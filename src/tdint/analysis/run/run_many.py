@@ -675,7 +675,7 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
         if response.history
         else {}
     )
-    return _gradient(request, plan, peaks, history, 1, names, processors()).of_run(0)
+    return _gradient(request, plan, peaks, history, 1, names, processors()).select_run(0)
 
 
 def _gradient(

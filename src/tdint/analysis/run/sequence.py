@@ -21,7 +21,7 @@ from tdint.analysis.run.error_estimate import (
     start_peaks,
     story_errors,
 )
-from tdint.analysis.run.outcome import Response, Shock
+from tdint.analysis.run.outcome import EventResponse, Response
 from tdint.analysis.run.run import run_case
 from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.errors import UsageError
@@ -29,7 +29,7 @@ from tdint.ground_motion.record import Record, at_one_interval, join_records, re
 
 
 @dataclass(frozen=True)
-class ShockSequence:
+class EventSequence:
     """Ground motions of a sequence with their start times.
 
     Attributes
@@ -47,7 +47,7 @@ class ShockSequence:
     restless: tuple[int, ...] = ()
 
     @property
-    def whole(self) -> Record:
+    def joined(self) -> Record:
         """All events as one record."""
         return join_records(self.records, self.starts)
 
@@ -63,7 +63,7 @@ class ShockSequence:
 
 def sequence_of(
     case: Case, records: Sequence[Record], *, rest: float | None = None, dt: float | None = None
-) -> ShockSequence:
+) -> EventSequence:
     """Join ground motions to a sequence with times of rest in between.
 
     Parameters
@@ -93,14 +93,14 @@ def sequence_of(
     """
     if not records:
         raise UsageError("a sequence must contain at least one record")
-    shocks, starts, restless = at_one_interval(records), [0], []
-    steps = _steps(case, shocks[0], dt)  # only the number of samples in a step is used
-    for number, shock in enumerate(shocks[:-1], start=1):
-        last = starts[-1] + shock.acceleration.size - 1
+    events, starts, restless = at_one_interval(records), [0], []
+    steps = _steps(case, events[0], dt)  # only the number of samples in a step is used
+    for number, event in enumerate(events[:-1], start=1):
+        last = starts[-1] + event.acceleration.size - 1
         if rest is not None:
-            begin = last + rest_intervals(rest, shock.dt)
+            begin = last + rest_intervals(rest, event.dt)
         else:
-            preceding = join_records(shocks[:number], starts)
+            preceding = join_records(events[:number], starts)
             steps_to_rest, at_rest = extend_to_rest(
                 case.under(preceding), _steps(case, preceding, dt)
             )
@@ -116,7 +116,7 @@ def sequence_of(
             restless += [] if at_rest else [number]
         # Each event starts at the start of a time step.
         starts.append(math.ceil(begin / steps.stride) * steps.stride)
-    return ShockSequence(tuple(shocks), tuple(starts), tuple(restless))
+    return EventSequence(tuple(events), tuple(starts), tuple(restless))
 
 
 def run_sequence(
@@ -159,7 +159,7 @@ def run_sequence(
     sequence = sequence_of(
         validated_case(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt")
     )
-    joined_record = sequence.whole
+    joined_record = sequence.joined
     duration = joined_record.duration
     joined = replace(case.under(joined_record), remarks=(*case.remarks, *sequence.notes))
     response = run_case(
@@ -179,8 +179,8 @@ def run_sequence(
 
 
 def event_responses(
-    joined: Case, sequence: ShockSequence, steps: Steps, *, check: bool = False
-) -> tuple[Shock, ...]:
+    joined: Case, sequence: EventSequence, steps: Steps, *, check: bool = False
+) -> tuple[EventResponse, ...]:
     """Integrate a sequence again, and return the peaks of each event that starts before its end.
 
     Parameters
@@ -196,23 +196,23 @@ def event_responses(
 
     Returns
     -------
-    tuple of Shock
+    tuple of EventResponse
         Response to each event.
     """
-    shocks = _parts(joined, sequence, steps)
+    events = _parts(joined, sequence, steps)
     if not check:
-        return shocks
+        return events
     others = _parts(reference(joined), sequence, reference_steps(joined, steps))
     # A motion of the building at the start affects the error estimate of the first event only.
-    starts = (start_peaks(joined, steps), *(None for _ in shocks[1:]))
+    starts = (start_peaks(joined, steps), *(None for _ in events[1:]))
     # The additional run may end earlier and contain fewer events (`strict=False`).
     return tuple(
-        replace(shock, errors=story_errors(shock, other, factors(joined.method), start=start))
-        for shock, other, start in zip(shocks, others, starts, strict=False)
+        replace(event, errors=story_errors(event, other, factors(joined.method), start=start))
+        for event, other, start in zip(events, others, starts, strict=False)
     )
 
 
-def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, ...]:
+def _parts(joined: Case, sequence: EventSequence, steps: Steps) -> tuple[EventResponse, ...]:
     """Integrate a sequence in parts, one for each event, and return the peaks of each part.
 
     Parameters
@@ -228,13 +228,13 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
     firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
     building, dt = joined.building, sequence.records[0].dt
     parts = joined.prepared.integrate_in_parts(joined.method, steps, joined.ground, firsts)
-    shocks = []
+    events = []
     for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False):
         stories = run_totals.story_peaks(building, space)
         # Residual drifts are read at the end of the part, so that the last step is 0 s late.
         bound = run_totals.interstep_peak_errors(building, space, 0.0, stories)
-        shocks.append(Shock(record, start * dt, stories, bound))
-    return tuple(shocks)
+        events.append(EventResponse(record, start * dt, stories, bound))
+    return tuple(events)
 
 
 def _steps(case: Case, record: Record, dt: float | None) -> Steps:

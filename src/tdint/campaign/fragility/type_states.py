@@ -31,7 +31,7 @@ from tdint.model.damage_states import (
 from tdint.model.definition import Model, Story
 from tdint.model.inventory import CAPACITY as CAPACITY_RULES
 from tdint.model.inventory import RULES
-from tdint.model.keys.fields import Either, EntriesOf, Key, Keys, Section, Value, Words
+from tdint.model.keys.fields import Either, EntriesOf, Key, Keys, Section, TextLine, Value
 from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
 from tdint.model.modes import solve_modes
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
@@ -40,11 +40,11 @@ _THRESHOLD_SOURCES = (
     "hazus, capacity (the rules of the capacity curves), or a CSV file with one row per class"
 )
 _THRESHOLDS, _LOSSES = (
-    Either((damage.THRESHOLDS, Words())),
-    Either((damage.ByState(damage.LOSS), Words())),
+    Either((damage.THRESHOLDS, TextLine())),
+    Either((damage.ByState(damage.LOSS), TextLine())),
 )
 _NAMES = EntriesOf(
-    Words(), 1, what="a list of names, from the lightest", distinct="different names"
+    TextLine(), 1, description="a list of names, from the lightest", distinct="different names"
 )
 DAMAGE = Keys(
     (

@@ -90,7 +90,7 @@ def read_cwb(lines: Lines) -> list[Series]:
             "the header of the file must state the sampling rate, the units and the order of the "
             "columns"
         )
-    times, *columns = lines.rest(1 + len(names))
+    times, *columns = lines.remaining_rows(1 + len(names))
     dt, _ = equal_steps(times)
     statements = [
         Statement(STEP, 1.0 / float(rate[1]) if float(rate[1]) else np.inf, dt, 1e-3 * dt, "s")

@@ -220,7 +220,7 @@ class Lines:
             values.extend(self._row_of(columns))
         return self.checked(values, first).reshape(-1, columns).T.copy()
 
-    def rest(self, columns: int) -> NDArray[np.float64]:
+    def remaining_rows(self, columns: int) -> NDArray[np.float64]:
         """Read all rows to the end of the file, with `columns` numbers each; return shape
         (columns, rows).
 

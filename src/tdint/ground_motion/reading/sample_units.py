@@ -106,12 +106,12 @@ class FileUnits:
             )
 
 
-def file_units(given: SampleUnits | None) -> FileUnits:
+def file_units(units: SampleUnits | None) -> FileUnits:
     """Interpret the `units` argument of the reading functions.
 
     Parameters
     ----------
-    given : str, mapping or None
+    units : str, mapping or None
         Units of all files; entries `PATTERN=UNITS,...` or a mapping of patterns to units; the name
         of a table (`.csv`); or None if the user specifies no units.
 
@@ -122,9 +122,9 @@ def file_units(given: SampleUnits | None) -> FileUnits:
     ModelError
         A table cannot be read.
     """
-    if given is None:
+    if units is None:
         return FileUnits()
-    stated = units_of_text(given) if isinstance(given, str) else given
+    stated = units_of_text(units) if isinstance(units, str) else units
     if not isinstance(stated, Mapping):
         # The pattern * matches every file.
         return FileUnits((("*", parse_units(stated)),), for_all=True)
@@ -141,10 +141,10 @@ def file_units(given: SampleUnits | None) -> FileUnits:
                 f"units of {name[:40]!r} must be a text such as 'm/s^2', got {text!r:.40}"
             )
         try:
-            units = None if text.strip().lower() in _COUNTS else parse_units(text)
+            parsed = None if text.strip().lower() in _COUNTS else parse_units(text)
         except UsageError as error:
             raise UsageError(f"units of {name[:40]!r}: {error}") from None
-        entries.append((pattern, units))
+        entries.append((pattern, parsed))
     return FileUnits(tuple(entries))
 
 

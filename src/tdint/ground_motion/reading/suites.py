@@ -360,7 +360,7 @@ class SuiteMotion:
         Ground motion.
     name, component : str
         Names in tables.
-    whole : Record or Horizontals
+    ground_motion : Record or Horizontals
         The component, or its pair, which has a common scale factor.
     direction : int
         1, or 2 for the second component of a pair.
@@ -369,7 +369,7 @@ class SuiteMotion:
     record: Record
     name: str
     component: str
-    whole: GroundMotion
+    ground_motion: GroundMotion
     direction: int = 1
 
 

@@ -179,7 +179,7 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
         part of S of each story (N s); SIZE (N).
     step_status : ndarray
         Row RESIDUAL is set to 0, or to the largest relative residual if `is_last` is True and a
-        residual is too large; row WORST_STORY then receives the floor of this residual.
+        residual is too large; row WORST_STORY then receives its floor.
     """
     n = linear_terms.shape[1] - 1
     by_a = beta * h * h
@@ -217,7 +217,7 @@ def correct(beta, modal, h, factors, n):
         M a1 = p1 - C v1 - f(u1)
 
     with displacement, velocity and acceleration u0, v0, a0 at the start and u1, v1, a1 at the end
-    of the step. C contains modal damping.
+    of the step, the load p1 at the end and the restoring force f. C contains modal damping.
 
     Parameters
     ----------

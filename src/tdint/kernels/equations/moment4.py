@@ -76,7 +76,8 @@ class _Rows(NamedTuple):
     # D1 (m) when the equations are solved
     X: int = 2
     CORRECTION: int = 2  # corrections of D0 and D1 in the last iteration of Newton's method, m
-    ROUNDING_FORCE: int = 1  # rounding errors of the displacements, as a force, N
+    # Rounding errors of the displacements, as a force, divided by the tolerance of the residuals, N
+    ROUNDING_FORCE: int = 1
     # 1 if the story leaves its branch in the step; the last column is 1 if any story leaves its
     # branch
     LEAVES_BRANCH: int = 1
@@ -145,9 +146,12 @@ def solve_step(coefficients, scene, h, memory):
     If all laws are piecewise linear, the first solution assumes that all stories remain on their
     branches. In a linear building it is exact. Otherwise Newton's method follows, with the
     derivatives of the means and moments along the current paths. A correction that does not reduce
-    the residual is halved. The state is not changed. Until _DECIDING_ITERATIONS linear solutions,
-    each evaluation also decides whether a story reverses within the step. Later, this decision is
-    kept, because a change in each iteration would prevent convergence.
+    the residual is halved. The iteration ends if all residuals are within the tolerance, or if the
+    last correction was of the order of rounding errors. The state is not changed.
+
+    Until _DECIDING_ITERATIONS linear solutions, each evaluation also decides whether a story
+    reverses within the step. Later, this decision is kept, because a change in each iteration would
+    prevent convergence.
 
     Parameters
     ----------
@@ -185,11 +189,16 @@ def solve_step(coefficients, scene, h, memory):
         _store_first_guess(h, state, scratch, n)
     # Newton's method; HAS_NONLINEAR_FORCE is a constant of the compiled variant.
     while HAS_NONLINEAR_FORCE:
+        # `is_stale` is True if the existing factorization is for other derivatives of means and
+        # moments, or for another length of the step. The last argument of `_evaluate_stories` is
+        # True if the decision about reversals may change.
         is_stale = _evaluate_stories(
             coefficients, scene, h, memory, iterations <= _DECIDING_ITERATIONS
         )
         norm = _residuals(coefficients, linear_terms, modal, h, state, scratch)
         # No further correction is possible after the last iteration or if a value is not finite.
+        # `is_final` does not change the convergence test; if the test fails, `_is_converged` stores
+        # the largest relative residual for the error message.
         is_final = iterations == MAX_ITERATIONS or not norm < math.inf
         if is_correction_negligible or _is_converged(
             is_final, coefficients, linear_terms, h, state, scratch, step_status
@@ -202,7 +211,8 @@ def solve_step(coefficients, scene, h, memory):
             continue
         if is_final:
             return rows.NOT_CONVERGED
-        # Solve for the next correction and apply it fully.
+        # Solve for the next correction and apply it fully. `_correct` returns True if the
+        # correction is of the order of rounding errors.
         if is_stale:
             _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
         solve(modal, h, scratch, ROW.X, n)
@@ -230,9 +240,11 @@ def _solve_on_branches(coefficients, scene, h, memory):
     the means of the story forces (below minus above the floor, with P-delta) and of the load; F1
     and P1 are their first moments.
 
-    A story with the rise D and the bend E of its drift, the force f0 at the start and the stiffness
-    k of its branch has F0 = f0 + k (D / 2 - E / 12) and F1 = k D. The equations are then linear,
-    and one Newton correction from D0 = D1 = 0 is exact.
+    The drift of a story is d0 + D t + E (t^2 - t) / 2 with the rise D and the bend E. With the
+    force f0 at the start (with P-delta) and the stiffness k of its branch plus the geometric
+    stiffness, the story has F0 = f0 + k (D / 2 - E / 12) and F1 = k D. The equations are then
+    linear, and one Newton correction from D0 = D1 = 0 is exact. `_factor` adds the geometric
+    stiffness, the dampers and r K to the matrix.
 
     Parameters
     ----------
@@ -257,8 +269,12 @@ def _solve_on_branches(coefficients, scene, h, memory):
     linear_terms, modal, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # Story forces for zero rise and bend, including P-delta. The existing factorization is valid if
-    # its tangents are nearly equal to the present tangents.
+    # Store the story forces f0 for zero rise and bend, including P-delta, in row PATH + MEAN. The
+    # existing factorization is valid if it is for the same step length (column n of row FACTORED)
+    # and for nearly equal derivatives. The four rows FACTORED and the four numbers of
+    # _TANGENTS_PER_SLOPE are the derivatives of F0 with respect to rise (k / 2) and bend (-k / 12),
+    # then of F1 with respect to rise (k) and bend (0), here with the stiffness k = `slope` without
+    # P-delta.
     is_stale = scratch[ROW.FACTORED, n] != h
     for i in range(n):
         slope = law_state[rows.SLOPE, i]
@@ -274,6 +290,7 @@ def _solve_on_branches(coefficients, scene, h, memory):
         scratch[ROW.LEAVES_BRANCH, i] = 0.0
     norm = 0.0
     for i in range(n):
+        # LINK of story i + 1 is 1 if there is a story on floor `i`, and 0 for the roof.
         mean = (
             scratch[ROW.PATH + path.MEAN, i]
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.PATH + path.MEAN, i + 1]
@@ -281,7 +298,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
         )
         # Both residuals have the opposite sign, as the right side of the linear system. For
         # D0 = D1 = 0 the equations of the docstring give a1 = 12 h v0 / (1 + 6 r), a0 = -r a1,
-        # F0 = f0 and F1 = 0. `mean` is F0 - P0, and `inertia` is M a1.
+        # F0 = f0 and F1 = 0. `mean` is F0 - P0, `inertia` is M a1, and BY_RISE is the coefficient
+        # 12 / (1 + 6 r).
         inertia = linear_terms[rows.MASS, i] * coefficients[BY_RISE] * h * state[rows.VELOCITY, i]
         impulse_residual = coefficients[R] * inertia - h * h * mean
         moment_residual = h * h * scratch[ROW.LOAD + 1, i] - inertia
@@ -291,7 +309,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
             norm += linear_terms[rows.INVERSE_MASS, i] * (
                 impulse_residual * impulse_residual + moment_residual * moment_residual / 12.0
             )
-    # Factorize if necessary, and solve. The solution is the complete rise and bend.
+    # Factorize if necessary, and solve. `_factor` reads the four derivatives from the rows PATH.
+    # The correction starts from zero: the solution in rows X is the complete rise and bend.
     if is_stale:
         for i in range(n):
             for row in range(4):
@@ -357,7 +376,11 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         Length of the step, s.
     memory : Memory
         State, law states and scratch array: rows RISE and BEND of the floors (m) are used. Rows
-        PATH receive F0, F1 (N) and their four derivatives (N/m).
+        PATH receive F0, F1 (N) and their four derivatives (N/m). Row ROUNDING_FORCE receives the
+        rounding errors of the displacements as a force (N), divided by the tolerance of the
+        residuals. Row LEAVES_BRANCH is set to 0 for a story that remains on its linear branch,
+        otherwise to 1; its column n is 1 if the row is 1 for any story, otherwise 0. Row
+        NO_REVERSAL is set as described in `_integrate_restoring_force`.
     is_deciding : bool
         True if the function decides again whether each story reverses within the step; otherwise
         the decision of the last iteration is kept.
@@ -376,9 +399,12 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     rise_below = 0.0
     bend_below = 0.0
     displacement_scale_below = 0.0
+    # `_integrate_restoring_force` sets column n to 1 if it sets the row to 1 for any story.
     scratch[ROW.LEAVES_BRANCH, n] = 0.0
     for i in range(n):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        # `rise` and `bend` belong to the drift of story `i`. From here on, `rise_below` and
+        # `bend_below` are the values of floor `i`, which is the floor below in the next pass.
         rise = scratch[ROW.RISE, i] - link * rise_below
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below = scratch[ROW.RISE, i]
@@ -409,7 +435,8 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         )
         # A drift is a difference of displacements. Their rounding errors, as a force, are
         # ROUNDING times stiffness times displacements. This force is divided by the tolerance,
-        # because the convergence test multiplies it by the tolerance.
+        # because the convergence test multiplies it by the tolerance. `displacement_scale` is |u0|
+        # plus the absolute rise of floor `i` (now in `rise_below`).
         displacement_scale = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
         scratch[ROW.ROUNDING_FORCE, i] = (
             rounding
@@ -439,15 +466,19 @@ def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is
         Length of the step, s.
     memory : Memory
         State, law states and scratch array. Rows PATH receive the integrals (N) and their
-        derivatives (N/m). Rows LEAVES_BRANCH (1 if the story leaves its linear branch, and in the
-        last column if any story does) and NO_REVERSAL are set.
+        derivatives (N/m). Row LEAVES_BRANCH is set to 0 if the story remains on its linear branch;
+        otherwise the row and its last column are set to 1. Row NO_REVERSAL is set; see
+        `is_deciding`.
     i : int
         Index of the story.
     rise, bend : float
         Coefficients of the drift, m.
     is_deciding : bool
-        True if NO_REVERSAL is updated: 1 if the story has no reversal, even if the parabola has an
-        extremum.
+        True if the function decides again whether the story reverses within the step (the first
+        iterations of Newton's method); False to keep the decision of the last iteration. The
+        decision is stored in row NO_REVERSAL: 1 if the story has no reversal although its parabola
+        of drift has an extremum, otherwise 0. For a story that remains on its branch, the row is
+        set to 0 in both cases.
     """
     _, law_state, scratch, _ = memory
     if remains_on_branch(law_state, i, rise, bend):
@@ -467,6 +498,7 @@ def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is
                 if may_be_steady and _has_no_reversal(coefficients, scene, h, memory, i)
                 else 0.0
             )
+        # `follow` ignores the extremum of the parabola if its sixth argument is True.
         follow(
             scene.law_parameters,
             law_state,
@@ -597,10 +629,12 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
         X_1 = -(M a1 + h C D1 + h^2 (F1 - P1)) = 0         first moment
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-    with mean F0 and first moment F1 of the story forces (story below minus story above the floor;
-    F1 includes the numerical dissipation), P0 and P1 of the load, and the velocity v0 at the start.
-    C contains the floor dampers and modal damping; the forces of story dampers are part of F0 and
-    F1.
+    a0 (m) is h^2 times the mean of the acceleration over the step, and a1 (m) is h^2 times its
+    change over the step. v0 is the velocity at the start, and r is the coefficient of numerical
+    dissipation. F0 and F1 are mean and first moment of the story forces (story below minus story
+    above the floor; F1 includes the numerical dissipation). P0 and P1 are mean and first moment of
+    the load. C contains the floor dampers and modal damping; the forces of story dampers are part
+    of F0 and F1.
 
     Parameters
     ----------
@@ -685,11 +719,14 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     - C: floor dampers and modal damping; their terms are omitted from the sums
     - r: coefficient of numerical dissipation
 
+    The effect of the rounding errors of the displacements (row ROUNDING_FORCE) is added to the
+    sums.
+
     Parameters
     ----------
     is_last : bool
-        True if no further iteration is allowed. The largest relative residual is then stored in
-        `step_status`.
+        True if no further iteration is allowed. The test is the same, but the largest relative
+        residual above the tolerance is then stored in `step_status`.
     coefficients : ndarray
         Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
         tolerance of the residuals.
@@ -704,7 +741,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         Rows X contain the residuals (kg m). Rows RISE, BEND and A1 (m), LOAD, PATH and
         ROUNDING_FORCE (N) determine the sums.
     step_status : ndarray
-        Rows RESIDUAL and WORST_STORY are updated.
+        Row RESIDUAL is set to 0, or to the largest relative residual if `is_last` is True and a
+        residual is too large; row WORST_STORY then receives its floor.
     """
     tolerance = coefficients[TOLERANCE]
     step_status[rows.RESIDUAL] = 0.0
@@ -713,7 +751,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
         # Sums of the absolute values of the terms of both equations. `rounding` is the effect of
-        # the rounding errors of the displacements, N.
+        # the rounding errors of the displacements, divided by the tolerance, N.
         rounding = scratch[ROW.ROUNDING_FORCE, i] + link * scratch[ROW.ROUNDING_FORCE, i + 1]
         force_scale = (
             abs(scratch[ROW.PATH + path.MEAN, i])
@@ -794,9 +832,10 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     """Assemble and factorize the matrix of Newton's method for the current paths of the stories.
 
     The unknowns of a floor are its rise D0 and bend D1, the coefficients of the displacement u0 +
-    D0 t + D1 (t^2 - t) / 2 in the step, with t from 0 to 1. With the derivatives of mean F0 and
-    first moment F1 of the story forces (rows PATH), the 2 x 2 block of a floor contains the
-    derivatives of the two equations
+    D0 t + D1 (t^2 - t) / 2 in the step, with t from 0 to 1. The story forces f have the mean
+    F0 = int f dt and the first moment F1 = 12 int (t - 1/2) f dt. Their derivatives without P-delta
+    and linear dampers are in the rows PATH. The 2 x 2 block of a floor contains the derivatives of
+    the two equations
 
         M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
@@ -805,6 +844,13 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     v0 at the start and the mean P0 and first moment P1 of the load are constant. M, C and K are
     mass, damping and stiffness matrix; K contains the initial stiffness of the laws and the
     geometric stiffness of P-delta. r is the coefficient of numerical dissipation.
+
+    The drift of a story is d0 + rise t + bend (t^2 - t) / 2. Its geometric stiffness g adds to the
+    integrals of the story force
+
+        F0: g (d0 + rise / 2 - bend / 12)      F1: g rise
+
+    and its damper c adds c rise / h to F0 and c bend / h to F1.
 
     Parameters
     ----------
@@ -833,10 +879,12 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         geometric = linear_terms[rows.GEOMETRIC, i]
         damper = h * linear_terms[rows.STORY_DAMPER, i]
         numerical = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
+        # Keep the four derivatives. `_evaluate_stories` and `_solve_on_branches` later compare them
+        # with the new derivatives, to decide whether the factorization is still valid.
         for row in range(4):
             scratch[ROW.FACTORED + row, i] = scratch[ROW.PATH + path.MEAN_BY_RISE + row, i]
-        # Compute the derivatives of h^2 F0 of the story with respect to rise and bend, then those
-        # of h^2 F1.
+        # Compute the derivatives of h^2 F0 of the story with respect to rise and bend, then the
+        # derivatives of h^2 F1. `damper` is h c, and `numerical` is the contribution to r K.
         scratch[ROW.COUPLING, i] = (
             h_squared * (scratch[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
         )
@@ -861,7 +909,10 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         )
         scratch[ROW.BLOCKS + 2, i] = scratch[ROW.COUPLING + 2, i] - by_rise
         scratch[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor_damping + scratch[ROW.COUPLING + 3, i]
+    # The last column of row FACTORED contains the step length of the factorization.
     scratch[ROW.FACTORED, n] = h
+    # Modal damping adds h C to the derivatives of the first equation with respect to D0, and of the
+    # second equation with respect to D1.
     factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
     link_blocks(linear_terms, factors, n)
     factor_blocks(factors, ModalBlocks(modal, h, 0.0, 0.0, h), n)

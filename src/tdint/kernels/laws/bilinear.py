@@ -34,8 +34,8 @@ def _functions() -> LawFunctions:
 
         k is the initial stiffness, a the hardening ratio and Fy the yield force. The force z of the
         plastic spring (row INTERNAL) changes by (1 - a) k times the change of drift and is limited
-        to (1 - a) Fy. FORCE and INTERNAL are written to block `trial`. The tangent is k, or a k if
-        the story yields.
+        to (1 - a) Fy. FORCE and INTERNAL are written to block `trial`; the caller writes DRIFT. The
+        tangent is k, or a k if the story yields.
 
         Parameters
         ----------
@@ -94,8 +94,9 @@ def _functions() -> LawFunctions:
 
         A path that ends at the strength (1 - a) Fy of the plastic spring dissipates its force |z|
         times the plastic part of the change of drift, dd - dz / ((1 - a) k), with the changes dd of
-        the drift and dz of the force z, the hardening ratio a and the stiffness k. The sum is
-        stored in row DISSIPATED.
+        the drift and dz of the force z, the hardening ratio a and the stiffness k. The energy of
+        the path plus DISSIPATED of block `previous` is stored in row DISSIPATED of block `trial`.
+        Both blocks already contain DRIFT and INTERNAL.
 
         Parameters
         ----------
@@ -148,12 +149,13 @@ def _functions() -> LawFunctions:
 
     @inline
     def advance(law_parameters, law_state, i, block, step, mean_force):
-        """Update the law state in `block` after a change of drift along one branch.
+        """Update INTERNAL or DISSIPATED in `block` after a change of drift along one branch.
 
-        The force of the story is f = a k d + z, with the hardening ratio a, the initial stiffness
-        k, the drift d and the force z of the plastic spring, row INTERNAL. On an elastic branch
-        (RATE_SIGN 0), z follows from the force of the story. On a yielding branch, z is constant
-        and the dissipated energy increases by |z| times the change of drift.
+        The caller has already set DRIFT and FORCE to their values at the end of the path. The force
+        of the story is f = a k d + z, with the hardening ratio a, the initial stiffness k, the
+        drift d and the force z of the plastic spring, row INTERNAL. On an elastic branch
+        (RATE_SIGN 0), z = f - a k d. On a yielding branch, z is constant and the dissipated energy
+        increases by |z| times the absolute change of drift.
 
         Parameters
         ----------
@@ -168,7 +170,7 @@ def _functions() -> LawFunctions:
         step : float
             Change of drift, m.
         mean_force : float
-            Mean force on the path, N.
+            Mean force on the path, N; not used by this law.
         """
         if law_state[block + rows.RATE_SIGN, i] == 0.0:
             elastic_force = (

@@ -148,8 +148,7 @@ def _functions() -> LawFunctions:
 
     @outlined
     def series(w, n, p):
-        """Return the drift change x that increases the force from 0 to w, and the energy of this
-        path.
+        """Return the drift change x over which the force increases from 0 to w, and an energy.
 
         The absolute dimensionless hysteretic force w satisfies dw/dx = 1 - p w^n, with the exponent
         n of the law. Drift change and energy are integrals from 0 to w and power series in p w^n:
@@ -157,9 +156,10 @@ def _functions() -> LawFunctions:
             x        int dw / (1 - p w^n)               = w sum_(j >= 0) (p w^n)^j / (j n + 1)
             energy   int p w^(n + 1) / (1 - p w^n) dw   = w^2 sum_(j >= 1) (p w^n)^j / (j n + 2)
 
-        During loading, p is 1, and the energy is the dissipated energy of the path. Unloading is
-        regarded as loading in the opposite direction, with p = 1 - 2 beta (not positive); the
-        energy is then the negative value of the dissipated energy.
+        During loading, p is 1, and the energy is the dissipated energy of the path. Unloading from
+        u = |w| to 0 is the same path backwards, with p = -q = 1 - 2 beta (not positive). x is then
+        the drift change until w = 0, and the energy is E(u) = -int q v^(n + 1) dx, with v = |w|
+        along the path. It is not positive; unloading from u0 to u1 dissipates E(u1) - E(u0).
 
         Returns
         -------
@@ -258,13 +258,13 @@ def _functions() -> LawFunctions:
             r = min(substep, remaining)
             u = -w
             if u <= series_limit:
-                # `path` is the drift change until w = 0. If less drift change remains, u at the end
-                # is the solution for the missing part of the drift change, path - remaining.
-                # `series` returns negative energies for unloading: the dissipation is the energy
-                # for the last u minus the energy for the first u.
-                path, path_dissipation = series(u, n, -q)
+                # `path` is the drift change until w = 0. If less drift change remains, the story
+                # stops at a distance of path - remaining from w = 0, and `solve_series` returns u
+                # at this point. The energies E of `series` are negative during unloading, and E(0)
+                # is 0. The dissipation is E(u at the end) - E(u at the start), which is positive.
+                path, start_energy = series(u, n, -q)
                 u = solve_series(path - remaining, n, -q) if path > remaining else 0.0
-                dissipation += (series(u, n, -q)[1] if u > 0.0 else 0.0) - path_dissipation
+                dissipation += (series(u, n, -q)[1] if u > 0.0 else 0.0) - start_energy
                 w = -u
                 remaining -= min(path, remaining)
                 break
@@ -518,7 +518,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         drift_change : float
-            Change of drift along the path, m.
+            Change of drift along the path, m, not negative.
         """
         n = law_parameters[_EXPONENT, i]
         return (

@@ -105,7 +105,7 @@ def copy_extra_rows(law_state, i, previous, trial):
     trial : int
         First row of the block of `law_state` with the extra rows that are replaced.
     """
-    # The rows after EXTRA_ROWS are divided equally among the states.
+    # The rows of the table from row EXTRA_ROWS on are divided equally among the states.
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
         law_state[extra_rows(law_state, trial) + row, i] = law_state[
             extra_rows(law_state, previous) + row, i
@@ -208,14 +208,15 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
     """Return the functions of a law with a fast evaluation of paths that remain on one branch.
 
     Most paths start and end on the same linear branch. In this case only drift, force and work
-    change. The new force function therefore writes only these rows to block `trial`. The other rows
-    remain in the block that contains the branch; row BRANCH_OFFSET of block `trial` is the number
-    of rows from `trial` to this block. The force function of the law (`functions.force`) copies
-    every row of the story instead, and a commit copies the rows back. Forces, tangents and work of
-    both functions are bitwise equal.
+    change. The caller writes DRIFT to block `trial`, and the new force function writes FORCE, WORK
+    and BRANCH_OFFSET. The rows of the branch are not copied: they remain in the block that contains
+    the branch. BRANCH_OFFSET of block `trial` is the number of rows from `trial` to that block.
+    Without this function, each evaluation of the force copies all rows to block `trial`, and each
+    commit copies all rows to the committed state. Forces, tangents and work are bitwise equal.
 
-    A state that refers to another block is valid only until this block is overwritten. Trial states
-    that depend on each other must therefore be computed in the same order each time.
+    A state that refers to the branch in another block is valid only until the other block is
+    overwritten. Example: the path to SECOND_TRIAL starts at the state in FIRST_TRIAL. If
+    FIRST_TRIAL is computed again, SECOND_TRIAL must be computed again after it.
 
     Parameters
     ----------
@@ -237,11 +238,13 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         If the path remains on its linear branch, force and work follow from the stiffness of the
         branch. This is the case if `drift` is within the limits of the branch (rows LOWER and
         UPPER) and the path has the direction RATE_SIGN of the branch (0 for both directions).
+        FORCE, WORK and BRANCH_OFFSET are then written to block `trial`; the caller writes DRIFT.
         Otherwise `follow`, the force function of the law, is called. It changes the branch on the
-        way. The result is written to block `trial`.
+        way, and writes all rows of the state to block `trial`.
 
-        A block can refer to the branch in another block instead of a copy: row BRANCH_OFFSET is
-        the number of rows from the block to the other block, or 0 (`branch_owner`).
+        A block that does not contain its branch refers to the branch in another block: row
+        BRANCH_OFFSET is the number of rows from the block to the block with the branch, or 0 if the
+        block contains its branch. `branch_owner` returns the block with the branch.
 
         Parameters
         ----------

@@ -273,7 +273,8 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
     Returns
     -------
     float
-        Result of `force` (N/m) or of an energy (J); 0 for the other functions.
+        Tangent stiffness (N/m) that `force` returns; energy (J) that an energy function returns; 0
+        for the functions without a result.
     """
     if hook == _FORCE:
         return force(law_parameters, law_state, i, previous, trial, x)

@@ -112,6 +112,8 @@ def _functions() -> LawFunctions:
         """Set the branch of the committed state: within the gap (|d| < gap), or in contact with a
         stop.
 
+        At |d| = gap, both branches have the same force; the branch in contact is set.
+
         Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
         the first rows of column `i` of `law_state`, is changed.
         """

@@ -11,7 +11,7 @@ each reversal, by
 
     beta = ((work since the last zero crossing) / (Lambda Fy - total work))^exponent
 
-The story fails if beta exceeds 1 or if the drift exceeds the ultimate drift. Its strength is then
+The story fails if beta reaches 1 or if the drift reaches the ultimate drift. Its strength is then
 zero permanently.
 
 In the functions below, drifts and forces with a `side` are positive in the direction of that side.
@@ -240,8 +240,9 @@ def _functions() -> LawFunctions:
 
             beta = (work / (Lambda Fy - total work))^exponent
 
-        The result is between 0 and 1, or 2 if beta is at least 1: the story then fails. If the
-        work since the last zero crossing is not positive and capacity remains, beta is 0.
+        The result is between 0 and 1. It is 2 if beta is at least 1, or if no capacity remains
+        (Lambda Fy <= total work): the story then fails. If the work since the last zero crossing is
+        not positive and capacity remains, beta is 0.
 
         Parameters
         ----------
@@ -562,6 +563,8 @@ def _functions() -> LawFunctions:
             force of the capping line at zero drift     1 - D beta    row _CAPPING
             maximum drift                               1 + D beta    row HIGH_DRIFT or LOW_DRIFT
 
+        The rows are also changed if the story fails; the law does not use them after a failure.
+
         Parameters
         ----------
         law_parameters, law_state : ndarray
@@ -579,7 +582,8 @@ def _functions() -> LawFunctions:
         Returns
         -------
         bool
-            True if the story fails: at least one of the three fractions beta exceeds 1.
+            True if the story fails: at least one of the three fractions beta has reached 1, so
+            that `deterioration` returns 2.
         """
         first = extra_rows(law_state, block)
         total_work = law_state[block + rows.WORK, i]
@@ -602,7 +606,8 @@ def _functions() -> LawFunctions:
         loading branch reverses before its force has become positive. The force is set to 0, and
         side `side` is loaded next. All drifts and forces below are positive on this side.
 
-        1. The deterioration is applied (`deteriorate`). If it exhausts a capacity, the story fails.
+        1. The deterioration is applied (`deteriorate`). If a fraction beta reaches 1, the story
+           fails, and the steps 2 and 3 are omitted.
         2. The point of maximum drift, with the drift dm and the force Fm, is moved to the
            deteriorated backbone curve.
         3. The reloading branch is set. With pinching, it leads to the pinched point with the drift
@@ -793,7 +798,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, J: F^2 / (2 Ku), which unloading to zero force F releases.
+        """Return the stored energy F^2 / (2 Ku), J, released by unloading from force F to zero.
 
         On a loading branch, Ku is the unloading stiffness after the deterioration that a reversal
         at the current state would cause.
@@ -811,10 +816,15 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the initial law state of story `i`: elastic, between the yield points.
+        """Set the limits of the first branch of story `i`, the yield drifts, and the initial state.
+
+        The first branch is elastic. The caller has already set SLOPE to the initial stiffness and
+        RATE_SIGN to 0 (valid in both directions). FORCE and INTERNAL (type of the branch) are 0 at
+        the start of a run.
 
         The yield points are also the initial points of maximum drift and the initial last peaks.
         The remaining fractions of strength (_STRENGTH) and of the capping line (_CAPPING) are 1.
+        The unloading stiffness (_UNLOADING_STIFFNESS) is the initial stiffness.
         _REVERSAL_DRIFT is infinite, because there has been no reversal.
 
         Column `i` of `law_parameters` contains the parameters of the story. The committed state, in

@@ -54,7 +54,7 @@ _PATH_POINTS = 0
 _STRENGTH_LOSS = 6
 _STIFFNESS_LOSS = 7
 # Three results of `degradation` at the moment when the drift of the last backbone point was
-# exceeded
+# reached
 _LAST_LOSSES = 8
 _EXTRA_ROWS = _LAST_LOSSES + 3
 
@@ -143,7 +143,8 @@ def _functions() -> LawFunctions:
 
         The parameter with index 0 is the fraction `drift` of the maximum drift and with index 1 the
         fraction `force` of its force, where the pinched part of reloading ends. Index 2 is the
-        fraction `unloading` of the force at the third point; the story unloads down to this force.
+        fraction `unloading`: the story unloads to this fraction of the force of the third backbone
+        point, or of the fourth point if the maximum drift exceeds the third point.
 
         Parameters
         ----------
@@ -349,7 +350,7 @@ def _functions() -> LawFunctions:
 
         The fractions are zero if all limits are zero (`degrades`) and before the first yielding
         (`has_yielded`). Above the last drift, they are constant: `switch` has stored them in the
-        rows _LAST_LOSSES when the drift exceeded the last drift.
+        rows _LAST_LOSSES when the drift reached the last drift.
 
         Parameters
         ----------
@@ -483,7 +484,7 @@ def _functions() -> LawFunctions:
         `pinching.force` of drift and force of the point of maximum drift, with two exceptions:
 
             - Unloading ends at the fraction `pinching.unloading`. If `pinching.force` does not
-              exceed this fraction, the force is replaced.
+              exceed this fraction, the reloading is not pinched, and the force is replaced.
             - If the last part would be steeper than the loading stiffness, the drift is reduced.
 
         Parameters
@@ -508,18 +509,20 @@ def _functions() -> LawFunctions:
         unloading_fraction = pinching(law_parameters, i, side, 2)
         pinched_drift = pinching(law_parameters, i, side, 0) * max_drift
         pinched_force = force_fraction * force
-        # Without a pinched part, the force is slightly (1e-6) larger than the force at the end of
-        # unloading and the degraded force of the fourth backbone point, as in Pinching4. Unloading
-        # ends at a fraction of the degraded force of the third backbone point, or of the force at
-        # the maximum drift if this drift exceeds the third point.
+        # Without a pinched part, the force is the larger value of two forces, plus the fraction
+        # 1e-6. The first is the fraction `unloading` of the degraded force of the third backbone
+        # point, or of the force at the maximum drift if this drift exceeds the third point. The
+        # second is the degraded force of the fourth point. As in Pinching4, the first force differs
+        # from the end of unloading in `path`: if the maximum drift exceeds the third point, `path`
+        # uses the force of the fourth point.
         if force_fraction - unloading_fraction <= _NO_PINCHING:
-            third_force = (
+            reference_force = (
                 force
                 if is_beyond_third
                 else strength_factor * point_force(law_parameters, i, side, 3)
             )
             pinched_force = max(
-                third_force * unloading_fraction,
+                reference_force * unloading_fraction,
                 strength_factor * point_force(law_parameters, i, side, 4),
             ) * (1.0 + 1e-6)
         # The last part of the path has at most the loading stiffness k, and is not vertical.
@@ -548,7 +551,7 @@ def _functions() -> LawFunctions:
 
             - the drift of the reversal is zero or positive,
             - point 2 is behind the reversal, or
-            - the pinched part is steeper than the stiffnesses of loading and of unloading.
+            - the pinched part is vertical, or steeper than both loading and unloading.
 
         If a drift or force still decreases along the path after the corrections, `validated_path`
         replaces the path by the direct line, or by two lines through the origin.
@@ -576,7 +579,9 @@ def _functions() -> LawFunctions:
             Drift (m) and force (N) of point 1, of point 2 and of point 3, positive on this side.
         """
         # Compute point 3 from the losses of stiffness (losses[0]), maximum drift (losses[1]) and
-        # strength (losses[2]). If the path does not cross zero drift, it is the direct line.
+        # strength (losses[2]). If the path does not cross zero drift, it is the direct line. As
+        # `end_drift` is positive, the first condition means that the drift of the reversal is zero
+        # or positive. It includes the second condition.
         strength_factor = 1.0 - losses[2]
         k = stiffness(law_parameters, i, side) * (1.0 - losses[0])
         end_drift = previous_max_drift * (1.0 + losses[1])
@@ -585,9 +590,10 @@ def _functions() -> LawFunctions:
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         # Compute point 2, the end of the pinched part. The story unloads on the opposite side.
         unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses[0])
-        # Secant stiffness of that end of the path (reversal or point 3) that is on the negative
-        # side of the story. `validated_path` uses it as the upper limit of the slope of the direct
-        # line. As in Pinching4, it is the negative side for both directions of movement.
+        # `secant` is the slope of the line from the origin to the end of the path on the negative
+        # side of the story: the reversal if the story moves to the positive side, otherwise point
+        # 3. `validated_path` uses it as the upper limit of the slope of the direct line. The use of
+        # the negative side for both directions of movement is as in Pinching4.
         secant = start_force / start_drift if side > 0.0 else end_force / end_drift
         is_beyond_third = previous_max_drift > point_drift(law_parameters, i, side, 3)
         pinched_drift, pinched_force = reloading_point(
@@ -810,7 +816,8 @@ def _functions() -> LawFunctions:
             maximum_row = side_row(-side, rows.HIGH_DRIFT)
             increased_drift = law_state[block + maximum_row, i] * (1.0 + losses[1])
             law_state[block + maximum_row, i] = max(increased_drift, -side * drift)
-        # `path` increases the maximum drift of `side` by the drift fraction, losses[1].
+        # `path` multiplies the maximum drift of `side` by 1 + losses[1] (drift fraction) for this
+        # path only. As in Pinching4, the increased value is not stored in the row of `side`.
         stiffness_loss, _, strength_loss = losses
         law_state[first + _STIFFNESS_LOSS, i] = stiffness_loss
         law_state[first + _STRENGTH_LOSS, i] = strength_loss
@@ -1018,6 +1025,9 @@ def _functions() -> LawFunctions:
     @inline
     def enter(law_parameters, law_state, i):
         """Set the initial maximum drifts and the limits of the first branch of story `i`.
+
+        The caller has already set SLOPE to the initial stiffness and RATE_SIGN to 0 (valid in both
+        directions). FORCE and INTERNAL (type of the branch) are 0 at the start of a run.
 
         The initial maximum drift of a side is the drift of the first point of its backbone curve.
         The first branch ends at this drift, or at the ultimate drift if it is smaller. If the paths

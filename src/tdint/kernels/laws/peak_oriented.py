@@ -97,7 +97,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force F releases.
+        """Return the stored energy F^2 / (2 ku), J, released by unloading from force F to zero.
 
         The unloading stiffness ku belongs to the side of the force F.
 
@@ -109,10 +109,12 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the first branch of a story: elastic between the two yield points.
+        """Set the limits of the first branch, elastic between the two yield points.
 
-        The yield points are the limits of the branch, and the points towards which reloading is
-        directed as long as the story has not yielded.
+        The yield points are also the points towards which reloading is directed as long as the
+        story has not yielded (rows HIGH_DRIFT to LOW_FORCE).
+        The caller has already set SLOPE to the initial stiffness and RATE_SIGN to 0 (valid in both
+        directions). FORCE and INTERNAL (type of the branch) are 0 at the start of a run.
 
         Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
         the first rows of column `i` of `law_state`, is changed.

@@ -178,7 +178,13 @@ def select_function(
     # its condition is false, so the remaining chain must exist before. `function` is the part that
     # has been built. It starts with `otherwise`, the end of the chain. If each law has a condition,
     # `otherwise` is not needed: `function` starts empty (None), and the last law becomes the end of
-    # the chain without a condition, because other numbers do not occur.
+    # the chain without a condition, because other numbers do not occur. Examples for the laws 0, 1,
+    # 5 and 6 with the functions f0, f1, f5 and f6:
+    #     all functions exist    inline(0, f0, inline(1, f1, specialized(5, f5, f6)))
+    #     f6 is missing          inline(0, f0, inline(1, f1, specialized(5, f5, otherwise)))
+    #     only laws 0, 1 and 5   inline(0, f0, inline(1, f1, f5))
+    # decorator(5, f5, rest) represents case(decorator, _test(5), f5, rest): it calls f5 for law 5
+    # and `rest` for all other laws.
     has_other_laws = len(implementations) < len(order) or not implementations
     function = otherwise if has_other_laws else None
     # Each pass adds the condition of a law at the start of the chain `function`. The conditions are
@@ -199,6 +205,7 @@ def _selection_order() -> list[int]:
     Frequent laws (linear and bilinear) are first. The number `_SEPARATE`, which represents all
     separately compiled laws, follows if the variant has such a law. The remaining laws are last.
     """
+    # COMPILED is sorted by number, so the frequent laws are the first elements of `remaining`.
     separate = [_SEPARATE] if HAS_SEPARATE_LAW else []
     remaining = [code for code in COMPILED if not LAWS[code].compiled_separately]
     frequent = [code for code in remaining if code < _FREQUENT]

@@ -66,9 +66,9 @@ def _functions() -> LawFunctions:
         about 1e-10 of the strength.
 
         The force is F tanh(x) with x = k d / F: strength F, initial stiffness k and drift d. The
-        number, 3 + 3.2 times the change of x along the path, is not an integer; the caller rounds
-        it up. It increases with the change of x because tanh has poles near the real axis, at x =
-        +-i pi / 2, which limit the convergence of the Gauss rule.
+        number, 3 + 3.2 times the absolute change of x along the path, is not an integer; the caller
+        rounds it up. It increases with the change of x because tanh has poles near the real axis,
+        at x = +-i pi / 2, which limit the convergence of the Gauss rule.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         drift_change : float
-            Change of drift along the path, m.
+            Absolute change of drift along the path, m.
         """
         return (
             3.0

@@ -412,6 +412,8 @@ def _functions() -> LawFunctions:
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
         branch_type = law_state[block + rows.INTERNAL, i]  # negative on the negative side
+        # ABOVE is 1 and BELOW is -1: except for a reversal, the event is also the side towards
+        # which the drift moves.
         if branch_type == 0.0:  # first yielding
             continue_loading(law_parameters, law_state, i, block, event)
         elif event == rows.REVERSED:
@@ -431,8 +433,7 @@ def _functions() -> LawFunctions:
                 slope,
                 side * law_state[block + rows.DRIFT, i],
             )
-        # The event is the side towards which the drift moves (ABOVE is 1, BELOW is -1). If this is
-        # not the side of the unloading line, the line ends at zero force.
+        # If the drift moves away from the side of the unloading line, the line ends at zero force.
         elif abs(branch_type) == _UNLOADING_LINE and event * branch_type < 0.0:
             cross_zero_force(law_parameters, law_state, i, block, event)
         else:
@@ -440,7 +441,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force F releases.
+        """Return the stored energy F^2 / (2 ku), J, released by unloading from force F to zero.
 
         ku is the unloading stiffness (N/m) of the side of the force (row FORCE of the committed
         state).
@@ -454,9 +455,11 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the first branch of story `i`: elastic between the yield drifts.
+        """Set the limits of the first branch of story `i`, elastic between the yield drifts.
 
         The yield drifts are also the initial maximum drifts of both sides.
+        The caller has already set SLOPE to the initial stiffness and RATE_SIGN to 0 (valid in both
+        directions). FORCE and INTERNAL (type of the branch) are 0 at the start of a run.
 
         Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
         the first rows of column `i` of `law_state`, is changed.

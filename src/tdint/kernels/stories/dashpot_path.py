@@ -224,13 +224,15 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
         Scratch array of the step: one row per quantity, one column per floor or story.
     story_rows : int
         First row of the integrals of the story: MEAN, MOMENT (N) and their derivatives with respect
-        to rise and bend (N/m). The integrals and derivatives of the dashpot are added.
+        to rise and bend (N/m). The integrals of the dashpot force and their derivatives are added.
     dashpot_rows : int
-        Row of the mean force of the dashpot, N. The first moment is stored in the next row.
+        Row that receives the mean force of the dashpot, N. The next row receives the first moment.
     """
     dashpot_path = _DashpotPath(rise, bend, h, scratch, story_rows, dashpot_rows)
     scratch[dashpot_rows + path.MEAN, i] = 0.0
     scratch[dashpot_rows + path.MOMENT, i] = 0.0
+    # `_integrate_path` adds the integrals to the rows of the dashpot, and their derivatives to the
+    # rows of the story. The integrals are then also added to the rows of the story.
     _integrate_path(linear_terms, i, dashpot_path)
     scratch[story_rows + path.MEAN, i] += scratch[dashpot_rows + path.MEAN, i]
     scratch[story_rows + path.MOMENT, i] += scratch[dashpot_rows + path.MOMENT, i]

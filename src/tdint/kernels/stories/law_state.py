@@ -130,10 +130,10 @@ def hysteretic_energy(law_parameters, law_state, i):
 
 @inline
 def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-    """Add the energy that story `i` dissipates between two states to the dissipated energy of the
-    second.
+    """Store the energy that story `i` has dissipated until state `trial`.
 
     The law computes DISSIPATED(trial) = DISSIPATED(previous) + dissipated energy of the path (J).
+    The previous value of DISSIPATED(trial) is overwritten.
 
     Parameters
     ----------
@@ -212,9 +212,9 @@ def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drif
 def commit(law_parameters, law_state, i, previous, trial):
     """Make a trial state of story `i` the committed state.
 
-    First, the energy dissipated on the path from the state in block `previous` to the state in
-    block `trial` is added. Then the common rows and the further rows of the law (`_keep`) are
-    copied. The block of the committed state starts at row 0.
+    First, the dissipated energy of the trial state is stored: the energy of block `previous` plus
+    the energy dissipated on the path between both states. Then the common rows and the further rows
+    of the law (`_keep`) are copied to the committed block, which starts at row 0.
 
     Parameters
     ----------
@@ -250,7 +250,9 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     trial : int
         First row of the block with the trial state.
     """
-    _keep(law_parameters, law_state, i, 0, trial)  # 0: the path starts at the committed state.
+    # `_keep` always copies to the committed block. Its argument 0 (`previous`) is the state at the
+    # start of the path: the committed state, because its drift and force are replaced only below.
+    _keep(law_parameters, law_state, i, 0, trial)
     for row in range(rows.COMMON_ROWS):
         law_state[row, i] = law_state[trial + row, i]
 

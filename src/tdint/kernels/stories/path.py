@@ -123,7 +123,7 @@ def _default_points(law_parameters, law_state, i, drift_change):
     i : int
         Index of the story; not used.
     drift_change : float
-        Change of drift along the path, m; not used.
+        Length of the path, m; not used.
     """
     return _DEFAULT_POINTS
 
@@ -145,7 +145,8 @@ def required_points(law_parameters, law_state, i, drift_change):
     i : int
         Index of the story.
     drift_change : float
-        Change of drift along the path, m, not negative.
+        Length of the path (absolute change of drift of a path without reversal), m, or an upper
+        bound of the length.
 
     Returns
     -------
@@ -284,8 +285,9 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     c3 = 4.0 * rate_change - 12.0 * mean_excess
     # The rate first_rate + initial_slope t + c2 t^2 + c3 t^3 is monotonic between its extrema, the
     # roots of initial_slope + 2 c2 t + 3 c3 t^2 = 0. Each of the three intervals therefore contains
-    # at most one zero. The roots q / (3 c3) and initial_slope / q are free of cancellation; a root
-    # outside (0, 1) is moved to 0 or 1.
+    # at most one zero. The roots q / (3 c3) and initial_slope / q are free of cancellation. A root
+    # outside (0, 1) is replaced by 0 or 1. The choice between 0 and 1 has no effect, because it
+    # only adds an interval of zero length.
     first_extremum = last_extremum = 1.0
     discriminant = c2 * c2 - 3.0 * c3 * initial_slope
     if discriminant > 0.0:
@@ -476,8 +478,8 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
         _integrate_hysteretic(law_parameters, law_state, i, story_path, results)
     else:
         # Curved elastic law: one part from the committed state (block 0), with is_elastic = True.
-        # The length of the path, int |d'(t)| dt, is at most |rise| + |bend| / 4. The law
-        # receives a longer path, |rise| + |bend| / 2.
+        # The law receives the maximum rate of the path, |rise| + |bend| / 2 at t = 0 or t = 1, as
+        # an upper bound of its length int |d'(t)| dt, which is at most |rise| + |bend| / 4.
         count = required_points(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
         _integrate(law_parameters, law_state, i, 0, True, count, story_path, results)
 
@@ -498,16 +500,19 @@ def commit_path_end(law_parameters, law_state, i, rise):
     rise : float
         Change of drift along the path, m.
     """
-    # Piecewise-linear law: FIRST_TRIAL already contains the state at the end.
+    # Piecewise-linear law (SLOPE is finite): FIRST_TRIAL already contains the state at the end.
     if not HAS_CURVED_LAW or law_state[rows.SLOPE, i] < math.inf:
         copy(law_state, i, rows.FIRST_TRIAL, 0)
         return
-    # Curved law: move from the last Gauss point (in FIRST_TRIAL; an elastic law from the start) to
-    # the end of the path.
+    # Curved law (SLOPE is infinite): move to the end of the path. A hysteretic law starts from the
+    # last Gauss point; `follow` has stored this state in FIRST_TRIAL (`_integrate_hysteretic`). An
+    # elastic law starts from the committed state (0), because its force depends on the drift only.
     previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING_LAWS else 0
     restoring_force_outlined(
         law_parameters, law_state, i, previous, rows.SECOND_TRIAL, law_state[rows.DRIFT, i] + rise
     )
+    # Complete the dissipated energy in SECOND_TRIAL. The commit copies this row with the other rows
+    # and adds no energy.
     accumulate_dissipation(law_parameters, law_state, i, previous, rows.SECOND_TRIAL)
     commit_without_dissipation(law_parameters, law_state, i, rows.SECOND_TRIAL)
 
@@ -693,6 +698,10 @@ def time_to(limit, segment, t_now, direction):
       The other root is negative. This case occurs if the caller ignores an extremum of the
       parabola. A negative v that is tiny compared with R is a rounding error and is replaced by 0.
 
+    Callers ensure that the parabola reaches the limit after `t_now`, and limit the result to the
+    end of their segment. Because of rounding errors, R^2 can still be negative, or v can be
+    negative without a > 0; R or v is then replaced by 0, and x can exceed 1.
+
     The result is 0 if the limit has already been reached, and 1 (the complete step) if v and R are
     0, so that the story does not move.
 
@@ -718,7 +727,7 @@ def time_to(limit, segment, t_now, direction):
         return 0.0
     root = math.sqrt(max(rate * rate + 2.0 * direction * segment.bend * distance, 0.0))
     # `rate`, `distance` and `root` are v, D and R of the docstring. The condition is the case v < 0
-    # and a > 0, without rounding errors.
+    # and a > 0, except for a v that is a rounding error.
     if -rate > _OPPOSITE_RATE * root and direction * segment.bend > 0.0:
         return (root - rate) / (direction * segment.bend)
     return 2.0 * distance / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
@@ -862,7 +871,8 @@ def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
 
     The integrals of the force f over the part are int f dt and 12 int (t - 1/2) f dt, with t from 0
     to 1 over the step. The direction of the movement, `side`, is the sign of the change of drift
-    from the start to the end of the part, and 0 without a change.
+    from the start to the end of the part. Without a change, it is 0: the integrals are then added
+    on the current branch, and the state is not changed.
 
     Parameters
     ----------
@@ -876,7 +886,8 @@ def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
     segment : PathSegment
         Part of the parabola of drift, start + rise t + bend (t^2 - t) / 2.
     results : Integrals
-        Table, and the first of its six rows: mean, moment and their derivatives are added.
+        Table, and the first of its six rows: mean, moment (N) and their derivatives with respect to
+        the rise and to the bend (N/m) are added.
     """
     target = drift_at(segment, segment.end)
     drift_change = target - drift_at(segment, segment.begin)
@@ -905,8 +916,9 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     reversal_time : float
         Time of the reversal as a fraction of the step; 1 for no reversal.
     results : Integrals
-        Table, and the first of its rows that receive mean, moment (N) and their derivatives (N/m).
-        The rows from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
+        Table, and the first of its six rows: mean, moment (N) and their derivatives with respect to
+        the rise and to the bend (N/m) are added. The caller has set these rows to zero. The rows
+        from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
     """
     # Follow the path before the reversal, from the committed state (block 0).
     copy(law_state, i, 0, rows.FIRST_TRIAL)
@@ -926,7 +938,8 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     direction = math.copysign(1.0, story_path.bend)  # direction of the path after the reversal
     shift = 0.0
     # If the branch is valid for both directions, it does not change at the reversal, and its force
-    # does not depend on the drift at the reversal.
+    # does not depend on the drift at the reversal. Otherwise a copy of the state (SECOND_TRIAL) is
+    # moved from the reversal by a small shift, in the direction of the path before the reversal.
     if law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * direction < 0.0:
         copy(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         shift = -direction * _SHIFT * (abs(story_path.rise) + abs(story_path.bend))
@@ -953,9 +966,10 @@ def dividing_at_bend(integrate):
 
     The integrals of the force f are int f dt and 12 int (t - 1/2) f dt, and their derivatives,
     along the parabola of drift d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over
-    the step. The coefficient `bend` is the curvature of the drift. The path is divided at a kink of
-    the force, which `_distance_to_bend` locates. Near a kink, the tangent stiffness changes
-    rapidly, and Gauss integration would be inaccurate.
+    the step. The derivatives are with respect to the coefficients `rise` and `bend`; `bend` is the
+    curvature of the drift. The path is divided at a kink of the force, which `_distance_to_bend`
+    locates. Near a kink, the tangent stiffness changes rapidly, and Gauss integration would be
+    inaccurate.
 
     Parameters
     ----------
@@ -976,11 +990,12 @@ def dividing_at_bend(integrate):
         kink on the path.
 
         At a kink, the tangent stiffness changes rapidly; `_distance_to_bend` returns the change of
-        drift up to the kink. The integrals of the force f are int f dt and 12 int (t - 1/2) f dt.
-        The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with the coefficients in `segment`,
-        and t from 0 to 1 over the step. The coefficient `bend` is the curvature of the drift and
-        not related to the kink. The state at the start of the path is in block `previous` of
-        `law_state`. `integrate` adds the integrals of each part to `results`.
+        drift up to the kink, or infinity. The integrals of the force f are int f dt and
+        12 int (t - 1/2) f dt. The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with the
+        coefficients in `segment`, and t from 0 to 1 over the step. The coefficient `bend` is not
+        related to the kink. The state at the start of the path is in block `previous` of
+        `law_state`. `integrate` adds the integrals of each part, and their derivatives with respect
+        to `rise` and `bend`, to `results`.
 
         The argument False of `integrate` is its `is_elastic`: the state of the law advances from
         each Gauss point to the next, because only hysteretic laws are divided. Column `i` of
@@ -997,12 +1012,12 @@ def dividing_at_bend(integrate):
         drift_change = abs(drift_change)
         begin = segment.begin
         # First part: from the start to the kink of the force, if the kink is on the path;
-        # `bend_distance` is the change of drift up to the kink, m.
-        bend_distance = _distance_to_bend(law_parameters, law_state, i, previous, side)
-        if bend_distance < drift_change:
-            count = required_points(law_parameters, law_state, i, bend_distance)
+        # `kink_distance` is the change of drift up to the kink, m.
+        kink_distance = _distance_to_bend(law_parameters, law_state, i, previous, side)
+        if kink_distance < drift_change:
+            count = required_points(law_parameters, law_state, i, kink_distance)
             t_end = min(
-                begin + time_to(start_drift + side * bend_distance, segment, begin, side),
+                begin + time_to(start_drift + side * kink_distance, segment, begin, side),
                 segment.end,
             )
             previous = integrate(
@@ -1016,7 +1031,7 @@ def dividing_at_bend(integrate):
                 results,
             )
             begin = t_end
-            drift_change -= bend_distance
+            drift_change -= kink_distance
         # Integrate along the remaining part, or along the complete path without a kink.
         count = required_points(law_parameters, law_state, i, drift_change)
         return integrate(
@@ -1132,8 +1147,9 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
     story_path : PathSegment
         Parabola of drift over the complete step: coefficients d0, rise and bend, m.
     results : Integrals
-        Table, and the first of its rows that receive mean, moment (N) and their derivatives (N/m).
-        The rows from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
+        Table, and the first of its six rows: mean, moment (N) and their derivatives with respect to
+        the rise and to the bend (N/m) are added. The caller has set these rows to zero. The rows
+        from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
     """
     reversal_time = time_of_extremum(story_path)
     previous = _integrate_divided(
@@ -1153,8 +1169,9 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift + shift
         )
-        # First integrate from the shifted reversal, then from the actual reversal. Both states
-        # remain available until they have been used.
+        # `_integrate_divided` moves the law alternately in FIRST_TRIAL and SECOND_TRIAL. The path
+        # from the shifted reversal is therefore integrated first, before its state in FIRST_TRIAL
+        # is overwritten. The actual reversal in THIRD_TRIAL is never overwritten.
         _clear(shifted, i)
         _integrate_divided(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, shifted)
         _clear(after_reversal, i)
@@ -1162,5 +1179,6 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
             law_parameters, law_state, i, rows.THIRD_TRIAL, path_back, after_reversal
         )
         _add_after_reversal(results, i, reversal_time, shift)
+    # `commit_path_end` expects the state at the last Gauss point in FIRST_TRIAL.
     if previous != rows.FIRST_TRIAL:
         copy(law_state, i, previous, rows.FIRST_TRIAL)

@@ -47,7 +47,8 @@ class _PowerValues(NamedTuple):
     power : float
         Power of the load, W.
     rate : float
-        Rate of the power without the contribution of the rate of the ground acceleration, W/s.
+        Rate of the power of the load without the contribution of the rate of the ground
+        acceleration, W/s.
     momentum : float
         Momentum of all floors, N s.
     viscous_power : float
@@ -164,11 +165,18 @@ def observe(scene, span, slope, memory, seen):
     u_0 = observer_state[rows.U_PREVIOUS, n - 1]
     v_0 = observer_state[rows.V_PREVIOUS, n - 1]
     a_0 = observer_state[rows.A_PREVIOUS, n - 1]
-    # The bounds of a story require the accelerations of its upper and its lower floor. The pass of
-    # the lower floor therefore compares these bounds with the peaks. These variables transfer the
-    # bounds without the drift acceleration, the acceleration of the upper floor, and its link.
+    # The bounds of a story depend on its drift acceleration at the end of the step, and therefore on
+    # the accelerations of its upper and its lower floor. The pass of the loop for the lower floor
+    # completes the bounds of the story and compares the bounds with the peaks. The pass for the
+    # upper floor stores three values for this purpose:
+    #     reach_above    bounds of drift (m) and shear (N) from `story_reach`, without the effect of
+    #                    the drift acceleration at the end
+    #     a_above        relative acceleration of the upper floor at the end, m/s^2
+    #     link_above     LINK of the story: 1 on the lower floor, 0 on the ground
+    # A drift acceleration A at the end increases the bound of the drift by h^2 |A| / 20, because
+    # one of the Bezier points of the drift is u1 - 2 h v1 / 5 + h^2 A / 20.
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
-    excess = 0.05 * span.h * span.h  # h^2 / 20, factor of the drift acceleration in the bounds
+    excess = 0.05 * span.h * span.h  # h^2 / 20, s^2
     for i in range(n - 1, -1, -1):
         above, below = min(i + 1, n - 1), max(i - 1, 0)  # neighbors, limited to existing floors
         v_below = state[rows.VELOCITY, below]
@@ -207,7 +215,9 @@ def observe(scene, span, slope, memory, seen):
         total_shear = story_force + floor_damping_above
         observer_state[rows.TOTAL_SHEAR, i] = total_shear
         # Compare bounds of the displacement and velocity of the floor with their peaks, then bounds
-        # of the drift and force of the story above.
+        # of the drift and force of the story above. The last two fields of `Ends` are velocity and
+        # acceleration one step before the start. The bounds do not use them, so any values are
+        # allowed: here v_0 and a_0 for the floor, zeros for the story.
         floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
         may_exceed |= may_exceed_story_peaks(
@@ -217,6 +227,7 @@ def observe(scene, span, slope, memory, seen):
             peaks,
             above,
         )
+        # The first zero replaces the drift acceleration at the end, which the next pass computes.
         story_ends = Ends(
             u_0 - link * u_0_below,
             v_0 - link * v_0_below,
@@ -229,9 +240,10 @@ def observe(scene, span, slope, memory, seen):
         )
         reach_above = story_reach(span, story_ends, shear, law_parameters[rows.STIFFNESS, i])
         a_above, link_above = a, link
-        # Compare bounds of the absolute acceleration and of the total shear with their peaks. The
-        # total shear is minus the sum of mass times absolute acceleration of all floors that the
-        # story supports.
+        # Compare bounds of the absolute acceleration and of the total shear with their peaks.
+        # Without forces on floors, the total shear is minus the sum of mass times absolute
+        # acceleration of all floors that the story supports. With forces, this bound is not valid,
+        # but `may_exceed` is then already True.
         # `bulge` is the symmetric deviation of the acceleration from a straight line in the step.
         bulge = acceleration_bulge(by_h, floor_ends)
         may_exceed |= may_exceed_acceleration_peak(
@@ -285,10 +297,14 @@ def _update_energies(scene, span, slope, sums, memory, seen):
     """Add the work of the load and of the dampers in a step to the energies of the run.
 
     The power of the load is -ag (sum of m v) plus the power of the forces on floors, with the
-    ground acceleration ag. Modal damping is added to the power of the dampers. The work follows
-    from the powers and their rates at both endpoints of the step (`_add_work`), unless the kernel
-    of the step has computed the work. The reference energy is the maximum of initial energy and
-    work of the load.
+    ground acceleration ag and the masses m, velocities v and accelerations a of the floors. Its
+    rate has the terms -ag (sum of m a), -ag' (sum of m v) and the rate of the power of the forces.
+    `_add_work` adds the second term, with ag' = `slope`. Modal damping is added to the power of the
+    dampers. The work follows from the powers and their rates at both endpoints of the step, unless
+    the kernel of the step has computed the work (flag OWN_WORK).
+
+    The reference energy (ENERGY_REFERENCE) is the maximum until now of the sum of initial energy
+    and work of the load. It is the divisor of the relative energy imbalance.
 
     Parameters
     ----------
@@ -299,18 +315,21 @@ def _update_energies(scene, span, slope, sums, memory, seen):
     slope : float
         Rate of the ground acceleration in the step, m/s^3.
     sums : _FloorSums
-        Momentum, inertia and power of the dampers at the end of the step.
+        Momentum (sum of m v), inertia (sum of m a) and power of the dampers at the end of the step.
     memory : Memory
         State and status of the step.
     seen : Seen
-        Arrays of the observer; the totals of the run are updated.
+        Arrays of the observer. In the totals of the run, the energies of the load and of the
+        dampers and the reference energy are updated. TOTAL_INERTIA and VISCOUS_PER_ACCELERATION are
+        stored for `shift_ground`, which updates the rates at a jump of the ground acceleration.
     """
     _, modal, _, forces, flags = scene
     totals = seen.totals
     n = scene.linear_terms.shape[1] - 1
     if flags[rows.OWN_WORK] == 0.0:
-        # Power of the ground motion and of the dampers at the end of the step, and their rates;
-        # `viscous_rate` is half of the rate.
+        # Power of the ground motion and of the dampers at the end of the step, and their rates.
+        # `rate` excludes the term -ag' (sum of m v). `viscous_rate` is half of the rate; it is
+        # doubled below.
         power = -span.ground_1 * sums.momentum
         rate = -span.ground_1 * sums.inertia
         viscous_power = sums.viscous_power
@@ -318,6 +337,8 @@ def _update_energies(scene, span, slope, sums, memory, seen):
         totals[rows.TOTAL_INERTIA] = sums.inertia
         totals[rows.VISCOUS_PER_ACCELERATION] = sums.viscous_per_acceleration
         if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+            # `additional` is the power of the forces on floors and its rate, then the power of
+            # modal damping and half of its rate.
             additional = _additional_powers(
                 modal, forces, span.t, memory.state, seen.observer_state, n
             )
@@ -344,10 +365,18 @@ def _observe_dashpots(span, linear_terms, state, seen):
     """Update the work of the dashpots and the peaks of the drift rates.
 
     The force F of a dashpot, linear or of a power law, depends on the drift rate v of its story
-    only. Its power F v has the rate (F + F' v) a, with the drift acceleration a. The work over the
-    step follows from both at the start and at the end (`_work`). The work of the dashpots is
-    included in the work of all dampers (ENERGY_VISCOUS). It is subtracted there and reported
-    separately (ENERGY_DASHPOTS).
+    only. Its power P = F v has the rate P' = (F + F' v) a, with the drift acceleration a and F' =
+    dF/dv. `_work` computes the work over the step from P and P' at the start and at the end. The
+    work of the dashpots is included in the work of all dampers (ENERGY_VISCOUS). It is subtracted
+    there and reported separately (ENERGY_DASHPOTS). The drift rates at the end of the step are
+    recorded as peaks. In the totals, sums over all stories are stored:
+
+        POWER_DASHPOTS               P at the end, W
+        RATE_DASHPOTS                P' at the end, W/s; both are the values at the start of the
+                                     next step
+        DASHPOTS_PER_ACCELERATION    half of the increase of P' if the accelerations of all floors
+                                     increase by 1 m/s^2; `shift_ground` uses it to update
+                                     RATE_DASHPOTS at a jump of the ground acceleration
 
     Parameters
     ----------
@@ -365,11 +394,11 @@ def _observe_dashpots(span, linear_terms, state, seen):
     Returns
     -------
     bool
-        True if a drift rate can exceed its peak within the step.
+        True if a drift rate can exceed its peak in the step.
     """
     observer_state, peaks, _, totals, _ = seen
     h = span.h
-    power = power_rate = per_acceleration = 0.0
+    power = power_rate = per_acceleration = 0.0  # sums over all stories
     by_h = 1.0 / h if h > 0.0 else 0.0
     v_below = a_below = u_0_below = v_0_below = a_0_below = u_below = 0.0
     may_exceed = False
@@ -380,6 +409,7 @@ def _observe_dashpots(span, linear_terms, state, seen):
         v_0, a_0 = observer_state[rows.V_PREVIOUS, i], observer_state[rows.A_PREVIOUS, i]
         rate = v - link * v_below
         drift_acceleration = a - link * a_below
+        # The last two fields, values one step before the start, are not used.
         ends = Ends(
             u_0 - link * u_0_below,
             v_0 - link * v_0_below,
@@ -393,17 +423,18 @@ def _observe_dashpots(span, linear_terms, state, seen):
         may_exceed |= may_exceed_velocity_peak(h, by_h, ends, peaks[rows.PEAK_DRIFT_RATE, i])
         raise_peak(peaks, rows.PEAK_DRIFT_RATE, i, rate)
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
-        force = linear_terms[rows.DASHPOT, i] * rate
-        power += (force + dashpot_force) * rate
-        # `force` becomes half of the derivative of the power with respect to the drift rate, with
-        # which `observe` computes the rate of the power of all dampers.
-        force += 0.5 * (dashpot_force + dashpot_tangent * rate)
-        power_rate += 2.0 * force * drift_acceleration
+        linear_force = linear_terms[rows.DASHPOT, i] * rate
+        power += (linear_force + dashpot_force) * rate
+        # Half of the derivative of the power with respect to the drift rate. The linear dashpot has
+        # the power c v^2 with the derivative 2 c v, the power-law dashpot the derivative F + F' v.
+        half_derivative = linear_force + 0.5 * (dashpot_force + dashpot_tangent * rate)
+        power_rate += 2.0 * half_derivative * drift_acceleration
         # An equal change of all floor accelerations only changes the drift acceleration of stories
         # on the ground.
-        per_acceleration += (1.0 - link) * force
+        per_acceleration += (1.0 - link) * half_derivative
         u_below, v_below, a_below = u, v, a
         u_0_below, v_0_below, a_0_below = u_0, v_0, a_0
+    # At the start of a run (h = 0) there is no work.
     if h > 0.0:
         work = _work(h, totals[rows.POWER_DASHPOTS], power, totals[rows.RATE_DASHPOTS] - power_rate)
         totals[rows.ENERGY_DASHPOTS] += work
@@ -548,12 +579,17 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     """Update the peaks with the response within the last step, and store its end as the next start.
 
     The kernel of the method can compute peaks within the step (`span.cornered`). These are merged
-    into the peaks of the run. If `may_exceed` is True, further peaks are computed from the response
-    at the endpoints. The quantities depend on the method:
+    into the peaks of the run. If `may_exceed` is True, `find_interstep_peaks` computes further
+    peaks from the response at the endpoints. The quantities depend on the method:
 
         no peaks computed by the method                     all quantities
         peaks computed, parabolic displacements (on_path)   displacements, velocities and drifts
         peaks computed, other methods                       no quantity
+
+    The response at the end is then stored in the rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS of the
+    memory of the observer. If the building has modes that the step does not resolve (`span.fast`),
+    the former contents of V_PREVIOUS and A_PREVIOUS are kept in the rows V_EARLIER and A_EARLIER.
+    `find_interstep_peaks` needs the response of two successive steps to detect unresolved motion.
 
     Parameters
     ----------
@@ -571,8 +607,9 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     Returns
     -------
     int
-        Number of stories with a reversal within the step that can be their peak shear. The drifts
-        of the reversals are in row REVERSAL_DRIFT.
+        Number of stories with a reversal of the drift within the step that may cause a new peak
+        shear. If it is positive, row REVERSAL_DRIFT of the memory of the observer contains the
+        drifts of these reversals, and the drift at the end of the step for the other stories.
     """
     state, law_state, scratch, step_status = memory
     observer_state, peaks, _, _, _ = seen
@@ -585,10 +622,12 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
         passage = Passage(
             observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
         )
+        # The last argument, 0, is the first row of the peaks in `peaks`.
         reversals = find_interstep_peaks(
             span, scene, passage, law_state, observer_state, rows.REVERSAL_DRIFT, peaks, 0
         )
-    # Store the response at the end as the start of the next step.
+    # Store the response at the end as the start of the next step, and the response at the start as
+    # the earlier response.
     if span.fast:
         for i in range(n):
             observer_state[rows.V_EARLIER, i] = observer_state[rows.V_PREVIOUS, i]
@@ -649,8 +688,14 @@ def shift_ground(scene, load, shifts, memory, seen):
     If a step is longer than the sampling interval, the ground acceleration is a straight line in
     each step, and the lines are not continuous. A jump changes the relative accelerations of all
     floors by the same value with the opposite sign: a increases by `shift` = old minus new ground
-    acceleration. Velocities and displacements do not change. The power of the load, -ag (sum of m
-    v), and the rates of the powers, which are linear in ag and a, change accordingly.
+    acceleration ag. Velocities v and displacements do not change. The following totals change:
+
+        POWER_INPUT      -ag (sum of m v) increases by shift (sum of m v)
+        RATE_INPUT       -ag (sum of m a) increases by shift (sum of m a - ag (sum of m)), with the
+                         old a and the new ag; the part p a of forces p on floors increases by
+                         shift (sum of p)
+        RATE_VISCOUS     rate of the power of all dampers, linear in a
+        RATE_DASHPOTS    rate of the power of the dashpots, linear in a
 
     Parameters
     ----------
@@ -661,14 +706,17 @@ def shift_ground(scene, load, shifts, memory, seen):
     shifts : ndarray
         Change of each row of the state per unit increase of the accelerations.
     memory : Memory
-        State and status of the step.
+        State and status of the step. STATE_GROUND of the status, the ground acceleration for which
+        the accelerations of the state are valid, changes from the old to the new value.
     seen : Seen
         Arrays of the observer: accelerations of the floors and totals of the run are changed.
     """
     linear_terms, modal, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
     ground = load[rows.GROUND_0]
-    # All relative accelerations change by the old minus the new ground acceleration.
+    # All relative accelerations change by the old minus the new ground acceleration. The rows of
+    # the state of a multi-step method can also depend on accelerations: the factor of a row is in
+    # `shifts`.
     shift = memory.step_status[rows.STATE_GROUND] - ground
     memory.step_status[rows.STATE_GROUND] = ground
     n = linear_terms.shape[1] - 1
@@ -681,14 +729,18 @@ def shift_ground(scene, load, shifts, memory, seen):
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
         observer_state[rows.A_PREVIOUS, i] = a
     # The ground acceleration ag changes by -shift, and all accelerations a by shift. Update the
-    # power of the load, -ag (sum of m v), and the term -ag (sum of m a) of its rate.
+    # power of the load, -ag (sum of m v), and the term -ag (sum of m a) of its rate. MOMENTUM is
+    # the sum of m v. TOTAL_INERTIA is the sum of m a with the accelerations before the jump; it is
+    # not updated here, because `observe` stores the sum at the end of the step.
     totals[rows.POWER_INPUT] += shift * totals[rows.MOMENTUM]
     totals[rows.RATE_INPUT] += shift * (
         totals[rows.TOTAL_INERTIA] - ground * totals[rows.TOTAL_MASS]
     )
+    # The rows *_PER_ACCELERATION contain half of the change of a rate per unit change of a.
     totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
     totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+        # These are the changes per unit change of a due to forces on floors and modal damping.
         rate, half_viscous_rate = _change_per_acceleration(modal, forces, load[rows.TIME], state, n)
         totals[rows.RATE_INPUT] += shift * rate
         totals[rows.RATE_VISCOUS] += 2.0 * shift * half_viscous_rate
@@ -699,8 +751,8 @@ def _store_additional_forces(modal, forces, t, state, observer_state, n):
     """Store the forces on floors and the modal damping forces at time `t`.
 
     Row FLOOR_FORCE receives the forces on floors minus the modal damping forces, row MODAL_FORCE
-    the modal damping forces. The function is not called for a building without both, whose rows
-    remain zero.
+    the modal damping forces. The function is not called for a building without modal damping and
+    without forces on floors; both rows then remain zero.
 
     Parameters
     ----------
@@ -753,7 +805,9 @@ def _add_work(span, slope, current, totals):
 
     The work is h (P0 + P1) / 2 + h^2 (P0' - P1') / 12 with the powers P and their rates P' at the
     start (in `totals`) and at the end (`current`). The powers at the end are stored for the next
-    step.
+    step. The dampers are all floor and story dampers, modal damping and all dashpots. Their work is
+    added to ENERGY_VISCOUS; `_observe_dashpots` later moves the work of the dashpots to
+    ENERGY_DASHPOTS.
 
     Parameters
     ----------
@@ -764,11 +818,13 @@ def _add_work(span, slope, current, totals):
     current : _PowerValues
         Powers at the end of the step.
     totals : ndarray
-        Totals of the run, with the powers at the start of the step.
+        Totals of the run: ENERGY_INPUT and ENERGY_VISCOUS are increased. The powers, their rates
+        and MOMENTUM (sum of mass times velocity, N s) change from the values at the start to the
+        values at the end of the step.
     """
     # `change` is the rate of a power at the start minus its rate at the end. The rate of the ground
     # acceleration contributes minus `slope` times the momentum to the rate of the power of the
-    # load.
+    # load; RATE_INPUT and `current.rate` do not contain this contribution.
     change = (
         totals[rows.RATE_INPUT] - current.rate - slope * (totals[rows.MOMENTUM] - current.momentum)
     )
@@ -788,9 +844,12 @@ def _add_work(span, slope, current, totals):
 def initialize_energies(linear_terms, totals):
     """Store the initial energies (J) and the total mass of the building (kg) in `totals`.
 
-    The kernel `sum_law_energies` must have stored the energies of the initial state before. The
-    energy dissipated until then is subtracted from all later values. Row MASS of `linear_terms`
-    contains the masses of the floors, kg.
+    The kernel `sum_law_energies` must have stored the kinetic, strain and hysteretic energy of the
+    initial state before. ENERGY_INITIAL is the sum of kinetic and strain energy. ENERGY_REFERENCE
+    is the maximum of ENERGY_INITIAL plus the work of the load, the divisor of the relative energy
+    imbalance; at the start, it is ENERGY_INITIAL. The energy that the laws have dissipated on the
+    path to the initial drifts, INITIAL_DISSIPATION, is subtracted from all later values of the
+    hysteretic energy. Row MASS of `linear_terms` contains the masses of the floors, kg.
     """
     totals[rows.TOTAL_MASS] = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -1064,8 +1123,11 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
 def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     """Update the peak shears of the stories with a reversal within the last step.
 
-    The force at the reversal is computed on the path from the end of the step back to the drift of
-    the reversal. The first trial state in `law_state` is overwritten.
+    The law states at the start of the step are no longer available. Therefore, the law moves from
+    its state at the end of the step back to the drift of the reversal. The resulting force is the
+    force at the reversal if the law reloads along the branch of the unloading since the reversal;
+    for other laws, it is an approximation. The first trial state in `law_state` is
+    overwritten; the state at the end of the step is not changed.
 
     Parameters
     ----------
@@ -1089,6 +1151,8 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     # A reversal drift that differs from the drift at the end of the step marks a reversal.
     for i in range(peaks.shape[1]):
         if reversal_drifts[row, i] != law_state[rows.DRIFT, i]:
+            # Compute the force on the path from the state at the end of the step (block COMMITTED)
+            # and store it in block FIRST_TRIAL.
             restoring_force_outlined(
                 law_parameters,
                 law_state,

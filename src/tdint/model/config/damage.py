@@ -17,9 +17,9 @@ from tdint.model.keys.fields import (
     Keys,
     Schema,
     Section,
+    TextLine,
     Value,
     ValueType,
-    Words,
 )
 from tdint.units import parse_with_unit
 
@@ -45,7 +45,7 @@ class ByState:
         }
 
 
-THRESHOLDS = ByState(Either((POSITIVE_RATIO, Words())))
+THRESHOLDS = ByState(Either((POSITIVE_RATIO, TextLine())))
 DEMAND = Key(
     "demand",
     Choice(tuple(DEMANDS), "demand"),

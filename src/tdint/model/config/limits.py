@@ -23,9 +23,9 @@ from tdint.model.keys.fields import (
     Keys,
     Schema,
     Section,
+    TextLine,
     Value,
     ValueType,
-    Words,
 )
 from tdint.model.limits import ACCELERATION, DRIFT_RATIO, ISOLATOR, RESIDUAL, Limit
 from tdint.units import parse_with_unit
@@ -58,7 +58,7 @@ class _ByStory:
         }
 
 
-_LENGTH = Either((POSITIVE, Words()))
+_LENGTH = Either((POSITIVE, TextLine()))
 _LIMITS = (
     Key(DRIFT_RATIO, _ByStory(POSITIVE_RATIO), "drift ratio of the stories: 2% or 0.02"),
     Key(

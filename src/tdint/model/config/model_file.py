@@ -64,13 +64,13 @@ from tdint.model.keys.fields import (
     Either,
     EntriesOf,
     Flag,
+    Integer,
     Key,
     Keys,
     Schema,
     Section,
+    TextLine,
     Value,
-    Whole,
-    Words,
     numbered,
 )
 from tdint.model.keys.nodes import Faults
@@ -85,19 +85,19 @@ if TYPE_CHECKING:
 # table and its processing. Keys of `excitation.record` have the names of the command-line options.
 
 PROCESSING = (
-    Key("trim", Words(parse_trim), "START:END in s from the first sample"),
+    Key("trim", TextLine(parse_trim), "START:END in s from the first sample"),
     Key("baseline", Choice(tuple(BASELINES), "baseline"), "baseline that is subtracted"),
-    Key("pad", Words(parse_pad), "zeros before and after: SECONDS or BEFORE:AFTER"),
+    Key("pad", TextLine(parse_pad), "zeros before and after: SECONDS or BEFORE:AFTER"),
     Key("highpass", POSITIVE, "corner frequency, Hz"),
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
-    Key("filter_order", Whole(1, MAX_FILTER_ORDER), "order of the filters"),
+    Key("filter_order", Integer(1, MAX_FILTER_ORDER), "order of the filters"),
     Key("resample", POSITIVE, "sampling interval, s"),
 )
 
 LAYOUT = (
     Key("step", POSITIVE, "sampling interval of a text table that does not contain it, s"),
-    Key("column", Words(), "column of a text table: its name, or its number from 1"),
-    Key("skip_lines", Whole(0, MAX_SKIPPED_LINES), "lines before the numbers"),
+    Key("column", TextLine(), "column of a text table: its name, or its number from 1"),
+    Key("skip_lines", Integer(0, MAX_SKIPPED_LINES), "lines before the numbers"),
 )
 
 
@@ -139,18 +139,18 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
 
 _RECORD = Keys(
     (
-        Key("file", Words(), "the record's file, relative to the model file", needed=True),
-        Key("units", Words(), "units of its samples if it does not state them: m/s^2, g, ..."),
-        Key("component", Words(), "component, if the file contains several"),
+        Key("file", TextLine(), "the record's file, relative to the model file", needed=True),
+        Key("units", TextLine(), "units of its samples if it does not state them: m/s^2, g, ..."),
+        Key("component", TextLine(), "component, if the file contains several"),
         Key("scale", ANY, "factor on the acceleration, not zero"),
-        Key("inventory", Words(), "station metadata, to remove the instrument response"),
+        Key("inventory", TextLine(), "station metadata, to remove the instrument response"),
         *LAYOUT,
         *PROCESSING,
     )
 )
 _FORCE = Keys(
     (
-        Key("floor", Whole(1, MAX_STORIES), "floor, from 1 at the bottom", needed=True),
+        Key("floor", Integer(1, MAX_STORIES), "floor, from 1 at the bottom", needed=True),
         Key("amplitude", ANY, "maximum force", needed=True),
         Key("omega", NOT_NEGATIVE, "circular frequency, rad/s", needed=True),
         Key(
@@ -162,7 +162,7 @@ _FORCE = Keys(
 )
 EXCITATION = Keys(
     (
-        Key("record", Either((Words(), _RECORD)), "ground motion: a file, or file and options"),
+        Key("record", Either((TextLine(), _RECORD)), "ground motion: a file, or file and options"),
         Key("forces", EntriesOf(_FORCE), "harmonic forces on floors"),
     )
 )
@@ -243,7 +243,7 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
         angle = phase.number(expected="cos, sin or an angle in radians")
         cosine, sine = math.cos(angle), -math.sin(angle)
     return Force(
-        floor=(floor.whole(numbered(count)) if floor else None) or 0,
+        floor=(floor.integer(numbered(count)) if floor else None) or 0,
         cosine=amplitude * cosine,
         sine=amplitude * sine,
         omega=section.number("omega"),
@@ -264,7 +264,7 @@ _ANALYSIS = Keys(
     (
         Key(
             "method",
-            Words(),
+            TextLine(),
             "time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5",
         ),
         Key("dt", POSITIVE, "time step, s"),
@@ -289,7 +289,7 @@ def _suppression_reason(text: str) -> str:
     return reason.strip()
 
 
-_PLAUSIBILITY, _REPORT_HEAD = Words(_suppression_reason), Words(parse_head)
+_PLAUSIBILITY, _REPORT_HEAD = TextLine(_suppression_reason), TextLine(parse_head)
 
 
 def model_keys() -> Keys:
@@ -311,7 +311,7 @@ def model_keys() -> Keys:
 
 _MODEL = Keys(
     (
-        Key("name", Words(), "name of the building; default: name of the file"),
+        Key("name", TextLine(), "name of the building; default: name of the file"),
         Key("units", UNITS, "units of the numbers in this file; default: SI"),
         Key("stories", STORIES, "stories from the ground up; `repeat` for equal stories"),
         Key("building", Keys(()), "properties from which rules derive the stories"),
@@ -342,7 +342,7 @@ _MODEL = Keys(
         Key("limits", Keys(()), "limits of demands, which runs are compared with"),
         Key(
             "output_units",
-            Either((Words(), EntriesOf(Words(), least=1))),
+            Either((TextLine(), EntriesOf(TextLine(), least=1))),
             "units of the output: kip, in, g",
         ),
         Key(

@@ -195,19 +195,19 @@ def _damping_type(count: int | None) -> Either:
                 "ratio",
                 Either((RATIO, two_ratios)),
                 "damping ratio in both modes, or in each",
-                advice=f"give {two_ratios.what}",
+                advice=f"give {two_ratios.description}",
             ),
             Key(
                 "modes",
                 modes,
                 "two modes, from 1 at the longest period",
-                advice=f"give {modes.what}",
+                advice=f"give {modes.description}",
             ),
             Key("mass", NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
             Key("stiffness", NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"),
         ),
         alternative_groups=(("ratio", "modes"), ("mass", "stiffness")),
-        what="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
+        description="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
         make=lambda value, **entries: _rayleigh(value, count, **entries),
     )
     # The value of `modal` is a ratio for all modes, a list of ratios, or {ratio: ..., modes: ...}
@@ -239,12 +239,12 @@ def _damping_type(count: int | None) -> Either:
         ),
         one_of=(("rayleigh", "modal"),),
         alternative_groups=(("rayleigh",), ("modal",)),
-        what="none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}",
+        description="none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}",
         make=lambda _, rayleigh, modal: (
             rayleigh or ModalDamping(modal if isinstance(modal, tuple) else (modal,))
         ),
     )
-    return Either((Choice(("none",)), RATIO, forms), forms.what)
+    return Either((Choice(("none",)), RATIO, forms), forms.description)
 
 
 def _rayleigh(

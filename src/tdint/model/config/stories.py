@@ -30,13 +30,13 @@ from tdint.model.keys.fields import (
     Either,
     EntriesOf,
     Flag,
+    Integer,
     Key,
     Keys,
     Schema,
     Section,
     Value,
     ValueType,
-    Whole,
 )
 from tdint.units import MASS, STANDARD_GRAVITY
 
@@ -404,7 +404,7 @@ _STORY = Keys(
             "true for an isolator: its displacement is reported instead of a drift ratio; "
             "`rayleigh` for an isolator with Rayleigh damping",
         ),
-        Key("repeat", Whole(1, MAX_STORIES), "number of equal stories"),
+        Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
     ),
     one_of=(("mass", "weight"),),
 )

@@ -21,9 +21,9 @@ from tdint.model.keys.nodes import (
     MAX_DEPTH,
     Faults,
     ListNode,
+    Location,
     MappingNode,
     Node,
-    Place,
     ScalarNode,
     nodes_of,
     text_of,
@@ -56,8 +56,8 @@ class SourceText:
     data: bytes
 
 
-def read_source(source: str | Path | TextIO, kind: str = "model file") -> SourceText:
-    """Return the content of a file; `-` is standard input. `kind` names its type in messages.
+def read_source(source: str | Path | TextIO, file_type: str = "model file") -> SourceText:
+    """Return the content of a file; `-` is standard input. `file_type` names its type in messages.
 
     Raises
     ------
@@ -69,16 +69,18 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
     label, path = "<stream>", None
     if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
         if sys.stdin is None:
-            raise ModelError(f"-: standard input is closed; specify a {kind}")
+            raise ModelError(f"-: standard input is closed; specify a {file_type}")
         label, stream = "-", getattr(sys.stdin, "buffer", sys.stdin)
     elif isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
         messages: dict[type[Exception], str] = {
-            FileNotFoundError: f"file not found; specify a {kind} (YAML) or - for standard input",
-            IsADirectoryError: f"this is a directory; specify a {kind} (YAML)",
+            FileNotFoundError: (
+                f"file not found; specify a {file_type} (YAML) or - for standard input"
+            ),
+            IsADirectoryError: f"this is a directory; specify a {file_type} (YAML)",
             ValueError: "cannot be read: the name contains a null character",
         }
-        data = read_whole(label, ModelError, messages, _too_large(kind), MAX_BYTES)
+        data = read_whole(label, ModelError, messages, _too_large(file_type), MAX_BYTES)
         record_digest(label, data)
         return SourceText(label, path.stem, path.parent, data)
     elif not hasattr(source, "read"):
@@ -87,14 +89,14 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
         )
     elif isinstance(name := getattr(source, "name", None), str) and not name.startswith("<"):
         label, path = name, Path(name)
-    data = _read_stream(stream, label, kind)
+    data = _read_stream(stream, label, file_type)
     # Without a path, the name is the first word of the type, such as `model`.
     if path is None:
-        return SourceText(label, kind.partition(" ")[0], Path(), data)
+        return SourceText(label, file_type.partition(" ")[0], Path(), data)
     return SourceText(label, path.stem, path.parent, data)
 
 
-def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
+def _read_stream(stream: TextIO | BinaryIO, label: str, file_type: str) -> bytes:
     """Return the content of a stream as UTF-8, and record it as an input file of the command.
 
     Parameters
@@ -103,7 +105,7 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
         Stream that is read.
     label : str
         Name in messages.
-    kind : str
+    file_type : str
         Type of the file for messages.
 
     Raises
@@ -117,21 +119,21 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
         reason = getattr(error, "strerror", None) or error
         raise ModelError(f"{label}: cannot be read: {reason}") from None
     if len(content) > MAX_BYTES:
-        raise ModelError(f"{label}: {_too_large(kind)}")
+        raise ModelError(f"{label}: {_too_large(file_type)}")
     # Surrogates represent bytes that the stream could not decode. `decode` reports them.
     encoded = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     record_digest(label, encoded)
     return encoded
 
 
-def _too_large(kind: str) -> str:
-    """Return the message for a file larger than `MAX_BYTES`; `kind` is the type of the file."""
-    return f"larger than {MAX_BYTES // 1024**2} MiB; this is not a {kind}"
+def _too_large(file_type: str) -> str:
+    """Return the message for a file of this type that is larger than `MAX_BYTES`."""
+    return f"larger than {MAX_BYTES // 1024**2} MiB; this is not a {file_type}"
 
 
 def read_document(
     source: str | Path | TextIO | Mapping[str, Any],
-    kind: str = "model file",
+    file_type: str = "model file",
     needs: str = "`stories`",
 ) -> tuple[SourceText, Value]:
     """Read a document and return its source and its root.
@@ -140,7 +142,7 @@ def read_document(
     ----------
     source : str, Path, text stream or mapping
         YAML file, `-` for standard input, or the content of such a file as Python objects.
-    kind, needs : str
+    file_type, needs : str
         Type of the file and its required content, for messages.
 
     Returns
@@ -157,8 +159,8 @@ def read_document(
         faults = Faults("model")
         node = nodes_of(source, faults)
         return SourceText("model", "model", Path(), text_of(node)), Value(node, "", faults)
-    origin = read_source(source, kind)
-    faults = Faults(origin.label, kind, needs, origin.folder)
+    origin = read_source(source, file_type)
+    faults = Faults(origin.label, file_type, needs, origin.folder)
     return origin, Value(parse(decode(origin.data, faults), faults), "", faults)
 
 
@@ -178,7 +180,7 @@ def parse(text: str, faults: Faults) -> Node:
     except yaml.reader.ReaderError as error:
         line, column = _line_and_column(text[: error.position])
         message = f"invalid character U+{ord(text[error.position]):04X} in a YAML file; remove it"
-        faults.add(Place(line, column), "", message)
+        faults.add(Location(line, column), "", message)
     except yaml.MarkedYAMLError as error:
         # Join the lines of PyYAML's message, and add a remedy for tabs.
         mark, problem = error.problem_mark or error.context_mark, error.problem_mark
@@ -186,7 +188,9 @@ def parse(text: str, faults: Faults) -> Node:
         message = " ".join(f"not valid YAML: {', '.join(message_parts)}".split())
         if problem is not None and text[problem.index : problem.index + 1] == "\t":
             message += "; indent with spaces, not tabs"
-        faults.add(Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1), "", message)
+        faults.add(
+            Location(mark.line + 1, mark.column + 1) if mark else Location(1, 1), "", message
+        )
     raise faults.error()
 
 
@@ -204,9 +208,9 @@ def decode(data: bytes, faults: Faults) -> str:
         line, column = _line_and_column(error.object[: error.start].decode("utf-8", "replace"))
         byte = error.object[error.start]
         faults.add(
-            Place(line, column),
+            Location(line, column),
             "",
-            f"not UTF-8 text (byte 0x{byte:02x}); save the {faults.kind} as UTF-8",
+            f"not UTF-8 text (byte 0x{byte:02x}); save the {faults.file_type} as UTF-8",
         )
     raise faults.error()
 
@@ -239,7 +243,8 @@ class _Composer:
         start = self._next_event()
         if isinstance(start, yaml.StreamEndEvent):
             raise self._error(
-                start, f"the {self._faults.kind} is empty; it needs at least {self._faults.needs}"
+                start,
+                f"the {self._faults.file_type} is empty; it needs at least {self._faults.needs}",
             )
         root = self._build_node(self._next_event(), 0)
         self._next_event()  # the end of the document
@@ -247,7 +252,7 @@ class _Composer:
         if not isinstance(following, yaml.StreamEndEvent):
             raise self._error(
                 following,
-                f"a second YAML document starts here; a {self._faults.kind} contains one",
+                f"a second YAML document starts here; a {self._faults.file_type} contains one",
             )
         return root
 
@@ -301,7 +306,7 @@ class _Composer:
         if depth > MAX_DEPTH:
             raise self._error(
                 event,
-                f"more than {MAX_DEPTH} nested levels; this is not a {self._faults.kind}",
+                f"more than {MAX_DEPTH} nested levels; this is not a {self._faults.file_type}",
             )
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
         location = _event_location(event)
@@ -352,7 +357,7 @@ def _line_and_column(text: str) -> tuple[int, int]:
     return text.count("\n") + 1, len(text) - text.rfind("\n")
 
 
-def _event_location(event: yaml.Event) -> Place:
+def _event_location(event: yaml.Event) -> Location:
     """Return the line and column of an event, counted from 1."""
     assert event.start_mark is not None
-    return Place(event.start_mark.line + 1, event.start_mark.column + 1)
+    return Location(event.start_mark.line + 1, event.start_mark.column + 1)

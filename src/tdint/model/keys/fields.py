@@ -86,24 +86,24 @@ POSITIVE_RATIO = Bounds(low=0.0, low_allowed=False, ratio=True)
 
 
 @dataclass(frozen=True)
-class Whole:
-    """Whole number within bounds; `what` explains the bounds in messages."""
+class Integer:
+    """Whole number within bounds; `description` explains the bounds in messages."""
 
     low: int
     high: int
-    what: str = ""
+    description: str = ""
 
     def schema(self) -> Schema:
         """Return the JSON schema of the whole numbers within the bounds."""
         return {"type": "integer", "minimum": self.low, "maximum": self.high}
 
 
-def numbered(count: int | None) -> Whole:
+def numbered(count: int | None) -> Integer:
     """Return the declaration of a floor or mode number.
 
     `count` is the number of stories of the model; None if it is unknown because of an error.
     """
-    return Whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
+    return Integer(1, count or MAX_STORIES, " (the number of stories)" if count else "")
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Flag:
 
 
 @dataclass(frozen=True)
-class Words:
+class TextLine:
     """One line of text, which may also be a number without quotation marks.
 
     `parse` converts the text and raises UsageError if the text is invalid.
@@ -140,10 +140,10 @@ class PathOf:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several names; `what` is the noun for them in messages."""
+    """One of several names; `description` is the noun for them in messages."""
 
     names: tuple[str, ...]
-    what: str = "value"
+    description: str = "value"
 
     def schema(self) -> Schema:
         """Return the JSON schema of the allowed names."""
@@ -160,7 +160,7 @@ class EntriesOf:
         Type of the entries.
     least, most : int or None
         Minimum and maximum number of entries.
-    what : str
+    description : str
         Description of the list in messages.
     short : str
         Message if there are fewer than `least` entries.
@@ -173,7 +173,7 @@ class EntriesOf:
     type: ValueType
     least: int = 0
     most: int | None = None
-    what: str = "a list"
+    description: str = "a list"
     short: str = ""
     growing: bool = False
     distinct: str = ""
@@ -193,7 +193,7 @@ class ByName:
     ----------
     type : ValueType
         Type of the value of each name.
-    what, none : str
+    description, empty_message : str
         Description of the mapping in messages; message if it is empty.
     make : callable
         Converts the mapping. Receives the `Value` of the mapping and a dictionary whose keys are
@@ -201,8 +201,8 @@ class ByName:
     """
 
     type: ValueType
-    what: str
-    none: str
+    description: str
+    empty_message: str
     make: Callable[..., Any]
 
     def schema(self) -> Schema:
@@ -212,10 +212,10 @@ class ByName:
 
 @dataclass(frozen=True)
 class Either:
-    """One of several types; `what` describes them in messages."""
+    """One of several types; `description` describes them in messages."""
 
     types: tuple[ValueType, ...]
-    what: str = ""
+    description: str = ""
 
     def schema(self) -> Schema:
         """Return the JSON schema of a value of any of the types."""
@@ -259,7 +259,7 @@ class Keys(Sequence[str]):
         Groups of keys. Exactly one key of each group is required.
     alternative_groups : tuple of tuple of str
         Groups of keys. A mapping must contain all keys of one group and no key of another group.
-    what : str
+    description : str
         Description of the mapping in messages.
     make : callable, optional
         Converts the mapping. Receives the `Value` of the mapping and, as keyword arguments, the
@@ -269,7 +269,7 @@ class Keys(Sequence[str]):
     declared: tuple[Key, ...]
     one_of: tuple[tuple[str, ...], ...] = ()
     alternative_groups: tuple[tuple[str, ...], ...] = ()
-    what: str = ""
+    description: str = ""
     make: Callable[..., Any] | None = None
 
     def __getitem__(self, index: Any) -> Any:
@@ -409,13 +409,15 @@ class Value:
             return math.nan
         return converted
 
-    def whole(self, bounds: Whole) -> int | None:
+    def integer(self, bounds: Integer) -> int | None:
         """Return the whole number; None after reporting an error."""
         text, low, high = self._plain_text(), bounds.low, bounds.high
         if _WHOLE_NUMBER.fullmatch(text) and low <= int(text) <= high:
             return int(text)
         limits = f"{low}" if low == high else f"a whole number from {low} to {high}"
-        self.fault(f"must be {limits}{bounds.what}, got {self._message_text_with_hint(_NUMBER)}")
+        self.fault(
+            f"must be {limits}{bounds.description}, got {self._message_text_with_hint(_NUMBER)}"
+        )
         return None
 
     def boolean(self) -> bool:
@@ -451,8 +453,8 @@ class Value:
             case Bounds():
                 number = self.number()
                 return None if math.isnan(number) else number
-            case Whole():
-                return self.whole(self.type)
+            case Integer():
+                return self.integer(self.type)
             case Either():
                 return self._read_alternative(self.type)
             case EntriesOf():
@@ -461,13 +463,13 @@ class Value:
                 return self._make_object(self.type)
             case Flag():
                 return self.boolean()
-            case Choice(names, what):
-                return self.choice(names, what)
+            case Choice(names, description):
+                return self.choice(names, description)
             case ByName():
                 return self._read_by_name(self.type)
             case PathOf():
                 return self.file(stdin=True)
-            case Words(parse):
+            case TextLine(parse):
                 return self.parsed(parse) if parse else self.text()
         # A type such as the hysteretic law of a story has a reader in `tdint.model.config`.
         raise TypeError(
@@ -482,7 +484,7 @@ class Value:
         its names. The result is None after reporting an error.
         """
         # These are the types of a scalar.
-        allowed_types: Any = (Bounds, Whole, Choice, PathOf)
+        allowed_types: Any = (Bounds, Integer, Choice, PathOf)
         if self.is_mapping:
             allowed_types = Keys
         elif self.is_list:
@@ -492,10 +494,10 @@ class Value:
             if not isinstance(value_type, allowed_types) or is_other_name:
                 continue
             if isinstance(value_type, Bounds):
-                number = self.number(value_type, expected=either.what)
+                number = self.number(value_type, expected=either.description)
                 return None if math.isnan(number) else number
             return replace(self, type=value_type).read()
-        self.fault(f"must be {either.what}, got {self._message_text()}")
+        self.fault(f"must be {either.description}, got {self._message_text()}")
         return None
 
     def _read_entries(self, declared: EntriesOf) -> Any:
@@ -506,14 +508,14 @@ class Value:
         declared : EntriesOf
             Type of the entries, their allowed number, and requirements on their order.
         """
-        items = self.items(declared.what)
+        items = self.items(declared.description)
         if items is None:
             return None
         # All entries are converted before their number is checked, so that all errors are reported.
         values = tuple(item.read() for item in items)
         if not declared.least <= len(items) <= (declared.most or math.inf):
             is_short = len(items) < declared.least
-            message = f"must be {declared.what}, got {len(items)}"
+            message = f"must be {declared.description}, got {len(items)}"
             self.fault(declared.short if declared.short and is_short else message)
             return None
         # An entry with an error, which has been reported, is None.
@@ -524,7 +526,7 @@ class Value:
             self.fault(f"must be {declared.distinct}, got {duplicate} twice")
             return None
         if declared.growing and not all(map(lt, values, values[1:])):
-            self.fault(f"must be {declared.what}")
+            self.fault(f"must be {declared.description}")
         return values
 
     def _read_by_name(self, declared: ByName) -> Any:
@@ -534,7 +536,7 @@ class Value:
         from pairs of the entry, which states the line for error messages, and its converted value.
         The result is None if an error was reported.
         """
-        entries = self.named(declared.what, declared.none)
+        entries = self.named(declared.description, declared.empty_message)
         if entries is None:
             return None
         values = {
@@ -553,7 +555,7 @@ class Value:
         keys : Keys
             Declared keys of the mapping, their groups, and the function `make`.
         """
-        section = self.section(keys, keys.what)
+        section = self.section(keys, keys.description)
         if section is None:
             return None
         # The mapping must contain keys of a single alternative group.
@@ -565,7 +567,7 @@ class Value:
             section.mentions(*names) for names in keys.alternative_groups
         ):
             names = ", ".join(name for group in keys.alternative_groups for name in group)
-            self.fault(f"must be {keys.what}, got a mapping without any of the keys {names}")
+            self.fault(f"must be {keys.description}, got a mapping without any of the keys {names}")
         # All keys of the used group are required; without groups, the keys that are declared so.
         if alternatives:
             needed = {*alternatives[0]}

@@ -22,7 +22,7 @@ recursion below the limit of Python."""
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """Line and column of the start of a node, counted from 1."""
 
     line: int
@@ -30,7 +30,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarNode(Place):
+class ScalarNode(Location):
     """Scalar value with its text. `plain` is True without quotation marks and block indicators."""
 
     text: str
@@ -40,14 +40,14 @@ class ScalarNode(Place):
 # Aliases share nodes, so a few lines can define an astronomically large tree. Nodes are therefore
 # not compared or printed.
 @dataclass(frozen=True, eq=False)
-class ListNode(Place):
+class ListNode(Location):
     """A list."""
 
     items: tuple[Node, ...] = field(repr=False)
 
 
 @dataclass(frozen=True, eq=False)
-class MappingNode(Place):
+class MappingNode(Location):
     """A mapping in file order; equal keys are kept."""
 
     entries: tuple[tuple[Node, Node], ...] = field(repr=False)
@@ -64,31 +64,31 @@ class Faults:
     ----------
     source : str
         Name of the file in messages.
-    kind, needs : str
+    file_type, needs : str
         Type of the file and its required content, for messages.
     folder : Path
         Directory to which relative paths in the file refer.
     """
 
     source: str
-    kind: str = "model file"
+    file_type: str = "model file"
     needs: str = "`stories`"
     folder: Path = Path()
     _faults: list[ModelFault] = field(default_factory=list)
 
-    def add(self, place: Place, key: str, message: str) -> None:
+    def add(self, location: Location, key: str, message: str) -> None:
         """Add an error of `key` at a line and column.
 
         Parameters
         ----------
-        place : Place
+        location : Location
             Line and column of the error.
         key : str
             Full key with the error.
         message : str
             Description of the error.
         """
-        self._faults.append(ModelFault(self.source, place.line, place.column, key, message))
+        self._faults.append(ModelFault(self.source, location.line, location.column, key, message))
 
     def error(self) -> ModelError:
         """Return the exception with all errors in the order of the file."""
@@ -100,7 +100,7 @@ class Faults:
             raise self.error()
 
 
-_NO_LOCATION = Place(0, 0)
+_NO_LOCATION = Location(0, 0)
 
 
 def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:

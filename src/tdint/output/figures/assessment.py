@@ -23,7 +23,7 @@ from tdint.output.figures.style import (
     add_legend,
     is_narrow,
     legend_columns,
-    method_looks,
+    method_styles,
     plain_minor_numbers,
     plain_numbers,
     titled,
@@ -199,12 +199,12 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
     """
     method_index = {method: i for i, method in enumerate(dict.fromkeys(methods))}
     ratio_index = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}
-    looks, styles = method_looks(methods), []
+    plot_styles, styles = method_styles(methods), []
     for method, ratio in zip(methods, dampings, strict=True):
         # Markers have a distance of 0.2 times the diagonal of the axes. They start at different
         # positions, so that markers of lines that coincide do not cover each other.
         start = 0.025 * (method_index[method] % 8)
-        style = looks[method] | {"markersize": 3.5, "markevery": (start, 0.2)}
+        style = plot_styles[method] | {"markersize": 3.5, "markevery": (start, 0.2)}
         if len(ratio_index) > 1:
             style["linestyle"] = DASHES[ratio_index[ratio] % len(DASHES)]
         styles.append(style)
@@ -641,10 +641,11 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
     highlight : str
         Method with a thick line; empty for no such method.
     """
-    looks = method_looks(lines, highlight)
-    faces = {line: "white" if PEER in line else looks[line]["color"] for line in lines}
+    plot_styles = method_styles(lines, highlight)
+    faces = {line: "white" if PEER in line else plot_styles[line]["color"] for line in lines}
     return {
-        line: looks[line] | {"markersize": 4.5, "markerfacecolor": faces[line]} for line in lines
+        line: plot_styles[line] | {"markersize": 4.5, "markerfacecolor": faces[line]}
+        for line in lines
     }
 
 

@@ -29,7 +29,7 @@ from tdint.output.figures.style import (
     changed,
     is_narrow,
     legend_columns,
-    line_look,
+    line_style,
     mark_first_periods,
     minor_ticks,
     plain_logarithmic,
@@ -81,7 +81,7 @@ def pair_text(demand: str) -> str:
     return _PAIR_TEXTS.get(demand, demand)
 
 
-def single_look(several: bool) -> dict[str, Any]:
+def single_style(several: bool) -> dict[str, Any]:
     """Return the line style of a single record as keyword arguments of matplotlib.
 
     The line is light if the figure contains `several` records, because their median is then drawn
@@ -280,13 +280,24 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     else:
         spectra = units.of(scaling.spectra(periods), "m/s^2")
     several = len(spectra) > 1
-    if scaling.rest is not None and scaling.periods is not None and len(scaling.rest):
+    if (
+        scaling.unselected_spectra is not None
+        and scaling.periods is not None
+        and len(scaling.unselected_spectra)
+    ):
         others = {"color": "0.8", "linewidth": 0.4}
-        axes.plot(scaling.periods, units.of(scaling.rest, "m/s^2").T, zorder=0.5, **others)
-        axes.plot([], [], label=f"{pluralize(len(scaling.rest), quantity)} not selected", **others)
-    look = single_look(several)
-    axes.plot(periods, spectra.T, zorder=1, **look)
-    axes.plot([], [], label=pluralize(len(spectra), quantity), **look)
+        axes.plot(
+            scaling.periods, units.of(scaling.unselected_spectra, "m/s^2").T, zorder=0.5, **others
+        )
+        axes.plot(
+            [],
+            [],
+            label=f"{pluralize(len(scaling.unselected_spectra), quantity)} not selected",
+            **others,
+        )
+    plot_style = single_style(several)
+    axes.plot(periods, spectra.T, zorder=1, **plot_style)
+    axes.plot([], [], label=pluralize(len(spectra), quantity), **plot_style)
     if several:
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
     if len(spectra) >= _MIN_MOTIONS:
@@ -406,10 +417,12 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         limit = largest
     states = study.states
     count = len(states[0].motion_curves)
-    look = single_look(count > 1 or len(states) > 1)
-    axes.plot([], [], label=pluralize(count, "motion" if study.partners else "record"), **look)
+    plot_style = single_style(count > 1 or len(states) > 1)
+    axes.plot(
+        [], [], label=pluralize(count, "motion" if study.partners else "record"), **plot_style
+    )
     for curve in study.motion_curves:
-        _draw_curve(axes, curve, limit, look)
+        _draw_curve(axes, curve, limit, plot_style)
     for state, color in zip(states, (COLORS[0], *COLORS[2:]), strict=False):
         _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
     for state in states:
@@ -440,7 +453,7 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
 
 
-def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) -> None:
+def _draw_curve(axes: Any, curve: IdaCurve, limit: float, plot_style: dict[str, Any]) -> None:
     """Plot the curve of a ground motion: intensity over maximum drift ratio in percent.
 
     The curve leads from the origin, or from the residual drift of a damaged building, through the
@@ -454,7 +467,7 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
         Runs under a ground motion.
     limit : float
         Maximum drift ratio of the panel.
-    look : dict
+    plot_style : dict
         Line style.
     """
     drift = [curve.residual_drift_ratio, *(run.drift_ratio for run in curve.stable)]
@@ -462,7 +475,7 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
     if not curve.collapse.censored and curve.stable:
         drift += [drift[-1], _DRIFT_MARGIN * limit]
         im += [curve.collapse.capacity] * 2
-    axes.plot(100.0 * np.array(drift), im, zorder=1, **look)
+    axes.plot(100.0 * np.array(drift), im, zorder=1, **plot_style)
 
 
 def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
@@ -599,7 +612,11 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         for i, function in enumerate(functions):
             label = _label(function, function.beta_total)
             second.plot(
-                im, function.probability(im, total=True), **line_look(i), linewidth=1.8, label=label
+                im,
+                function.probability(im, total=True),
+                **line_style(i),
+                linewidth=1.8,
+                label=label,
             )
         second.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]))
         add_gravity_axis(second, functions[0].unit, horizontal=True)
@@ -663,7 +680,7 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
             axes.set_ylabel("probability")
         if not has_common_measure or index >= len(types) - columns:
             axes.set_xlabel(_im_label(types[name][0]))
-    lines = [axes.plot([], [], **line_look(i), linewidth=1.8)[0] for i in range(len(states))]
+    lines = [axes.plot([], [], **line_style(i), linewidth=1.8)[0] for i in range(len(states))]
     figure.legend(
         lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2
     )
@@ -689,7 +706,7 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
     im = np.linspace(0.0, end, _POINTS)[1:]
     for function in functions:
         i = states.index(function.state)
-        style = line_look(i)
+        style = line_style(i)
         _draw_band(axes, function, im, style, alpha=0.08, linewidth=0.4)
         axes.plot(
             im,
@@ -723,12 +740,17 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
     end = _axis_end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):
-        look = line_look(i)
-        color = look["color"]
+        plot_style = line_style(i)
+        color = plot_style["color"]
         _draw_band(
-            axes, function, im, look, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.5
+            axes,
+            function,
+            im,
+            plot_style,
+            alpha=0.18 if len(functions) == 1 else 0.08,
+            linewidth=0.5,
         )
-        axes.plot(im, function.probability(im), **look, linewidth=1.8, label=_label(function))
+        axes.plot(im, function.probability(im), **plot_style, linewidth=1.8, label=_label(function))
         if function.modeling_dispersion and total:
             probability = function.probability(im, total=True)
             label = rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
@@ -749,7 +771,12 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
 
 
 def _draw_band(
-    axes: Any, function: Fragility, im: Array, look: dict[str, Any], alpha: float, linewidth: float
+    axes: Any,
+    function: Fragility,
+    im: Array,
+    plot_style: dict[str, Any],
+    alpha: float,
+    linewidth: float,
 ) -> None:
     """Plot the confidence band of a fragility function, unless its covariance is unknown.
 
@@ -761,7 +788,7 @@ def _draw_band(
         Fragility function with the covariance of its parameters.
     im : ndarray, shape (k,)
         Intensities.
-    look : dict
+    plot_style : dict
         Color and dashes of both edges.
     alpha : float
         Opacity of the band, from 0 to 1.
@@ -770,9 +797,9 @@ def _draw_band(
     """
     if np.isfinite(function.covariance).all():
         low, high = function.band(im)
-        axes.fill_between(im, low, high, color=look["color"], alpha=alpha, linewidth=0.0)
+        axes.fill_between(im, low, high, color=plot_style["color"], alpha=alpha, linewidth=0.0)
         for edge in (low, high):
-            axes.plot(im, edge, **look, linewidth=linewidth)
+            axes.plot(im, edge, **plot_style, linewidth=linewidth)
 
 
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
@@ -794,7 +821,7 @@ def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") 
     )
 
 
-def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> None:
+def _draw_counted(axes: Any, function: Fragility, end: float, **plot_style: Any) -> None:
     """Plot the observed fractions to which a fragility function was fitted.
 
     They are the fractions at intensity levels, the cumulative distribution of capacities, or the
@@ -822,7 +849,7 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
             linestyle="none",
             markerfacecolor="white",
             zorder=4,
-            **look,
+            **plot_style,
         )
 
 
@@ -882,7 +909,7 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
         last = axes.plot(im, factor * line, color=COLORS[0], linestyle=DASHES[1])[0]
     last.set_label(rf"$\pm\sigma$ = {cloud.sigma:.3g}")
     for i, function in enumerate(functions):
-        axes.axhline(function.threshold, **line_look(i), linewidth=0.9)
+        axes.axhline(function.threshold, **line_style(i), linewidth=0.9)
     plain_logarithmic(axes)
     edges = [*cloud.edp.tolist(), *(function.threshold for function in functions)]
     axes.set(

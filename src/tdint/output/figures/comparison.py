@@ -30,9 +30,9 @@ from tdint.output.figures.style import (
     add_ratio_axis,
     changed,
     is_narrow,
-    line_look,
+    line_style,
     mark_first_periods,
-    method_looks,
+    method_styles,
     over_stories,
     plain_logarithmic,
     plain_numbers,
@@ -435,14 +435,14 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     draw_curve(curve, pushed, units)
     factor, _ = scaled_unit(float(np.max(np.abs(pushed.base_shear))), "N", units)
     for i, result in enumerate(results):
-        look = line_look(i + 1) | {"label": result.method}
+        plot_style = line_style(i + 1) | {"label": result.method}
         corners = [0.0, result.yield_displacement, result.roof_displacement]
         # The idealized curve of the N2 method is horizontal after yield.
         end_force = result.yield_force if result.method == "n2" else result.base_shear
         shears = np.array([0.0, result.yield_force, end_force]) * factor
         # An idealized curve without yielding before the target is a single line.
         count = 3 if result.roof_displacement > result.yield_displacement else 2
-        curve.plot(units.of(np.array(corners[:count]), "m"), shears[:count], **look)
+        curve.plot(units.of(np.array(corners[:count]), "m"), shears[:count], **plot_style)
         curve.plot(
             units.of(result.roof_displacement, "m"),
             result.base_shear * factor,
@@ -499,7 +499,7 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
         units.of(idealized_roof / result.participation, "m"),
         units.of(idealized_acceleration / result.participation, "m/s^2"),
     )
-    axes.plot(*idealized, **line_look(1) | {"label": f"idealized, T* {result.period:.3g} s"})
+    axes.plot(*idealized, **line_style(1) | {"label": f"idealized, T* {result.period:.3g} s"})
     # The spectral displacement of the elastic oscillator is Sd = Sa / omega^2.
     elastic = result.spectral_acceleration * (result.period / (2.0 * math.pi)) ** 2
     elastic_line = (
@@ -631,15 +631,15 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
         panels = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
         # The seed is plotted first, so that the matched ground motion is in front. The first item
         # of `motions` is the matched ground motion, the first style of `_MATCHED` is for the seed.
-        for record, motion, look in zip(
+        for record, motion, plot_style in zip(
             (part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True
         ):
             energy = np.cumsum(record.acceleration**2)
             time = record.dt * np.arange(record.acceleration.size)
             motions = (record.acceleration, motion.velocity, motion.displacement)
             for axes, values, si in zip(panels, motions, _MOTION.values(), strict=False):
-                axes.plot(time, units.of(values, si), **look)
-            panels[3].plot(time, 100.0 * (energy / energy[-1]), **look)
+                axes.plot(time, units.of(values, si), **plot_style)
+            panels[3].plot(time, 100.0 * (energy / energy[-1]), **plot_style)
         panels[3].set_xlabel("time (s)")
         if column == 0:
             for axes, (name, si) in zip(panels, _MOTION.items(), strict=False):
@@ -689,12 +689,12 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
         # The first item of `spectra` is the demand that was matched. For a pair, the spectra of the
         # two components follow. Each item contains the matched ground motion and the seed.
         spectra = spectrum.spectra_at(periods)
-        for psa, (name, look) in zip(spectra[0][::-1], _MATCHED.items(), strict=True):
-            axes.plot(periods, units.of(psa, "m/s^2"), label=f"{hidden}{name}", **look)
+        for psa, (name, plot_style) in zip(spectra[0][::-1], _MATCHED.items(), strict=True):
+            axes.plot(periods, units.of(psa, "m/s^2"), label=f"{hidden}{name}", **plot_style)
         for part, (after, _), style in zip(spectrum.parts, spectra[1:], (":", "--"), strict=False):
             name = f"{hidden}matched, {part.after.component or 'component'}"
-            look = _MATCHED["matched"] | {"linestyle": style}
-            axes.plot(periods, units.of(after, "m/s^2"), label=name, **look)
+            plot_style = _MATCHED["matched"] | {"linestyle": style}
+            axes.plot(periods, units.of(after, "m/s^2"), label=name, **plot_style)
     # The gray background marks the periods outside of the matched range.
     for first, last in ((periods[0], shortest), (longest, periods[-1])):
         if first < last:
@@ -749,7 +749,7 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
         )
         amplitude = units.of(spectrum.amplitude, "m/s")
         axes.plot(
-            spectrum.frequencies, amplitude, label=label, **line_look(number) | {"linewidth": 1.0}
+            spectrum.frequencies, amplitude, label=label, **line_style(number) | {"linewidth": 1.0}
         )
     axes.set(xscale="log", yscale="log")
     axes.set(xlabel="frequency (Hz)", ylabel=f"Fourier amplitude ({units.label('m/s')})")
@@ -855,11 +855,11 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     narrow = is_narrow()
     figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
-    looks = method_looks(chart.lines, highlight)
+    plot_styles = method_styles(chart.lines, highlight)
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
-        handles |= _plot_profiles(axes, shown, looks)
+        handles |= _plot_profiles(axes, shown, plot_styles)
         count = max(profile.problems for profile in shown)
         axes.set_title(f"error within {100.0 * tolerance:g} % ({pluralize(count, 'problem')})")
     for axes in panels.flat[len(tolerances) :]:
@@ -889,7 +889,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
 
 
 def _plot_profiles(
-    axes: Any, profiles: Sequence[PerformanceProfile], looks: dict[str, dict[str, Any]]
+    axes: Any, profiles: Sequence[PerformanceProfile], plot_styles: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
     """Plot the performance profiles of all methods for one tolerance.
 
@@ -899,8 +899,8 @@ def _plot_profiles(
         The panel; its x axis is the cost divided by the minimum cost.
     profiles : sequence of PerformanceProfile
         Profile of each method.
-    looks : dict
-        Line style of each method (`method_looks`). If a style has a line width, its method is
+    plot_styles : dict
+        Line style of each method (`method_styles`). If a style has a line width, its method is
         emphasized instead of the methods in `_BOLD`.
 
     Returns
@@ -909,7 +909,9 @@ def _plot_profiles(
         Line of each method, for the legend.
     """
     line_widths = {
-        method: look["linewidth"] for method, look in looks.items() if "linewidth" in look
+        method: plot_style["linewidth"]
+        for method, plot_style in plot_styles.items()
+        if "linewidth" in plot_style
     } or _BOLD
     lines: dict[str, Any] = {}
     # Emphasized methods are plotted last, so that their lines are in front.
@@ -919,11 +921,11 @@ def _plot_profiles(
         ratios = [ratio for ratio in profile.ratios if ratio <= _MAX_COST_RATIO]
         solved_fractions = np.arange(len(ratios) + 1) / max(profile.problems, 1)
         x, y = [1.0, *ratios, _MAX_COST_RATIO], [*solved_fractions, solved_fractions[-1]]
-        look = looks[profile.method] | {"markersize": 3.5, "markevery": 0.2}
-        look |= {"linewidth": line_widths.get(profile.method, 1.0)}
+        plot_style = plot_styles[profile.method] | {"markersize": 3.5, "markevery": 0.2}
+        plot_style |= {"linewidth": line_widths.get(profile.method, 1.0)}
         # Methods of other programs have hollow markers.
-        look |= {"markerfacecolor": "white"} if PEER in profile.method else {}
-        (lines[profile.method],) = axes.step(x, y, where="post", **look)
+        plot_style |= {"markerfacecolor": "white"} if PEER in profile.method else {}
+        (lines[profile.method],) = axes.step(x, y, where="post", **plot_style)
     axes.set(xscale="log", xlim=(1.0, _MAX_COST_RATIO), ylim=(0.0, 1.03))
     axes.xaxis.set_major_locator(FixedLocator([1.0, 2.0, 5.0, 10.0, 30.0]))
     axes.xaxis.set_minor_formatter(NullFormatter())

@@ -71,8 +71,10 @@ def example_picture(
         # Each method has a line with markers at some time steps; in the close-up at every time
         # step.
         for motion, label, style in zip(values, labels, styles, strict=True):
-            look = style | {"linewidth": 0.8} | ({"markevery": 1} if axes is close_up_axes else {})
-            (lines[label],) = axes.plot(time[samples], motion[samples], **look)
+            plot_style = (
+                style | {"linewidth": 0.8} | ({"markevery": 1} if axes is close_up_axes else {})
+            )
+            (lines[label],) = axes.plot(time[samples], motion[samples], **plot_style)
         axes.set_xlabel("time (s)")
     quantity = "|u - u_exact|" if shown.is_error else "displacement u"
     history_axes.set_ylabel(f"{quantity} (m)", parse_math=False)

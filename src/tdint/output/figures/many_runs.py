@@ -136,7 +136,8 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
         )
     if gradient.peak_drift.ndim > 2:
         raise UsageError(
-            "a gradient of many runs has no figure; plot a single run: gradient.of_run(0).plot()"
+            "a gradient of many runs has no figure; plot a single run: "
+            "gradient.select_run(0).plot()"
         )
     shown = gradient.parameters[:_MOST_PARAMETERS]
     columns = min(len(shown), _COLUMNS)

@@ -17,7 +17,7 @@ from tdint.output.figures.style import (
     LIGHT,
     MARK,
     MARKERS,
-    line_look,
+    line_style,
     mark_first_periods,
     over_stories,
     scaled_unit,
@@ -72,8 +72,8 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
     for mode in range(min(_MAX_MODES, len(floors) - 1)):
         label = f"mode {mode + 1}, {2.0 * math.pi / modes.omega[mode]:.4g} s"
         marker = MARKERS[mode] if len(shapes) <= _MAX_MARKED_FLOORS else None
-        look = line_look(mode) | {"marker": marker, "markersize": 4.0}
-        axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **look)
+        plot_style = line_style(mode) | {"marker": marker, "markersize": 4.0}
+        axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **plot_style)
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
     label = "shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1"
     axes.set(ylim=(0.0, floors[-1]), ylabel="floor", xlabel=label)
@@ -145,7 +145,7 @@ def mode_spectrum_picture(
             spectrum.periods,
             units.of(spectrum.psa, "m/s^2"),
             label=spectrum.label,
-            **line_look(0),
+            **line_style(0),
         )
         values = units.of(spectrum.at_modes, "m/s^2")
         spectrum_axes.plot(
@@ -187,7 +187,7 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     for number, (rule, values) in enumerate(displacements.items()):
         with_ground = np.concatenate(([0.0], units.of(values, "m")))
         floors = np.arange(with_ground.size)
-        displacement.plot(with_ground, floors, label=rule, **line_look(number))
+        displacement.plot(with_ground, floors, label=rule, **line_style(number))
     displacement.set(xlim=(0.0, None), ylim=(0, result.period.size), ylabel="floor")
     displacement.set_xlabel(f"displacement ({units.label('m')})")
     displacement.yaxis.get_major_locator().set_params(integer=True)

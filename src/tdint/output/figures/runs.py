@@ -458,13 +458,15 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     # the ground is a point at 0.5.
     floors = units.of(stories.peak_absolute_acceleration, "m/s^2")
     ground = units.of(response.record.pga, "m/s^2") if response.record is not None else 0.0
-    look = {
+    plot_style = {
         "color": INK,
         "linewidth": 1.2,
         "marker": "o" if floors.size <= 20 else None,
         "markersize": 3.0,
     }
-    accelerations.plot([ground, *floors], np.arange(floors.size + 1) + 0.5, **look, clip_on=False)
+    accelerations.plot(
+        [ground, *floors], np.arange(floors.size + 1) + 0.5, **plot_style, clip_on=False
+    )
     if max(ground, np.max(floors)) > 0.0:
         accelerations.set_xlim(right=1.08 * max(ground, float(np.max(floors))))
     accelerations.set_xlabel(f"absolute floor\nacceleration ({units.label('m/s^2')})")

@@ -25,7 +25,7 @@ from tdint.output.figures.style import (
     FirstPeriods,
     add_legend,
     changed,
-    line_look,
+    line_style,
     mark_first_periods,
     plain_minor_numbers,
     plain_numbers,
@@ -138,7 +138,7 @@ def draw_over_periods(
             color = motion_index[motion] if by_motion else dash
             indices = _positive_periods(result.periods)
             periods = result.periods[indices]
-            style = line_look(color, dash)
+            style = line_style(color, dash)
             if periods.size < _MIN_UNMARKED_PERIODS:
                 style |= {"marker": "o", "markersize": 4}
             for axes, (_, values) in zip(rows[:, titles.index(title)], panels, strict=True):
@@ -281,15 +281,18 @@ def line_labels(results: Sequence[OverPeriods]) -> list[str]:
     return labels
 
 
-def over_periods_title(of_one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
+def over_periods_title(
+    single_title: str, several: str, results: Sequence[OverPeriods], more: str
+) -> str:
     """Return the title of a figure over the period.
 
-    The first line is `of_one` with the file and the component of a single result, or `several` with
-    the file or the number of records. The second line contains the damping ratios and `more`.
+    The first line is `single_title` with the file and the component of a single result, or
+    `several` with the file or the number of records. The second line contains the damping ratios
+    and `more`.
 
     Parameters
     ----------
-    of_one, several : str
+    single_title, several : str
         Names of the quantity in the singular and in the plural.
     results : sequence
         Results of the figure.
@@ -302,7 +305,9 @@ def over_periods_title(of_one: str, several: str, results: Sequence[OverPeriods]
     subject += changed(result.record for result in results)
     damping = ", ".join(f"{100.0 * ratio:g} %" for ratio in ratios)
     if len(results) == 1:
-        return f"{of_one} of {subject} {results[0].record.component}\n{damping} damping, {more}"
+        return (
+            f"{single_title} of {subject} {results[0].record.component}\n{damping} damping, {more}"
+        )
     return f"{several} of {subject}\n{damping} damping, {more}"
 
 
@@ -335,8 +340,8 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
         for spectrum in spectra
     ]
     if not is_suite(spectra):
-        looks = (line_look(i) | {"zorder": 3} for i in range(len(shown)))
-        return list(zip(shown, labels, looks, strict=True))
+        plot_styles = (line_style(i) | {"zorder": 3} for i in range(len(shown)))
+        return list(zip(shown, labels, plot_styles, strict=True))
     gray = {"color": GRAY, "linewidth": 0.6, "zorder": 1.5}
     curves = [
         (spectrum, "single components" if i == 0 else "", gray) for i, spectrum in enumerate(shown)
@@ -355,7 +360,7 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
         label = f"median of {len(selected)}"
         if len(ratios) > 1:
             label += f", {100.0 * ratio:g} %"
-        style = line_look(i) | {"zorder": 3, "linewidth": 2.0}
+        style = line_style(i) | {"zorder": 3, "linewidth": 2.0}
         curves.append((replace(shown[0], **medians), label, style))
     return curves
 
@@ -684,7 +689,7 @@ def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnit
         zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())
     ):
         axes.plot(
-            spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=label, **line_look(number)
+            spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=label, **line_style(number)
         )
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
     axes.set(

@@ -172,7 +172,7 @@ def is_narrow() -> bool:
     return 0.0 < (PRINTED.get().width or 0.0) < _COLUMN
 
 
-def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
+def line_style(number: int, dash: int | None = None) -> dict[str, Any]:
     """Return color and dashes of a line as keyword arguments of matplotlib.
 
     Parameters
@@ -187,11 +187,11 @@ def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
     return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
 
 
-def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[str, Any]]:
+def method_styles(methods: Iterable[str], highlight: str = "") -> dict[str, dict[str, Any]]:
     """Return color, dashes and marker of each method, which are the same in all figures.
 
-    Methods of the catalogue and of other programs have fixed looks. Plug-ins and methods with
-    parameters use the remaining looks in their order. The method to highlight, or all plug-ins
+    Methods of the catalogue and of other programs have fixed styles. Plug-ins and methods with
+    parameters use the remaining styles in their order. The method to highlight, or all plug-ins
     without a method to highlight, have a wider line in front of the others.
 
     Parameters
@@ -213,17 +213,17 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
     others = [line for line in lines if line not in fixed]
     plugins = [line for line in lines if line in catalogue() and not is_ours(line)]
     highlighted = [highlight] if highlight else plugins
-    looks: dict[str, dict[str, Any]] = {}
+    plot_styles: dict[str, dict[str, Any]] = {}
     for number, method in enumerate((*fixed, *others)):
         # With twelve colors and eleven markers, the first 132 combinations differ.
-        looks[method] = {
+        plot_styles[method] = {
             "color": METHOD_COLORS[number % len(METHOD_COLORS)],
             "linestyle": DASHES[number % len(DASHES)],
             "marker": _METHOD_MARKERS[number % len(_METHOD_MARKERS)],
         }
         if method in highlighted:
-            looks[method] |= {"linewidth": _HIGHLIGHT_WIDTH, "zorder": 4}
-    return looks
+            plot_styles[method] |= {"linewidth": _HIGHLIGHT_WIDTH, "zorder": 4}
+    return plot_styles
 
 
 def picture_format(suffix: str) -> str:
@@ -297,13 +297,13 @@ class Picture:
 
     Attributes
     ----------
-    kind : str
+    file_format : str
         File format: png, pdf or svg.
     draw : callable
         Function that draws the figure.
     """
 
-    kind: str
+    file_format: str
     draw: Callable[[], Figure]
 
     def figure(self) -> Figure:
@@ -344,14 +344,16 @@ class Picture:
         dpi = _PRINT_DPI if printed.width else _SCREEN_DPI
         # Only for PNG, the layout can be computed before the file is written: in vector formats,
         # the viewer determines the widths of characters, which differ from widths in pixels.
-        layout_context = _fixed_layout(figure, dpi) if self.kind == "png" else nullcontext()
+        layout_context = _fixed_layout(figure, dpi) if self.file_format == "png" else nullcontext()
         with (
             mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
             _latex_errors_reported(),
             _panels_must_fit(printed.width),
             layout_context,
         ):
-            figure.savefig(stream, format=self.kind, dpi=dpi, metadata=_METADATA[self.kind])
+            figure.savefig(
+                stream, format=self.file_format, dpi=dpi, metadata=_METADATA[self.file_format]
+            )
 
 
 @contextmanager
@@ -775,8 +777,8 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
             label += f" of {shorten(names[0], _MAX_NAME, placeholder=' ...')}"
         if len(names) > 1:
             label += f" and {len(names) - 1} more"
-        look = {"color": color, "linewidth": 0.8, "linestyle": DASHES[number % len(DASHES)]}
-        axes.axvline(group[0][1], label=f"{label} = {text} s", **look)
+        plot_style = {"color": color, "linewidth": 0.8, "linestyle": DASHES[number % len(DASHES)]}
+        axes.axvline(group[0][1], label=f"{label} = {text} s", **plot_style)
 
 
 def legend_columns(labels: Sequence[str], most: int, width: float | None = None) -> int:

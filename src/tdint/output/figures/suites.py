@@ -28,7 +28,7 @@ from tdint.output.figures.style import (
     MARK,
     FirstPeriods,
     legend_columns,
-    line_look,
+    line_style,
     mark_first_periods,
     plain_logarithmic,
     scaled_unit,
@@ -75,7 +75,7 @@ def profile_picture(
     shown = list(rows.values())[:_MAX_ROWS]
     figure = Figure(figsize=(8.0, 0.9 + 3.6 * len(shown)), layout="constrained")
     panels = figure.subplots(len(shown), 3, squeeze=False)
-    looks = building_looks(profile.building for profile in profiles)
+    plot_styles = building_styles(profile.building for profile in profiles)
     for axes, row in zip(panels, shown, strict=True):
         by_length = _by_length(row)
         for profile in row:
@@ -87,12 +87,16 @@ def profile_picture(
             ):
                 if len(values):
                     line = partial(_line, panel, by_floor=values is accelerations)
-                    _draw_motions(panel, values, line, looks[profile.building], "largest", member)
+                    _draw_motions(
+                        panel, values, line, plot_styles[profile.building], "largest", member
+                    )
         level = row[0].level_text if len(rows) > 1 else ""
         _finish_row(axes, row, units, None if by_length else limit, level)
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     _add_common_legend(figure, panels[:, 0])
-    subject = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
+    subject = (
+        profiles[0].building if len(plot_styles) == 1 else title or f"{len(plot_styles)} buildings"
+    )
     omission = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
     return titled(figure, f"{subject}\n{_motions_text(shown[0][0], member)}{omission}")
 
@@ -139,17 +143,17 @@ def draw_drift_profiles(
         Noun for a motion of a profile.
     """
     by_length = _by_length(profiles)
-    looks = building_looks(profile.building for profile in profiles)
+    plot_styles = building_styles(profile.building for profile in profiles)
     levels = len({profile.level_text for profile in profiles})
     for number, profile in enumerate(profiles):
         peaks = profile.peaks
         drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
-        look = looks[profile.building]
+        plot_style = plot_styles[profile.building]
         if levels > 1:
-            look = (COLORS[number % len(COLORS)], f"{look[1]}{profile.level_text}, ")
+            plot_style = (COLORS[number % len(COLORS)], f"{plot_style[1]}{profile.level_text}, ")
         if len(drifts):
             line = partial(_line, axes, by_floor=False)
-            _draw_motions(axes, drifts, line, look, "largest", member)
+            _draw_motions(axes, drifts, line, plot_style, "largest", member)
     axes.set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     axes.set_ylim(0.5, max(profile.height.size for profile in profiles) + 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
@@ -164,7 +168,7 @@ def _by_length(profiles: Sequence[Profile]) -> bool:
     )
 
 
-def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
+def building_styles(names: Iterable[str]) -> dict[str, tuple[str, str]]:
     """Return the color and the label of each building, by the name of the building.
 
     The label is the name with a comma, for the start of a legend entry; empty for a single
@@ -196,7 +200,7 @@ def _draw_motions(
     axes: Any,
     rows: Array,
     line: Callable[..., Any],
-    look: tuple[str, str],
+    plot_style: tuple[str, str],
     largest: str,
     member: str = "motion",
 ) -> None:
@@ -213,14 +217,15 @@ def _draw_motions(
     line : callable
         Function that plots a row of values. It accepts the values, shape (k,), and a line style as
         keyword arguments.
-    look : tuple of str
-        Color and label of the building (`building_looks`); the label of a single building is empty.
+    plot_style : tuple of str
+        Color and label of the building (`building_styles`); the label of a single building is
+        empty.
     largest : str
         Label of the maximum over the motions: `largest` or `envelope`.
     member : str
         Noun for a motion: `motion` (the default) or `run`.
     """
-    color, name = look
+    color, name = plot_style
     if not name:
         for row in rows:
             line(row, color=GRAY, linewidth=0.7, zorder=1.5)
@@ -345,8 +350,10 @@ def floor_picture(
     for floor_spectrum in spectra:
         floor, spectrum = floor_spectrum.floor, floor_spectrum.spectrum
         label = f"floor {floor}" + (f", {100.0 * spectrum.damping:g} %" if len(ratios) > 1 else "")
-        look = line_look(floors.index(floor), ratios.index(spectrum.damping)) | {"linewidth": 1.6}
-        axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), **look, label=label)
+        plot_style = line_style(floors.index(floor), ratios.index(spectrum.damping)) | {
+            "linewidth": 1.6
+        }
+        axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), **plot_style, label=label)
     _set_axes(axes, units)
     mark_first_periods(axes, [("", period)])
     axes.legend(loc="best")
@@ -382,12 +389,12 @@ def floor_suite_picture(
     rows = math.ceil(len(shown) / columns)
     figure = Figure(figsize=(4.0 * columns + 0.4, 3.6 * rows + 0.8), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
-    looks = building_looks(suite.building for suite in suites)
+    plot_styles = building_styles(suite.building for suite in suites)
     several_scales = len({repr(suite.scale) for suite in suites}) > 1
     for axes, panel_suites in zip(grid.ravel(), shown, strict=False):
         for suite in panel_suites:
             line, psa = partial(axes.plot, suite.periods), units.of(suite.psa, "m/s^2")
-            _draw_motions(axes, psa, line, looks[suite.building], "envelope")
+            _draw_motions(axes, psa, line, plot_styles[suite.building], "envelope")
         _set_axes(axes, units)
         mark_first_periods(axes, periods)
         first = panel_suites[0]
@@ -399,7 +406,7 @@ def floor_suite_picture(
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
     _add_common_legend(figure, grid.ravel())
-    subject = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
+    subject = suites[0].building if len(plot_styles) == 1 else f"{len(plot_styles)} buildings"
     title = f"{subject}, {pluralize(suites[0].runs, 'motion')}\n"
     title += "spectra of absolute floor accelerations"
     if len(panels) > len(shown):

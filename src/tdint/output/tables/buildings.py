@@ -77,7 +77,7 @@ CYCLIC = (
 _SHEAR_BEAM = Column(
     "period_shear_beam_s", "s", "building.period", "fundamental period of the shear building"
 )
-_OF_STORIES = (
+_STORIES_COLUMNS = (
     Column("damping_ratio", "1", "building.damping_ratio", "viscous damping ratio"),
     Column(
         "story",
@@ -96,7 +96,7 @@ INVENTORY = (
     Column("hazus_type", "text", "building.type", "structure type with its height class"),
     Column("period_rule_s", "s", "building.rule_period", "fundamental period by the rules"),
     _SHEAR_BEAM,
-    *_OF_STORIES,
+    *_STORIES_COLUMNS,
     Column("stiffness_N_m", "N/m", "building.stiffness", "initial stiffness"),
     Column("yield_force_N", "N", "building.yield_force", "force at first yield"),
     Column("ultimate_force_N", "N", "building.ultimate_force", "maximum force"),
@@ -115,7 +115,7 @@ INVENTORY = (
     ),
     Column("unloading_exponent", "1", "building.unloading", "exponent of the unloading stiffness"),
 )
-OF_CLASSES = (
+CLASS_COLUMNS = (
     INVENTORY[0],
     Column("class", "text", "building.name", "class of the building"),
     Column(
@@ -131,7 +131,7 @@ OF_CLASSES = (
         "building.participation",
         "roof displacement divided by spectral displacement",
     ),
-    *_OF_STORIES,
+    *_STORIES_COLUMNS,
     *(
         Column(
             f"{name}_{point + 1}_{unit}",
@@ -261,8 +261,8 @@ MODAL_RESPONSE = (
         "story, numbered from the ground",
     ),
     *(
-        Column(f"drift_{rule}_m", "m", f"drift_{rule}", f"drift, {words}")
-        for rule, words in _COMBINED
+        Column(f"drift_{rule}_m", "m", f"drift_{rule}", f"drift, {text}")
+        for rule, text in _COMBINED
     ),
     Column(
         "drift_ratio_cqc",
@@ -271,17 +271,17 @@ MODAL_RESPONSE = (
         "drift_cqc_m divided by story height",
     ),
     *(
-        Column(f"shear_{rule}_N", "N", f"shear_{rule}", f"story shear, {words}")
-        for rule, words in _COMBINED
+        Column(f"shear_{rule}_N", "N", f"shear_{rule}", f"story shear, {text}")
+        for rule, text in _COMBINED
     ),
     *(
         Column(
             f"displacement_{rule}_m",
             "m",
             f"displacement_{rule}",
-            f"floor displacement relative to the ground, {words}",
+            f"floor displacement relative to the ground, {text}",
         )
-        for rule, words in _COMBINED
+        for rule, text in _COMBINED
     ),
     Column(
         "absolute_acceleration_cqc_m_s2",
@@ -472,16 +472,16 @@ MODEL = (
         lambda model: np.arange(1, len(model.stories) + 1),
         "story, numbered from the ground",
     ),
-    Column("mass_kg", "kg", lambda model: _of_stories(model, "mass"), "mass of the floor above"),
-    Column("height_m", "m", lambda model: _of_stories(model, "height"), "story height"),
+    Column("mass_kg", "kg", lambda model: _story_values(model, "mass"), "mass of the floor above"),
+    Column("height_m", "m", lambda model: _story_values(model, "height"), "story height"),
     Column(
-        "stiffness_N_m", "N/m", lambda model: _of_stories(model, "stiffness"), "initial stiffness"
+        "stiffness_N_m", "N/m", lambda model: _story_values(model, "stiffness"), "initial stiffness"
     ),
 )
 """Stories of a model; the text columns of hysteretic laws and dashpots follow."""
 
 
-def _of_stories(model: Model, name: str) -> Array:
+def _story_values(model: Model, name: str) -> Array:
     """Return the attribute `name` of all stories of a model, shape (stories,); nan for a story
     without a value."""
     values = [getattr(story, name) for story in model.stories]

@@ -17,12 +17,12 @@ from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.model.definition import parameter_meaning
 from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
-from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
+from tdint.output.tables.spectra import FLOOR_SUITE_COLUMNS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
     FLOOR,
     METHOD_SPEC,
-    OF_NAMED_RECORD,
+    NAMED_RECORD_COLUMNS,
     PAIR_DEMAND,
     PERIOD,
     TEXT,
@@ -43,9 +43,9 @@ if TYPE_CHECKING:
     from tdint.campaign.profiles import FloorSuite, Profile, Ratios, RunFloors, Statistics
     from tdint.campaign.store import Store
 
-OF_BUILDING = (
+BUILDING_COLUMNS = (
     Column("building", "text", "building", "name of the building"),
-    *OF_NAMED_RECORD,
+    *NAMED_RECORD_COLUMNS,
     Column("scale", "1", "scale", "scale factor of the ground motion"),
 )
 SAMPLE = Column(
@@ -57,7 +57,7 @@ SAMPLE = Column(
 )
 EVENT = Column("event", "text", "event", "event of a ground motion field")
 RUNS = (
-    *OF_BUILDING,
+    *BUILDING_COLUMNS,
     SAMPLE,
     METHOD_SPEC,
     *(Column.of_quantity(quantity) for quantity in RUN if quantity.shown != HIDDEN),
@@ -68,7 +68,7 @@ _WITH_ERROR = tuple(Column.of_quantity(quantity) for quantity in RUN_WITH_ERROR)
 RUN_ERRORS = error_columns(_WITH_ERROR)
 """Additional columns of a campaign with error estimates."""
 
-STORIES = (*OF_BUILDING, *STORY_COLUMNS)
+STORIES = (*BUILDING_COLUMNS, *STORY_COLUMNS)
 """Columns of stories.csv of a campaign."""
 
 LEVEL = Column(
@@ -99,7 +99,7 @@ COUNTS = (
     ),
 )
 PROFILES = (
-    OF_BUILDING[0],
+    BUILDING_COLUMNS[0],
     Column(
         "scale",
         "1",
@@ -133,7 +133,7 @@ PROFILE_ERRORS = error_columns(PROFILES[5:10])
 """Additional columns of a campaign with error estimates."""
 
 SHOCKS = (
-    *OF_BUILDING,
+    *BUILDING_COLUMNS,
     Column("shock", "1", "shock", "event of the sequence, from 1"),
     Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
     Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
@@ -141,11 +141,11 @@ SHOCKS = (
 )
 """Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""
 
-FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *OF_FLOORS, *COUNTS)
+FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *FLOOR_SUITE_COLUMNS, *COUNTS)
 """Columns of floor-spectra-mean.csv."""
 
 RATIOS = (
-    OF_BUILDING[0],
+    BUILDING_COLUMNS[0],
     Column("baseline", "text", "baseline", "name of the baseline building"),
     PROFILES[1],
     Column(
@@ -198,7 +198,7 @@ def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
         )
         for measure in measures
     ]
-    return (*OF_BUILDING, SAMPLE, *columns)
+    return (*BUILDING_COLUMNS, SAMPLE, *columns)
 
 
 STATUS = (
@@ -298,7 +298,7 @@ def story_columns(store: Store) -> tuple[Column, ...]:
     """
     sample_column = (SAMPLE,) if store.count("sample > 0") else ()
     error_columns_of_stories = STORY_ERROR if store.checked else ()
-    return (*OF_BUILDING, *sample_column, *STORY_COLUMNS, *error_columns_of_stories)
+    return (*BUILDING_COLUMNS, *sample_column, *STORY_COLUMNS, *error_columns_of_stories)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
@@ -521,7 +521,7 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     """
     # Two samples can be the same ground motion; their numbers distinguish the rows.
     has_samples = store.count("sample > 0") > 0
-    columns = (*OF_BUILDING, *((SAMPLE,) if has_samples else ()), FLOOR, *SPECTRUM)
+    columns = (*BUILDING_COLUMNS, *((SAMPLE,) if has_samples else ()), FLOOR, *SPECTRUM)
     buildings, records = store.buildings(), store.records()
     heads: list[tuple[Cell, ...]] = []
     spectra = []

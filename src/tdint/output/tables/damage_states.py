@@ -17,8 +17,8 @@ from tdint.campaign.store import Store
 from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
 from tdint.output.tables.campaign import (
+    BUILDING_COLUMNS,
     EVENT,
-    OF_BUILDING,
     SAMPLE,
     copied_cells,
     copied_columns,
@@ -151,7 +151,7 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
         )
         for name in states.outcomes
     )
-    head = (*OF_BUILDING, SAMPLE, TYPE, _STATUS, demand_column(states), _STATE)
+    head = (*BUILDING_COLUMNS, SAMPLE, TYPE, _STATUS, demand_column(states), _STATE)
     return (*head, *outcomes, *((LOSS,) if states.losses else ()))
 
 

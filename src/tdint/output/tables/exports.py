@@ -45,7 +45,7 @@ _ROWS_AT_ONCE = 131_072  # rows per row group of a Parquet file
 _INTEGER_COLUMNS = {
     SAMPLE.name,
     "story",
-    *(quantity.column for quantity in (*RUN, *STORY_QUANTITIES) if quantity.kind is int),
+    *(quantity.column for quantity in (*RUN, *STORY_QUANTITIES) if quantity.value_type is int),
 }
 
 

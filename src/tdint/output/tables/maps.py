@@ -168,7 +168,7 @@ def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> I
                 results |= _losses(results, value, annual_losses, rank, event)
                 if level.pair_demand:
                     results["pair_demand"] = level.pair_demand
-                demands = _of_level(level, runs_of_event, units)
+                demands = _level_properties(level, runs_of_event, units)
                 properties = head | demands | results | inventory_properties
                 yield {"type": "Feature", "geometry": geometry, "properties": properties}
 
@@ -468,7 +468,9 @@ def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feat
 _POLYGONS = ("Polygon", "MultiPolygon")
 
 
-def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
+def _level_properties(
+    level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits
+) -> Feature:
     """Return the properties of a building on a map at an intensity level.
 
     They are the scale factor or the level, the numbers of ground motions, and the mean and maximum

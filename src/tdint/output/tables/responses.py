@@ -47,9 +47,9 @@ HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
     tuple(
         Column.of_quantity(quantity)
         for quantity in quantities(History)
-        if quantity.shown == (place,)
+        if quantity.shown == (location,)
     )
-    for place in ("ground", "floor", "story")
+    for location in ("ground", "floor", "story")
 )
 HISTORY_ENERGY = (
     *(
@@ -70,9 +70,9 @@ HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
             f"{quantity.column}_error", quantity.unit, f"error.{quantity.name}", quantity.meaning
         )
         for quantity in quantities(ErrorHistory)
-        if quantity.shown == (place,)
+        if quantity.shown == (location,)
     )
-    for place in ("floor", "story")
+    for location in ("floor", "story")
 )
 """Last columns of a response history with error estimates."""
 

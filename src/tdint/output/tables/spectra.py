@@ -21,7 +21,7 @@ from tdint.ground_motion.measures import (
     spectrum_intensity,
 )
 from tdint.ground_motion.record import Record, component_names
-from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, elements_of
+from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, Table, columns_of, elements_of
 from tdint.tabular import Tabular
 from tdint.units import suffix
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 INFO = (
-    *OF_RECORD,
+    *RECORD_COLUMNS,
     Column(
         "id",
         "text",
@@ -109,7 +109,7 @@ INFO = (
 )
 
 MOTION = (
-    *OF_RECORD,
+    *RECORD_COLUMNS,
     Column("dt_s", "s", "dt", "sampling interval"),
     Column("duration_s", "s", "duration", "time from the first to the last sample"),
     Column("scale", "1", "scale", "scale factor of the recorded acceleration"),
@@ -148,7 +148,7 @@ def ground_table(record: Record) -> Table:
     return Table.of_results(GROUND, [SimpleNamespace(**attributes)])
 
 
-OF_MOTION = (
+MOTION_COLUMNS = (
     Column("record", "text", "motion.source", "file of the first component"),
     Column("component", "text", "motion.component", "both components"),
 )
@@ -311,11 +311,11 @@ def _predominant_period(record: Record) -> float:
     return float(periods[int(np.argmax(psa))])
 
 
-_OF_BOTH = ("pga", "pgv", "pgd", "arias", "d5-95")
+_PAIRED_MEASURES = ("pga", "pgv", "pgd", "arias", "d5-95")
 """Intensity measures of both the matched ground motion and its scaled seed."""
 
 
-def _of_measures(index: int, name: str) -> Callable[[Any], Any]:
+def _match_measure(index: int, name: str) -> Callable[[Any], Any]:
     """Return a function of a spectral match, which returns the intensity measure `name` of the
     matched ground motion (index 0) or of its scaled seed (index 1), shape (1,)."""
     return lambda matched: np.array([getattr(matched.measures[index], name.replace("-", "_"))])
@@ -346,10 +346,10 @@ MATCHED = (
         Column(
             f"{seed}{MEASURES[name].head}{suffix(MEASURES[name].unit)}",
             MEASURES[name].unit,
-            _of_measures(index, name),
+            _match_measure(index, name),
             f"{MEASURES[name].meaning}{', of the scaled seed' if seed else ''}",
         )
-        for name in _OF_BOTH
+        for name in _PAIRED_MEASURES
         for index, seed in enumerate(("", "seed_"))
     ),
     *(
@@ -400,7 +400,7 @@ def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
     # its full identifier.
     names = component_names([result.record for result in results])
     heads = [(result.record.source, name) for result, name in zip(results, names, strict=True)]
-    return Table.of_results((*OF_RECORD, *columns), results, heads)
+    return Table.of_results((*RECORD_COLUMNS, *columns), results, heads)
 
 
 def result_table(results: Sequence[Any], additional: Sequence[str] = ()) -> Table:
@@ -441,11 +441,11 @@ def rotated_table(spectra: Sequence[RotatedSpectrum], additional: Sequence[str] 
     """
     # The columns of the settings follow the columns that all spectra have.
     setting_columns = columns_of(Spectrum, *additional)[len(SPECTRUM) :]
-    columns = (*OF_MOTION, *rotated(spectra[0].percentiles), *setting_columns)
+    columns = (*MOTION_COLUMNS, *rotated(spectra[0].percentiles), *setting_columns)
     return Table.of_results(columns, spectra)
 
 
-OF_FLOORS = (
+FLOOR_SUITE_COLUMNS = (
     Column(
         "mean_psa_m_s2",
         "m/s^2",

@@ -17,10 +17,10 @@ from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
 from tdint.output.tables.table import (
-    OF_NAMED_RECORD,
-    OF_RECORD,
+    NAMED_RECORD_COLUMNS,
     PAIR_DEMAND,
     PERIOD,
+    RECORD_COLUMNS,
     Cell,
     Column,
     Table,
@@ -67,7 +67,7 @@ CORRELATIONS = (
 """Columns of the rank correlations of a sweep."""
 
 FACTORS = (
-    *OF_RECORD,
+    *RECORD_COLUMNS,
     Column(
         "factor", "1", "factor", "scale factor of the record, equal for both components of a pair"
     ),
@@ -80,14 +80,14 @@ SCALED = (
         "curve",
         "`scaled`: scaled ground motion; `mean`: mean of the scaled ground motions; `target`",
     ),
-    *OF_NAMED_RECORD,
+    *NAMED_RECORD_COLUMNS,
     PERIOD,
     Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
 )
 """Columns of the spectra of a scaled suite."""
 
 _RECORD = (
-    *OF_NAMED_RECORD,
+    *NAMED_RECORD_COLUMNS,
     Column(
         "im_name",
         "text",
@@ -99,40 +99,40 @@ _RECORD = (
 """First columns of the tables of an incremental dynamic analysis."""
 
 
-def _of_runs(name: str) -> Callable[[Any], Any]:
+def _run_values(name: str) -> Callable[[Any], Any]:
     """Return a function of a `_CurveRows` (an IDA curve), which returns the attribute `name` of all
     runs of the curve as an array, shape (runs,)."""
-    return lambda curve: curve.of_runs(name)
+    return lambda curve: curve.run_values(name)
 
 
 IDA = (
     *_RECORD,
     Column("level", "1", numbered("curve.runs"), "number of the intensity level, from the lowest"),
-    Column("im", "1", _of_runs("im"), "intensity"),
-    Column("scale", "1", _of_runs("scale"), "scale factor of the record"),
-    Column("status", "text", _of_runs("status"), "status of the run"),
+    Column("im", "1", _run_values("im"), "intensity"),
+    Column("scale", "1", _run_values("scale"), "scale factor of the record"),
+    Column("status", "text", _run_values("status"), "status of the run"),
     Column(
         "peak_drift_ratio",
         "1",
-        _of_runs("drift_ratio"),
+        _run_values("drift_ratio"),
         "maximum over the stories of peak drift divided by story height",
     ),
     Column(
         "peak_absolute_acceleration_m_s2",
         "m/s^2",
-        _of_runs("acceleration"),
+        _run_values("acceleration"),
         "maximum absolute acceleration over the floors",
     ),
     Column(
         "residual_drift_ratio",
         "1",
-        _of_runs("residual_drift_ratio"),
+        _run_values("residual_drift_ratio"),
         "maximum over the stories of residual drift divided by story height",
     ),
 )
 _DEMANDS = ("drift_ratio", "acceleration", "residual_drift_ratio")
 IDA_ERRORS = tuple(
-    replace(column, value=_of_runs(f"{name}_error"))
+    replace(column, value=_run_values(f"{name}_error"))
     for column, name in zip(error_columns(IDA[-3:]), _DEMANDS, strict=True)
 )
 """Additional columns of a study with error estimates."""
@@ -239,32 +239,32 @@ CLOUD = (
     Column(
         "b0",
         "1",
-        lambda function: _of_line(function, "intercept"),
+        lambda function: _regression_value(function, "intercept"),
         f"cloud analysis: intercept of the regression of ln EDP on ln IM{_SEEN}",
     ),
     Column(
         "b1",
         "1",
-        lambda function: _of_line(function, "slope"),
+        lambda function: _regression_value(function, "slope"),
         "cloud analysis: slope of the regression of ln EDP on ln IM",
     ),
     Column(
         "sigma",
         "1",
-        lambda function: _of_line(function, "sigma"),
+        lambda function: _regression_value(function, "sigma"),
         "cloud analysis: standard deviation of ln EDP about the regression line",
     ),
     Column(
         "below",
         "1",
-        lambda function: _of_line(function, "light"),
+        lambda function: _regression_value(function, "light"),
         "cloud analysis: number of runs that count only as below all states",
     ),
 )
 """Columns of the regression line of a cloud analysis."""
 
 
-def _of_line(function: Fragility, name: str) -> float:
+def _regression_value(function: Fragility, name: str) -> float:
     """Return an attribute of the regression line of a fragility function from a cloud analysis.
 
     `name` is `intercept`, `slope`, `sigma` or `light` (number of demands below all states). The
@@ -413,7 +413,7 @@ class _CurveRows:
     curve: IdaCurve
     capacity: Capacity | None = None
 
-    def of_runs(self, name: str) -> Any:
+    def run_values(self, name: str) -> Any:
         """Return an attribute of all runs, shape (runs,)."""
         return np.array([getattr(run, name) for run in self.curve.runs])
 

@@ -418,7 +418,7 @@ def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
     return text.getvalue().replace("\r", "").encode()
 
 
-OF_RECORD = (
+RECORD_COLUMNS = (
     Column("record", "text", "record.source", "file of the record"),
     Column("component", "text", "record.component", "component of the record"),
 )
@@ -433,7 +433,7 @@ PAIR_DEMAND = Column(
 )
 """Last column of tables over ground motions that include pairs."""
 
-OF_NAMED_RECORD = (
+NAMED_RECORD_COLUMNS = (
     Column("record", "text", "record", "file of the record"),
     Column("component", "text", "component", "component of the record"),
 )

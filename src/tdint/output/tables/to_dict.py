@@ -16,7 +16,15 @@ from tdint.analysis.run.outcome import STORY_QUANTITIES, History
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
-from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, describe, parquet
+from tdint.output.tables.table import (
+    FLOOR,
+    RECORD_COLUMNS,
+    Column,
+    Table,
+    columns_of,
+    describe,
+    parquet,
+)
 from tdint.tabular import ResultList, import_optional
 from tdint.units import SI, parse_output_units, quantities
 
@@ -136,7 +144,10 @@ def to_xarray(runs: Runs) -> Any:
     """
     xarray = import_optional("xarray", "to_xarray")
     table = to_dict(runs)
-    run_columns = [*OF_RUN, *(column.name for column in campaign.varied_columns(runs.varied))]
+    run_columns = [
+        *RUN_COORDINATES,
+        *(column.name for column in campaign.varied_columns(runs.varied)),
+    ]
     coordinates: dict[str, Any] = {name: ("run", table[name]) for name in run_columns}
     coordinates |= {
         "run": np.arange(len(runs.model)),
@@ -166,7 +177,7 @@ def to_xarray(runs: Runs) -> Any:
     return xarray.Dataset(variables, coordinates)
 
 
-OF_RUN = ("building", "record", "component", "method", "scale", "dt_s", "status", "steps")
+RUN_COORDINATES = ("building", "record", "component", "method", "scale", "dt_s", "status", "steps")
 """Coordinates of a run in addition to its number."""
 
 _HISTORY_UNITS = {
@@ -208,7 +219,7 @@ def _cell(value: Any) -> str:
 
 _Values = list[tuple[Column, Any]]
 
-OF_RUNS: dict[str, Column] = {str(column.value): column for column in campaign.RUNS}
+RUNS_COLUMNS: dict[str, Column] = {str(column.value): column for column in campaign.RUNS}
 """Columns of runs.csv by their attributes."""
 
 
@@ -256,7 +267,7 @@ def _in_rows(results: Sequence[Any]) -> _Values:
     return _IN_ROWS[type(results[0]).__name__](results).by_column()
 
 
-def _of(columns: Sequence[Column], result: Any) -> _Values:
+def _column_values(columns: Sequence[Column], result: Any) -> _Values:
     """Return a list of tuples: a column, and the value of the column for the result."""
     return [(column, column.of(result)) for column in columns]
 
@@ -267,25 +278,25 @@ def _from(table: Callable[[Any], Table]) -> Callable[[Any], _Values]:
     return lambda result: table(result).by_column()
 
 
-def _of_record(result: Any) -> _Values:
+def _record_columns(result: Any) -> _Values:
     """Return the columns that the class of a result declares, with their values, after the file and
     the component of its record."""
-    return _of((*OF_RECORD, *columns_of(type(result))), result)
+    return _column_values((*RECORD_COLUMNS, *columns_of(type(result))), result)
 
 
-def _of_campaign(result: Any) -> _Values:
+def _campaign_columns(result: Any) -> _Values:
     """Return the columns of runs.csv, the table of the runs of a campaign, with their cells."""
     with result.store as store:
         return campaign.runs_table(store).by_column()
 
 
-def _of_runs(result: Runs) -> _Values:
+def _runs_columns(result: Runs) -> _Values:
     """Return the columns of the results of `run_many`, with one row per run; they have the names of
     the columns of runs.csv of a campaign."""
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
     # Arrays have space for the tallest building; the values above a lower building are nan.
     for number in range(len(result.models)):
-        runs, stories = result.of_building(number)
+        runs, stories = result.select_building(number)
         for name, values in demand_columns(stories).items():
             demands[name][runs] = values
     # `model` and `record` contain the index of the building and of the record of each run.
@@ -294,16 +305,16 @@ def _of_runs(result: Runs) -> _Values:
     components = np.array([record.component for record in result.records])[result.record]
     methods_of_runs = np.array(result.methods)[result.model]
     return [
-        (OF_RUNS["building"], buildings),
-        (OF_RUNS["record"], sources),
-        (OF_RUNS["component"], components),
-        (OF_RUNS["method"], methods_of_runs),
+        (RUNS_COLUMNS["building"], buildings),
+        (RUNS_COLUMNS["record"], sources),
+        (RUNS_COLUMNS["component"], components),
+        (RUNS_COLUMNS["method"], methods_of_runs),
         *zip(campaign.varied_columns(result.varied), result.varied.values(), strict=True),
         *(
-            (OF_RUNS[name], getattr(result, name))
+            (RUNS_COLUMNS[name], getattr(result, name))
             for name in ("scale", "dt", "status", "energy_error", "steps")
         ),
-        *((OF_RUNS[name], values) for name, values in demands.items()),
+        *((RUNS_COLUMNS[name], values) for name, values in demands.items()),
         *_demand_errors(result),
     ]
 
@@ -344,13 +355,15 @@ def _values_of_run(values: Any, run: int, story_count: int) -> Any:
     )
 
 
-def _of_modes(result: Any) -> _Values:
+def _mode_columns(result: Any) -> _Values:
     """Return the columns, with their values, of the modes of a building."""
     ratios = np.full_like(result.omega, np.nan) if result.damping is None else result.damping
-    return _of((*buildings.MODE, buildings.mode_damping(ratios), *buildings.MODE_END), result)
+    return _column_values(
+        (*buildings.MODE, buildings.mode_damping(ratios), *buildings.MODE_END), result
+    )
 
 
-def _of_history(result: History) -> _Values:
+def _history_columns(result: History) -> _Values:
     """Return the columns of a response history with their values, as in the CSV file."""
     stories, has_error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
@@ -364,35 +377,37 @@ def _of_history(result: History) -> _Values:
 
 
 _VALUES: dict[str, Callable[[Any], _Values]] = {
-    "CampaignRuns": _of_campaign,
+    "CampaignRuns": _campaign_columns,
     "Chart": _from(methods.chart_table),
     "Comparison": _from(lambda result: buildings.comparison_table([result])),
-    "CyclicTest": partial(_of, buildings.CYCLIC),
+    "CyclicTest": partial(_column_values, buildings.CYCLIC),
     "FieldChart": _from(methods.profile_table),
-    "FloorSpectrum": lambda result: _of([FLOOR], result) + _of(spectra.SPECTRUM, result.spectrum),
+    "FloorSpectrum": lambda result: (
+        _column_values([FLOOR], result) + _column_values(spectra.SPECTRUM, result.spectrum)
+    ),
     "FragilityResult": _from(lambda result: studies.fragility_table(result.functions)),
-    "Gradient": lambda result: _of(responses.gradient_columns(result), result),
-    "History": _of_history,
+    "Gradient": lambda result: _column_values(responses.gradient_columns(result), result),
+    "History": _history_columns,
     "IdaStudy": _from(studies.ida_table),
     "Match": _from(lambda result: spectra.match_table([result])),
-    "ModalResponse": partial(_of, buildings.MODAL_RESPONSE),
-    "Modes": _of_modes,
+    "ModalResponse": partial(_column_values, buildings.MODAL_RESPONSE),
+    "Modes": _mode_columns,
     "ObservedOrder": _from(lambda result: methods.order_table([result])),
-    "Overshoot": partial(_of, methods.OVERSHOOT),
-    "Pushover": lambda result: _of(buildings.pushover(result.drift.shape[1]), result),
-    "Record": partial(_of, spectra.SAMPLES),
+    "Overshoot": partial(_column_values, methods.OVERSHOOT),
+    "Pushover": lambda result: _column_values(buildings.pushover(result.drift.shape[1]), result),
+    "Record": partial(_column_values, spectra.SAMPLES),
     "Response": _from(responses.response_table),
-    "RotatedSpectrum": lambda result: _of(
-        (*spectra.OF_MOTION, *spectra.rotated(result.percentiles)), result
+    "RotatedSpectrum": lambda result: _column_values(
+        (*spectra.MOTION_COLUMNS, *spectra.rotated(result.percentiles)), result
     ),
-    "Runs": _of_runs,
+    "Runs": _runs_columns,
     "Scaling": _from(studies.factor_table),
-    "StabilityCurve": partial(_of, methods.STABILITY),
-    "StoryPeaks": partial(_of, responses.STORY_COLUMNS),
-    "TargetDisplacement": partial(_of, buildings.TARGET_DISPLACEMENT),
+    "StabilityCurve": partial(_column_values, methods.STABILITY),
+    "StoryPeaks": partial(_column_values, responses.STORY_COLUMNS),
+    "TargetDisplacement": partial(_column_values, buildings.TARGET_DISPLACEMENT),
 }
 _VALUES |= dict.fromkeys(("Fragility", "Overview", "RecordInfo"), lambda result: _in_rows([result]))
 _VALUES |= dict.fromkeys(
-    ("Spectrum", "InelasticSpectrum", "DriftSpectrum", "FourierSpectrum"), _of_record
+    ("Spectrum", "InelasticSpectrum", "DriftSpectrum", "FourierSpectrum"), _record_columns
 )
 """Tables of a single result, by class name."""
