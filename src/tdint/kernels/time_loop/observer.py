@@ -165,10 +165,10 @@ def observe(scene, span, slope, memory, seen):
     u_0 = observer_state[rows.U_PREVIOUS, n - 1]
     v_0 = observer_state[rows.V_PREVIOUS, n - 1]
     a_0 = observer_state[rows.A_PREVIOUS, n - 1]
-    # The bounds of a story depend on its drift acceleration at the end of the step, and therefore on
-    # the accelerations of its upper and its lower floor. The pass of the loop for the lower floor
-    # completes the bounds of the story and compares the bounds with the peaks. The pass for the
-    # upper floor stores three values for this purpose:
+    # The bounds of a story depend on its drift acceleration at the end of the step, and therefore
+    # on the accelerations of its upper and its lower floor. The pass of the loop for the lower
+    # floor completes the bounds of the story and compares the bounds with the peaks. The pass for
+    # the upper floor stores three values for this purpose:
     #     reach_above    bounds of drift (m) and shear (N) from `story_reach`, without the effect of
     #                    the drift acceleration at the end
     #     a_above        relative acceleration of the upper floor at the end, m/s^2
@@ -740,7 +740,8 @@ def shift_ground(scene, load, shifts, memory, seen):
     totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
     totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        # These are the changes per unit change of a due to forces on floors and modal damping.
+        # `rate` is the change of RATE_INPUT per unit change of a by the forces on floors,
+        # `half_viscous_rate` half of the change of RATE_VISCOUS by modal damping.
         rate, half_viscous_rate = _change_per_acceleration(modal, forces, load[rows.TIME], state, n)
         totals[rows.RATE_INPUT] += shift * rate
         totals[rows.RATE_VISCOUS] += 2.0 * shift * half_viscous_rate
@@ -818,7 +819,7 @@ def _add_work(span, slope, current, totals):
     current : _PowerValues
         Powers at the end of the step.
     totals : ndarray
-        Totals of the run: ENERGY_INPUT and ENERGY_VISCOUS are increased. The powers, their rates
+        Totals of the run: ENERGY_INPUT and ENERGY_VISCOUS are updated. The powers, their rates
         and MOMENTUM (sum of mass times velocity, N s) change from the values at the start to the
         values at the end of the step.
     """
@@ -1124,10 +1125,10 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     """Update the peak shears of the stories with a reversal within the last step.
 
     The law states at the start of the step are no longer available. Therefore, the law moves from
-    its state at the end of the step back to the drift of the reversal. The resulting force is the
-    force at the reversal if the law reloads along the branch of the unloading since the reversal;
-    for other laws, it is an approximation. The first trial state in `law_state` is
-    overwritten; the state at the end of the step is not changed.
+    its state at the end of the step back to the drift of the reversal. The result is the force at
+    the reversal if unloading after the reversal and reloading follow the same branch. Otherwise, it
+    is an approximation. The first trial state in `law_state` is overwritten; the state at the end
+    of the step is not changed.
 
     Parameters
     ----------
