@@ -240,10 +240,10 @@ def _solve_on_branches(coefficients, scene, h, memory):
     the means of the story forces (below minus above the floor, with P-delta) and of the load; F1
     and P1 are their first moments.
 
-    The drift of a story is d0 + D t + E (t^2 - t) / 2 with the rise D and the bend E. With the
-    force f0 at the start (with P-delta) and the stiffness k of its branch plus the geometric
-    stiffness, the story has F0 = f0 + k (D / 2 - E / 12) and F1 = k D. The equations are then
-    linear, and one Newton correction from D0 = D1 = 0 is exact. `_factor` adds the geometric
+    The drift of a story is d0 + D t + E (t^2 - t) / 2 with the rise D and the bend E. The story has
+    the force f0 at the start (with P-delta). With the sum k of the stiffness of its branch and the
+    geometric stiffness, F0 = f0 + k (D / 2 - E / 12) and F1 = k D. The equations are then linear,
+    and a single Newton correction from D0 = D1 = 0 is exact. `_factor` adds the geometric
     stiffness, the dampers and r K to the matrix.
 
     Parameters
@@ -290,7 +290,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
         scratch[ROW.LEAVES_BRANCH, i] = 0.0
     norm = 0.0
     for i in range(n):
-        # LINK of story i + 1 is 1 if there is a story on floor `i`, and 0 for the roof.
+        # LINK of story i + 1 is 1 if this story is on floor `i`. It is 0 for i = n - 1: column n of
+        # row PATH + MEAN is not set and has no effect.
         mean = (
             scratch[ROW.PATH + path.MEAN, i]
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.PATH + path.MEAN, i + 1]
