@@ -66,7 +66,7 @@ def force_impulse(forces, j, t, h):
     ----------
     forces : ndarray
         Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE and SINE (N)
-        and OMEGA (rad/s). OMEGA must not be negative.
+        and OMEGA (rad/s).
     j : int
         Index of the force.
     t : float
@@ -75,11 +75,11 @@ def force_impulse(forces, j, t, h):
         Time step, s.
     """
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
-    # `sinc` is sin(x) / x with x = `half_angle` >= 0. For small x, where the quotient can be 0 / 0,
+    # `sinc` is sin(x) / x with x = `half_angle`. For small |x|, where the quotient can be 0 / 0,
     # its Taylor series is used.
     sinc = (
         math.sin(half_angle) / half_angle
-        if half_angle > 1e-4
+        if abs(half_angle) > 1e-4
         else 1.0 - half_angle * half_angle / 6.0
     )
     return h * sinc * force_value(forces, j, t + 0.5 * h)

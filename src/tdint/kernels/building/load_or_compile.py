@@ -59,9 +59,8 @@ def load_or_compile(
     pairs : sequence of (Compilable, Variant)
         Kernels, each with the features that it must support.
     progress : callable, optional
-        Is called after each compilation with the fraction of the missing kernels that were
-        completed before it: 0 for the first kernel, always less than 1. It is not called if all
-        kernels have an object file.
+        Is called after each compilation with the fraction of the missing kernels that are
+        completed; the last value is 1. It is not called if all kernels have an object file.
     own_loops : bool
         True to use only kernels that are compiled for exactly the required features, for
         comparisons of run times. False to use also an existing kernel with all features, which
@@ -101,8 +100,8 @@ def _load_missing(
     pairs : sequence of (Compilable, Variant)
         Kernels, each with the features that it must support.
     progress : callable
-        Is called after each compilation with the fraction of the missing kernels that were
-        completed before it.
+        Is called after each compilation with the fraction of the missing kernels that are
+        completed.
     own_loops : bool
         True to use only kernels that are compiled for exactly the required features. False to use
         also an existing kernel with all features.
@@ -202,8 +201,8 @@ def _compile(
     missing : sequence of (Compilable, Variant)
         Kernels without object file.
     progress : callable
-        Is called after each compilation, before the kernel is loaded, with the fraction of the
-        kernels that were completed before it: 0 for the first kernel, always less than 1.
+        Is called after each kernel was compiled and loaded, with the fraction of the kernels that
+        are completed; the last value is 1.
     folder : Path or None
         Directory of the object files; None if no directory is writable. The kernels are then used
         in this process only.
@@ -239,11 +238,9 @@ def _compile(
         destination,
     )
     # Each compilation is for this machine only, and therefore has a single object file, `data`.
-    # `run_all` yields the compilations in the order of completion; `completed` is the number of
-    # kernels that were compiled before this kernel.
+    # `run_all` yields the compilations in the order of completion.
     running = run_all(compilations((*pair, NATIVE) for pair in missing))
-    for completed, (compilation, (data,)) in enumerate(running):
-        progress(completed / count)
+    for completed, (compilation, (data,)) in enumerate(running, start=1):
         kernel, variant = compilation.kernel, compilation.variant
         code, description = unpack(data)
         saved = store.save(data, kernel.name, variant.text, compilation.targets[NATIVE])
@@ -253,6 +250,7 @@ def _compile(
             )
         if not _load(kernel, variant, code, description["symbol"]):
             raise RuntimeError(f"{kernel.name}: the compiled time loop cannot be loaded")
+        progress(completed / count)
 
 
 def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
