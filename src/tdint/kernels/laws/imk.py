@@ -607,7 +607,7 @@ def _functions() -> LawFunctions:
         side `side` is loaded next. All drifts and forces below are positive on this side.
 
         1. The deterioration is applied (`deteriorate`). If a fraction beta reaches 1, the story
-           fails, and the steps 2 and 3 are omitted.
+           fails, and steps 2 and 3 are omitted.
         2. The point of maximum drift, with the drift dm and the force Fm, is moved to the
            deteriorated backbone curve.
         3. The reloading branch is set. With pinching, it leads to the pinched point with the drift
