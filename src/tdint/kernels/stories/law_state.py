@@ -251,7 +251,7 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
         First row of the block with the trial state.
     """
     # `_keep` always copies to the committed block. Its argument 0 (`previous`) is the state at the
-    # start of the path: the committed state, because its drift and force are replaced only below.
+    # start of the path. This is the committed state: its drift is replaced after this call.
     _keep(law_parameters, law_state, i, 0, trial)
     for row in range(rows.COMMON_ROWS):
         law_state[row, i] = law_state[trial + row, i]
