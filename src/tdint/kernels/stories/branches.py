@@ -313,7 +313,7 @@ def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
     """Return True if a cubic exceeds `limit` on a rising part of the step.
 
     The cubic is monotonic before, between and after its two extrema. A part rises if its last value
-    exceeds its first value, and its last value is then compared with the limit. The parts end at the
+    exceeds its first value; its last value is then compared with the limit. The parts end at the
     first extremum, at the second extremum and at the end of the step. In addition, a cubic that
     starts at the limit or above (d0 >= limit) and rises at the start (d1 > d0) exceeds the limit
     immediately.
