@@ -782,10 +782,10 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
                 linear_terms[rows.STORY_DAMPER, i] + scratch[_IMPLICIT.DAMPER_TANGENT + stage, i]
             )
             stiffness = scratch[_IMPLICIT.TANGENT + stage, i] + linear_terms[rows.GEOMETRIC, i]
-            # `story` is the block of the story between floor i and the floor below. It is added to
-            # the diagonal block of floor i here, and by `link_blocks` to the diagonal block of the
-            # floor below. Row COUPLING contains `story` with positive sign; `factor_blocks` assumes
-            # the opposite sign of the blocks between both floors.
+            # `story` is the entry in the block of the story between floor i and the floor below. It
+            # is added to the diagonal block of floor i here, and by `link_blocks` to the diagonal
+            # block of the floor below. Row COUPLING contains `story` with positive sign;
+            # `factor_blocks` assumes the opposite sign of the blocks between both floors.
             story = k_factor * stiffness + c_factor * damper
             scratch[_IMPLICIT.COUPLING + entry, i] = story
             scratch[_IMPLICIT.BLOCKS + entry, i] = (
