@@ -248,7 +248,7 @@ def _bezier(cubic, s):
 
 @outlined
 def _crossing(cubic, limit, tolerance, known_event):
-    """Return the smallest s in [0, 1] where a rising cubic exceeds a limit, or NONE = 2.
+    """Return the smallest s in [0, 1] where a rising cubic exceeds a limit, or `NONE` (2).
 
     The cubic has the Bezier points d0 to d3: d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 +
     s^3 d3. Because the last event is located with a small error, the cubic can start above the
