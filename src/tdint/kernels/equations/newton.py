@@ -49,7 +49,9 @@ class _Rows(NamedTuple):
     SUM: int = 1  # story forces, N
     RESIDUAL: int = 1  # residual, N, then the correction of x
     TANGENT: int = 1  # tangent stiffness including that of a power-law dashpot, N/m
-    SIZE: int = 1  # absolute story forces including the rounding errors of the displacements, N
+    # Scale of the residual, N: absolute story force + (force that corresponds to the rounding
+    # errors of the displacements) / RESIDUAL_TOLERANCE
+    SIZE: int = 1
     CORRECTION: int = 1  # last correction of x, which the line search may halve, m/s^2
 
 
@@ -109,7 +111,13 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         (by_a M + by_v C + by_u K) dx = p - M a - C v - f(u)
 
     with the tangent stiffness K. The factorization of the matrix is reused, also in later steps,
-    until a tangent has changed by more than a tolerance.
+    until a tangent has changed by more than a tolerance. The iteration ends
+
+    - if all residuals are within the tolerance,
+    - after a correction of the displacements of the order of rounding errors,
+    - or after the first correction if all forces are linear functions of x.
+
+    In the last two cases, the residuals are not tested again.
 
     Parameters
     ----------
@@ -131,8 +139,9 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     Returns
     -------
     int
-        Number of solutions of the linear system, at least 1, or NOT_CONVERGED (negative) if the
-        residuals are too large after MAX_ITERATIONS solutions.
+        Number of solutions of the linear system, or 1 if the first iterate is already in
+        equilibrium and no system is solved. NOT_CONVERGED (negative) if the residuals are too large
+        after MAX_ITERATIONS solutions.
     """
     by_u, by_v, by_a = effective
     linear_terms, modal, _, _, flags = scene
@@ -152,6 +161,10 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     applied_fraction = 1.0
     previous_norm = math.inf
     while True:
+        # Compute the story forces. `is_stale` is True if the factorization is for other tangents.
+        # `_update_residuals` returns True if all residuals are within the tolerance. Its first
+        # argument is True if no further solution is allowed; if the test fails, the largest
+        # relative residual is then stored for the error message.
         is_stale = _story_forces(effective, factors, previous, trial, scene, memory)
         if _update_residuals(
             iterations == MAX_ITERATIONS, linear_terms, modal, scratch, step_status
@@ -176,6 +189,7 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
             factor_combination(
                 linear_terms, modal, scratch, tangents, combination, factorization, n
             )
+        # `solve_damped` replaces the residuals in row RESIDUAL by the correction.
         solve_damped(factorization, modal, ROW.RESIDUAL, n)
         iterations += 1
         if iterations > UNDAMPED_ITERATIONS:
@@ -184,6 +198,9 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         is_linear_in_x = flags[rows.LINEAR] != 0.0 or (
             by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0
         )
+        # Apply the correction fully (fraction 1). `_correct` returns True if the change of the
+        # displacements is of the order of rounding errors. Without a further iteration, only the
+        # laws must be evaluated at the final displacements.
         if _correct(1.0, ROW.RESIDUAL, effective, scratch, n) or is_linear_in_x:
             _evaluate_laws(previous, trial, scene, memory)
             break
@@ -206,7 +223,13 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
 
     If by_u is 0, the displacements are known and stiffnesses do not contribute. The matrix then
     contains 1 times (instead of by_u times) row TANGENT. The geometric stiffness g is subtracted
-    because `factor_combination` adds g to each tangent.
+    because `factor_combination` adds g to each tangent. It also adds by_v times the linear dampers,
+    which are therefore not included in row TANGENT.
+
+    Row SIZE receives the scale of the force for the convergence test, N: |force| + (rounding force)
+    / RESIDUAL_TOLERANCE. The rounding force is the stiffness times the rounding errors of the
+    displacements. `_update_residuals` multiplies the row by RESIDUAL_TOLERANCE, so that residuals
+    up to the rounding force are accepted.
 
     Parameters
     ----------
@@ -264,8 +287,8 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
             + dashpot_force
         )
         scratch[ROW.SUM, i] = story_force
-        # A drift is a difference of displacements. The rounding errors of the displacements are not
-        # part of the residual.
+        # A drift is a difference of displacements. ROUNDING times both displacements are its
+        # rounding errors; U - drift is the displacement of the floor below.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[ROW.SIZE, i] = abs(story_force) + rounding * (
             abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift)
@@ -285,8 +308,8 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
     Parameters
     ----------
     is_last : bool
-        True if no further iteration is allowed. The largest residual is then stored in
-        `step_status`.
+        True if no further iteration is allowed. The largest relative residual above the tolerance
+        is then stored in `step_status`.
     linear_terms : ndarray
         Properties of the building, one column per floor. Rows MASS, FLOOR_DAMPER and LINK are used.
         P-delta and story dampers are already included in the story forces (row SUM).
@@ -294,17 +317,19 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
         Rows w of the modal damping matrix, the sum of w w^T: one row per damped mode.
     scratch : ndarray
         The following rows are used: LOAD, p (N); V (m/s); A (m/s^2); SUM, story forces (N); SIZE,
-        absolute value of each story force plus the force that corresponds to the rounding errors of
-        the displacements, divided by RESIDUAL_TOLERANCE (N). Row RESIDUAL first receives the
-        damping forces C v, then the residuals (N).
+        |story force| + (rounding force) / RESIDUAL_TOLERANCE (N). The rounding force corresponds to
+        the rounding errors of the displacements. Row RESIDUAL first receives the damping forces
+        C v, then the residuals (N).
     step_status : ndarray
-        Rows RESIDUAL and WORST_STORY are updated.
+        Row RESIDUAL is set to 0, or to the largest relative residual if `is_last` is True and a
+        residual is too large; row WORST_STORY then receives its floor.
 
     Returns
     -------
     bool
         True if each residual is at most RESIDUAL_TOLERANCE times the sum of the absolute values of
-        the terms of its equation.
+        the terms of its equation, plus the rounding forces of the stories below and above the
+        floor.
     """
     n = linear_terms.shape[1] - 1
     for i in range(n):
@@ -334,7 +359,8 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
 def _evaluate_laws(previous, trial, scene, memory):
     """Evaluate the laws of all stories at the current displacements (row U, m).
 
-    The states move from block `previous` to block `trial` of the law states.
+    The states move from block `previous` to block `trial` of the law states. The story forces in
+    row SUM are not updated.
 
     Parameters
     ----------
