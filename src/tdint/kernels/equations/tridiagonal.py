@@ -81,11 +81,11 @@ def factor(factors, n):
     n : int
         Number of floors.
     """
-    scratch, diagonal, coupling, _ = factors  # `diagonal` is the number of row `pivot`.
-    scratch[diagonal, 0] = 1.0 / scratch[diagonal, 0]
+    scratch, pivot, coupling, _ = factors
+    scratch[pivot, 0] = 1.0 / scratch[pivot, 0]
     for i in range(1, n):
-        multiplier = scratch[coupling, i] * scratch[diagonal, i - 1]
-        scratch[diagonal, i] = 1.0 / (scratch[diagonal, i] - multiplier * scratch[coupling, i])
+        multiplier = scratch[coupling, i] * scratch[pivot, i - 1]
+        scratch[pivot, i] = 1.0 / (scratch[pivot, i] - multiplier * scratch[coupling, i])
         scratch[coupling, i] = multiplier
 
 
@@ -103,17 +103,17 @@ def solve(factors, x, n):
     n : int
         Number of floors.
     """
-    scratch, diagonal, coupling, _ = factors  # `diagonal` is the number of row `pivot`.
+    scratch, pivot, coupling, _ = factors
     # Forward substitution with L
     partial = scratch[x, 0]
     for i in range(1, n):
         partial = scratch[x, i] - scratch[coupling, i] * partial
         scratch[x, i] = partial
-    # Backward substitution with D L^T; multiplication by row `pivot` divides by D.
-    partial = scratch[x, n - 1] * scratch[diagonal, n - 1]
+    # Backward substitution with D L^T. Row `pivot` contains 1 / D: multiplication divides by D.
+    partial = scratch[x, n - 1] * scratch[pivot, n - 1]
     scratch[x, n - 1] = partial
     for i in range(n - 2, -1, -1):
-        partial = scratch[x, i] * scratch[diagonal, i] - scratch[coupling, i + 1] * partial
+        partial = scratch[x, i] * scratch[pivot, i] - scratch[coupling, i + 1] * partial
         scratch[x, i] = partial
 
 
@@ -643,15 +643,25 @@ def _solve_full(scratch, xx, x, y, n):
 def solve_blocks(factors, x, y, n):
     """Solve a block tridiagonal system with 2 x 2 blocks with the factorization of `factor_blocks`.
 
-    The unknowns of a floor are (x, y). Forward substitution adds B_i A_(i-1) times the result of
-    the floor below; backward substitution computes A_i (result) + A_i B_(i+1) (solution of the
-    floor above), with the inverse block pivots A and the coupling blocks B. Modal damping is not
-    included.
+    Each floor i has a pair of unknowns z_i = (x, y). With the diagonal blocks D_i, the blocks B_i
+    of the stories and the right side b_i, the equations are
+
+        -B_i z_(i-1) + D_i z_i - B_(i+1) z_(i+1) = b_i
+
+    The off-diagonal blocks are -B_i; both substitutions therefore add terms. With the inverse block
+    pivots A_i of the factorization,
+
+        forward, upwards        f_0 = b_0,   f_i = b_i + B_i A_(i-1) f_(i-1)
+        backward, downwards     z_i = A_i f_i + A_i B_(i+1) z_(i+1)
+
+    Modal damping is not included.
 
     Parameters
     ----------
     factors : Factors
-        Scratch array and the rows of the factorization.
+        Scratch array and the rows of the factorization. The four entries of a block are in four
+        rows, row by row of the block: A_i from row `pivot` on, B_i A_(i-1) from row `coupling` on,
+        A_i B_(i+1) (0 for the roof) from row `coupling` + 4 on.
     x, y : int
         Rows of the scratch array with the right side, one column per floor; they receive the
         solution.
@@ -660,7 +670,7 @@ def solve_blocks(factors, x, y, n):
     """
     scratch, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
-    # Forward substitution: (x0, y0) are the values of the floor below.
+    # Forward substitution: (x0, y0) is f of the floor below.
     x0 = scratch[x, 0]
     y0 = scratch[y, 0]
     for i in range(1, n):
@@ -669,7 +679,8 @@ def solve_blocks(factors, x, y, n):
         x0 = forward
         scratch[x, i] = x0
         scratch[y, i] = y0
-    # Backward substitution: (p, q) is the solution of the floor above.
+    # Backward substitution: (p, q) is the solution z of the floor above, (x0, y0) is f of floor
+    # `i`.
     p = 0.0
     q = 0.0
     for i in range(n - 1, -1, -1):
@@ -786,15 +797,16 @@ def solve_pairs(factors, x, y, n):
     """Solve a complex tridiagonal system with the factorization of `factor_pairs`.
 
     A pair (x, y) is the real and the imaginary part of the complex unknown x + i y of a floor. With
-    the right side b, the multipliers m and the pivots p of the factorization, forward substitution
-    computes f_i = b_i - m_i f_(i-1) from the lowest floor upwards. Backward substitution computes
-    the solution z_i = f_i / p_i - m_(i+1) z_(i+1) from the roof downwards. Modal damping is not
-    included.
+    the right side b, the multipliers m and the inverse pivots 1 / p of the factorization, forward
+    substitution computes f_i = b_i - m_i f_(i-1) from the lowest floor upwards. Backward
+    substitution computes the solution z_i = (1 / p_i) f_i - m_(i+1) z_(i+1) from the roof
+    downwards. Modal damping is not included.
 
     Parameters
     ----------
     factors : Factors
-        Scratch array and the rows of the factorization.
+        Scratch array and the rows of the factorization. Two rows from `pivot` on contain real and
+        imaginary part of the inverse pivots, two rows from `coupling` on the multipliers.
     x, y : int
         Rows of the real and imaginary part of the right side; they receive the solution.
     n : int
@@ -813,7 +825,8 @@ def solve_pairs(factors, x, y, n):
         x0 = forward
         scratch[x, i] = x0
         scratch[y, i] = y0
-    # Backward substitution: (p, q) is the complex solution of the floor above.
+    # Backward substitution: (p, q) is the complex solution of the floor above, (by_re, by_im) its
+    # multiplier, (re, im) the inverse pivot of floor `i`, and (x0, y0) its value f.
     p = 0.0
     q = 0.0
     for i in range(n - 1, -1, -1):
