@@ -694,6 +694,7 @@ def shift_ground(scene, load, shifts, memory, seen):
         RATE_INPUT       -ag (sum of m a) increases by shift (sum of m a - ag (sum of m)), with the
                          old a and the new ag; the part p a of forces p on floors increases by
                          shift (sum of p)
+        TOTAL_INERTIA    sum of m a increases by shift (sum of m)
         RATE_VISCOUS     rate of the power of all dampers, linear in a
         RATE_DASHPOTS    rate of the power of the dashpots, linear in a
 
@@ -730,12 +731,13 @@ def shift_ground(scene, load, shifts, memory, seen):
         observer_state[rows.A_PREVIOUS, i] = a
     # The ground acceleration ag changes by -shift, and all accelerations a by shift. Update the
     # power of the load, -ag (sum of m v), and the term -ag (sum of m a) of its rate. MOMENTUM is
-    # the sum of m v. TOTAL_INERTIA is the sum of m a with the accelerations before the jump; it is
-    # not updated here, because `observe` stores the sum at the end of the step.
+    # the sum of m v. TOTAL_INERTIA is the sum of m a: before the jump, and then after it. If a step
+    # fails and is halved, the next jump occurs before `observe` stores a new sum.
     totals[rows.POWER_INPUT] += shift * totals[rows.MOMENTUM]
     totals[rows.RATE_INPUT] += shift * (
         totals[rows.TOTAL_INERTIA] - ground * totals[rows.TOTAL_MASS]
     )
+    totals[rows.TOTAL_INERTIA] += shift * totals[rows.TOTAL_MASS]
     # The rows *_PER_ACCELERATION contain half of the change of a rate per unit change of a.
     totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
     totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
