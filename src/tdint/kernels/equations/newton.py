@@ -117,7 +117,8 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     - after a correction of the displacements of the order of rounding errors,
     - or after the first correction if all forces are linear functions of x.
 
-    In the last two cases, the residuals are not tested again.
+    In the last two cases, the residuals are not tested again. If by_u is 0, a correction does not
+    change the displacements, and the iteration therefore ends after the first correction.
 
     Parameters
     ----------
