@@ -202,12 +202,12 @@ class TestText:
             (length,) = (
                 statement
                 for statement in sac_statements(look_at_sac(data), [trace(wave(1000))])
-                if "time" in statement.what
+                if "time" in statement.header_quantity
             )
             assert (length.difference <= 0.0) == sound, shift
         struct.pack_into("<f", data, 4 * 5, -12345.0)
         assert not any(
-            "time" in statement.what
+            "time" in statement.header_quantity
             for statement in sac_statements(look_at_sac(data), [trace(wave(1000))])
         )
 
@@ -223,8 +223,8 @@ def test_knet_peaks_are_compared_without_offset(deviation, has_note):
     peak = np.max(np.abs(samples - samples.mean())) * 2e-5 * 100.0
     component.stats.knet = SimpleNamespace(duration=10.0, accmax=peak * (1.0 + deviation))
     number, found = knet_statements(None, [component])
-    assert (number.stated, number.found) == (1000, 1000)
-    assert found.found == pytest.approx(peak)
+    assert (number.stated, number.computed) == (1000, 1000)
+    assert found.computed == pytest.approx(peak)
     with pytest.warns(UserWarning, match="states a peak of") if has_note else nullcontext():
         assert compare([number, found]) == ("number of samples", "peak")
     for length in (0.0, float("nan"), -1.0):

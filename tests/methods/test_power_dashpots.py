@@ -107,3 +107,18 @@ def test_methods_for_linear_damping_refuse_power_law_dashpots(name):
             dt=0.01,
             duration=0.1,
         )
+
+
+@pytest.mark.parametrize("gamma", [0.5, 0.6])
+def test_explicit_methods_balance_dashpot_forces_at_end_of_step(gamma):
+    """The displacement at the end of a step of an explicit Newmark method does not depend on the
+    acceleration there, but the force of the dashpot does, so the step needs several iterations.
+    The accelerations of the history are computed from equilibrium. They fulfil Newmark's equation
+    v1 = v0 + h ((1 - gamma) a0 + gamma a1) only if the step has converged."""
+    building = model([damped(1.0, 400.0, 30.0, 0.3, 0.01)], velocity=(0.5,))
+    h = 0.02
+    method = f"newmark:beta=0:gamma={gamma}"
+    history = run(building, method=method, dt=h, duration=0.4, history=True, check=False).history
+    v, a = history.velocity[:, 0], history.acceleration[:, 0]
+    mismatch = v[1:] - v[:-1] - h * ((1.0 - gamma) * a[:-1] + gamma * a[1:])
+    assert np.max(np.abs(mismatch)) < 1e-8 * np.max(np.abs(v))

@@ -361,7 +361,7 @@ class _RecordedCommand:
         if export:
             export_command, export_values = _parsed(file, export)
             command_lines.append((export_command, export_values))
-            action = _texts(export_values, "words")[:1]
+            action = _texts(export_values, "arguments")[:1]
             if command.name != "campaign" or export[0] != "campaign" or action != ["export"]:
                 raise UsageError(
                     f"{file}: `export` must be a command line of `tdint campaign export`"
@@ -652,7 +652,7 @@ def _index_of_folder(recorded: _RecordedCommand) -> int:
     for index in range(1, len(recorded.export)):
         marked = [*recorded.export]
         marked[index] = "\0"
-        if _texts(_parsed(recorded.file, marked)[1], "words")[1:] == ["\0"]:
+        if _texts(_parsed(recorded.file, marked)[1], "arguments")[1:] == ["\0"]:
             return index
     raise UsageError(
         f"{recorded.file}: `export` must contain exactly one directory: {' '.join(recorded.export)}"

@@ -114,11 +114,11 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     until a tangent has changed by more than a tolerance. The iteration ends
 
     - if all residuals are within the tolerance,
-    - after a correction of the displacements of the order of rounding errors,
+    - after a correction of the order of rounding errors (displacements, or velocities if by_u is
+      0),
     - or after the first correction if all forces are linear functions of x.
 
-    In the last two cases, the residuals are not tested again. If by_u is 0, a correction does not
-    change the displacements, and the iteration therefore ends after the first correction.
+    In the last two cases, the residuals are not tested again.
 
     Parameters
     ----------
@@ -199,9 +199,9 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         is_linear_in_x = flags[rows.LINEAR] != 0.0 or (
             by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0
         )
-        # Apply the correction fully (fraction 1). `_correct` returns True if the change of the
-        # displacements is of the order of rounding errors. Without a further iteration, only the
-        # laws must be evaluated at the final displacements.
+        # Apply the correction fully (fraction 1). `_correct` returns True if the change is of the
+        # order of rounding errors. Without a further iteration, only the laws must be evaluated at
+        # the final displacements.
         if _correct(1.0, ROW.RESIDUAL, effective, scratch, n) or is_linear_in_x:
             _evaluate_laws(previous, trial, scene, memory)
             break
@@ -409,9 +409,11 @@ def _correct(fraction, row, effective, scratch, n):
     Returns
     -------
     bool
-        True if the change of the displacements is of the order of rounding errors.
+        True if the change of the displacements is of the order of rounding errors. If by_u is 0,
+        the displacements do not change, and the change of the velocities is tested instead.
     """
     by_u, by_v, by_a = effective
+    tested, by_tested = (ROW.U, by_u) if by_u != 0.0 else (ROW.V, by_v)
     is_small = True
     for i in range(n):
         dx = fraction * scratch[row, i]
@@ -419,5 +421,5 @@ def _correct(fraction, row, effective, scratch, n):
         scratch[ROW.V, i] += by_v * dx
         scratch[ROW.A, i] += by_a * dx
         scratch[ROW.U, i] += by_u * dx
-        is_small = is_small and abs(by_u * dx) <= ROUNDING * abs(scratch[ROW.U, i])
+        is_small = is_small and abs(by_tested * dx) <= ROUNDING * abs(scratch[tested, i])
     return is_small

@@ -297,13 +297,13 @@ class Picture:
 
     Attributes
     ----------
-    file_format : str
+    format : str
         File format: png, pdf or svg.
     draw : callable
         Function that draws the figure.
     """
 
-    file_format: str
+    format: str
     draw: Callable[[], Figure]
 
     def figure(self) -> Figure:
@@ -344,16 +344,14 @@ class Picture:
         dpi = _PRINT_DPI if printed.width else _SCREEN_DPI
         # Only for PNG, the layout can be computed before the file is written: in vector formats,
         # the viewer determines the widths of characters, which differ from widths in pixels.
-        layout_context = _fixed_layout(figure, dpi) if self.file_format == "png" else nullcontext()
+        layout_context = _fixed_layout(figure, dpi) if self.format == "png" else nullcontext()
         with (
             mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
             _latex_errors_reported(),
             _panels_must_fit(printed.width),
             layout_context,
         ):
-            figure.savefig(
-                stream, format=self.file_format, dpi=dpi, metadata=_METADATA[self.file_format]
-            )
+            figure.savefig(stream, format=self.format, dpi=dpi, metadata=_METADATA[self.format])
 
 
 @contextmanager

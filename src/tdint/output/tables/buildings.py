@@ -438,7 +438,7 @@ FITTED = (
     Column(
         "place",
         "1",
-        "place",
+        "number",
         "story or mode of the parameter, from 1; empty if it applies to the whole building",
     ),
     Column("start", "1", "start", "value in the model file"),
