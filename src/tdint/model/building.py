@@ -163,7 +163,7 @@ class Building:
     def fastest(self) -> float:
         """Upper bound of the circular frequencies of the initial stiffness, rad/s.
 
-        The bound exceeds the highest frequency by one to two percent. Let K be the stiffness matrix
+        The bound exceeds the highest frequency by 1 to 2 %. Let K be the stiffness matrix
         with the absolute values of its entries; it has the same frequencies. For any vector x with
         positive entries, the largest eigenvalue of M^-1 K is at most the maximum of (M^-1 K x)_i /
         x_i over the floors i (Collatz 1942). The bound decreases as x approaches the mode.
@@ -447,7 +447,7 @@ class DrawnBuildings:
 
     @property
     def with_devices(self) -> NDArray[np.bool_]:
-        """Mask of the samples in which any story has a dashpot, shape (draws,)."""
+        """Mask of the samples with a dashpot in any story, shape (draws,)."""
         coefficients = self.linear_terms[:, [rows.DASHPOT, rows.POWER_DAMPER], :-1]
         return np.asarray(np.any(coefficients != 0.0, axis=(1, 2)))
 
