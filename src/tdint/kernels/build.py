@@ -142,8 +142,9 @@ def _take_shortcuts() -> None:
     function_numbers = itertools.count(1)
     labels = ir_utils._the_max_label
     compile_one = compiler.CompilerBase.compile_extra
-    # Read the attributes that are replaced below: an incompatible version of numba raises
-    # AttributeError here, before anything is replaced.
+    # Read the attributes that `compile_separately` changes. In a version of numba without
+    # these attributes, AttributeError is raised here. The separate numbering and the replacements
+    # below are then omitted. The three replacements above are independent and remain.
     _ = bytecode.FunctionIdentity._unique_ids, labels._value, ir_utils._unique_var_count
 
     def compile_separately(self: Any, function: Any) -> Any:
@@ -180,7 +181,8 @@ def _take_shortcuts() -> None:
 def _module(name: str, file: str) -> Any:
     """Return the module in a file, loaded under the name that it has in the requesting process.
 
-    A module that is already loaded is returned unchanged.
+    A module that is already loaded is returned unchanged. An exception of the module ends this
+    process (`main`), so that an incompletely executed module is never used.
     """
     if name not in sys.modules:
         specification = importlib.util.spec_from_file_location(name, file)
@@ -196,7 +198,8 @@ def _add_laws(variant: str) -> None:
     Each law is stored in LAWS at the index of its number. The name of its module is stored in the
     dictionary OUTSIDE. The registration must precede the import of modules that depend on the laws.
     The environment variable TDINT_KERNELS_PLUGINS is a JSON dictionary that contains the name and
-    the file of the module of each law, by the name of the law.
+    the file of the module of each plug-in law of the variant, by the name of the law. The module
+    must contain the law as a global variable or in a global tuple or list.
 
     Parameters
     ----------
@@ -213,7 +216,8 @@ def _add_laws(variant: str) -> None:
     for name, code in parse(variant).outside.items():
         # Fill the list up to the number of the law with unnamed laws that are not used.
         LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
-        # The module contains the law as a global variable or in a global tuple or list.
+        # `values` receives the global variables of the module and the elements of its global tuples
+        # and lists, including the law.
         values = list(vars(_module(*files[name])).values())
         for value in tuple(values):
             if isinstance(value, tuple | list):
