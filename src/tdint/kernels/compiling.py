@@ -187,7 +187,8 @@ else:
         """Return an uninitialized array of `size` numbers for use during one call of a function.
 
         In compiled kernels, the array is on the stack of the function. It must not be created in a
-        loop, because the memory is released only when the function returns.
+        loop, because the memory is released only when the function returns. This also applies to an
+        `inline` function that is called in a loop, because its code is copied into the loop.
 
         Parameters
         ----------
