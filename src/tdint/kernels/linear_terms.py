@@ -97,7 +97,8 @@ def force_moment(forces, j, t, h):
         odd function    R h sin(2 x s) / (2 x)
         its moment      3 R h (sin x - x cos x) / x^3
 
-    The result is exact, except for rounding.
+    The result is exact up to rounding: the relative error of the moment of the odd function is less
+    than 1e-13.
 
     Parameters
     ----------
@@ -112,8 +113,8 @@ def force_moment(forces, j, t, h):
         Time step, s.
     """
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
-    # `integral` is (sin x - x cos x) / x^3. For small x, where the difference would cancel, its
-    # Taylor series is used.
+    # `integral` is (sin x - x cos x) / x^3 with x = `half_angle`. For small |x|, where the terms
+    # would cancel, its Taylor series is used. The omitted terms are less than 1e-14 of the result.
     if abs(half_angle) > 0.1:
         integral = (math.sin(half_angle) - half_angle * math.cos(half_angle)) / (
             half_angle * half_angle * half_angle
@@ -134,7 +135,8 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
+        an additional last column that belongs to no floor.
     forces : ndarray
         Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
@@ -143,7 +145,8 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
     ground : float
         Ground acceleration, m/s^2.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Scratch array: one row per quantity, one column per floor or story, and an additional last
+        column.
     row : int
         Row of `scratch` that receives the load.
     """
@@ -165,7 +168,8 @@ def _add_forces(forces, t, scratch, row):
     t : float
         Time, s.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Scratch array: one row per quantity, one column per floor or story, and an additional last
+        column.
     row : int
         Row of `scratch` that contains the load.
     """
@@ -184,7 +188,8 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
+        an additional last column that belongs to no floor.
     forces : ndarray
         Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
@@ -195,7 +200,8 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     ground_0, ground_1 : float
         Ground acceleration at both endpoints, m/s^2.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Scratch array: one row per quantity, one column per floor or story, and an additional last
+        column.
     row : int
         Row of `scratch` that receives the impulse.
     """
@@ -219,7 +225,8 @@ def _add_impulses(forces, t, h, scratch, row):
     h : float
         Time step, s.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Scratch array: one row per quantity, one column per floor or story, and an additional last
+        column.
     row : int
         Row of `scratch` with the impulses of all floors; the result is added to this row.
     """
@@ -252,7 +259,8 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
+        an additional last column that belongs to no floor.
     forces : ndarray
         Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
@@ -263,7 +271,8 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     r : float
         Coefficient of numerical dissipation of the method moment4; 0 for the exact first moment.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Scratch array: one row per quantity, one column per floor or story, and an additional last
+        column.
     row : int
         Row of the mean; the moment is stored in the next row.
     """
@@ -306,7 +315,8 @@ def _add_means(forces, t, h, r, scratch, row):
     r : float
         Coefficient of numerical dissipation of moment4; 0 for the exact first moment.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Scratch array: one row per quantity, one column per floor or story, and an additional last
+        column.
     row : int
         Row of the mean; the next row contains the first moment.
     """
@@ -448,15 +458,18 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
+        an additional last column that belongs to no floor.
     modal : ndarray
         Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
+        States of the hysteretic laws: one row per quantity, one column per story, and an additional
+        last column.
     block : int
         First row of the block of the law states with the story forces (N) and drifts (m).
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
+        Scratch array: one row per quantity, one column per floor or story, and an additional last
+        column.
     velocity : int
         Row of `scratch` with the velocities, m/s.
     row : int
