@@ -304,7 +304,8 @@ def take_step(step, coefficients, scene, h, load, memory):
     Returns
     -------
     int
-        Number of iterations, or a negative error code: NOT_CONVERGED (the state is unchanged) or
+        Number of iterations, which is the number of linear systems of equations that the step has
+        solved, but at least 1. Or a negative error code: NOT_CONVERGED (the state is unchanged) or
         NOT_FINITE.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
