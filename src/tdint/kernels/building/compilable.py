@@ -224,6 +224,10 @@ class Compilable:
     ) -> None:
         """Store a compiled or Python function, which later calls of the kernel for a variant use.
 
+        The function is stored under the variant that the kernel requires (`required_variant`). The
+        set _INSTALLED records whether a compiled or a Python function was installed; `time_loops`
+        reads this set.
+
         Parameters
         ----------
         variant : Variant
@@ -235,4 +239,7 @@ class Compilable:
         """
         _INSTALLED.add("interpreted" if interpreted else "compiled")
         self._loaded[self.required_variant(variant)] = function
-        self._last = EVERYTHING, None  # the last function may have been replaced
+        # `_last` contains variant and function of the last call. This function may have been
+        # replaced. The function None marks the pair as invalid; the variant is then not used, and
+        # EVERYTHING is a placeholder.
+        self._last = EVERYTHING, None
