@@ -131,23 +131,27 @@ register is changed. The function is not part of a library that is loaded in eve
 
 
 def inline(function: Callable[..., Any]) -> Any:
-    """Mark a function for numba whose code is copied into each caller."""
+    """Mark a function so that numba copies its code into each caller."""
     return numba.njit(inline="always", **_OPTIONS)(function)
 
 
 def specialized(function: Callable[..., Any]) -> Any:
-    """Mark a function for numba that is compiled once for each value of a constant argument.
+    """Mark a function so that numba compiles it once for each value of a constant argument.
 
-    numba does this by default, because a constant argument has a literal type with its value.
+    numba compiles a function for each combination of argument types, and a constant argument has a
+    literal type, which contains its value. Therefore only the common options (_OPTIONS) are set.
+    In contrast, the code of an `inline` function is copied into each caller, and an `outlined`
+    function is compiled once for all values.
     """
     return numba.njit(**_OPTIONS)(function)
 
 
 def outlined(function: Callable[..., Any]) -> Any:
-    """Mark a function for numba that is compiled once and called.
+    """Mark a function so that numba compiles it once and calls it, instead of copying its code into
+    each caller (`inline`).
 
-    Literal types of constant arguments are replaced by ordinary types, so that the function is not
-    compiled again for each value.
+    Literal types of constant arguments, which contain the values, are replaced by ordinary types.
+    The function is therefore not compiled again for each value, as a `specialized` function is.
     """
     compiled = specialized(function)
     get_call_template = compiled.get_call_template
@@ -269,6 +273,9 @@ def _array(context: Any, builder: Any, sizes: Any) -> Any:
     numba calls this function while it compiles `local` and `local_table`. `context` and `builder`
     are numba's objects for the generation of LLVM code. `sizes` are the values of the dimensions in
     the generated code. The elements are floating-point numbers of 8 bytes.
+
+    Each execution of the generated code reserves memory, which is released when the function
+    returns. Kernels therefore do not create such arrays in loops.
     """
     # Strides in bytes, from the last dimension to the first; `count` is the number of elements.
     strides: list[Any] = []
