@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger("tdint")
 
-# Approximate compile time of a kernel in s, by its number of laws; 3 for three and more.
+# Approximate compile time of a kernel in s, by its number of laws. The key 3 is used for three and
+# more laws.
 _SECONDS = {1: 5.0, 2: 9.0, 3: 15.0}
 
 
@@ -64,7 +65,8 @@ def load_or_compile(
     own_loops : bool
         True to use only kernels that are compiled for exactly the required features, for
         comparisons of run times. False to use also an existing kernel with all features, which
-        `tdint compile --all` creates. Default: False.
+        `tdint compile --all` creates. Kernels that this process has already loaded are not
+        replaced, so a comparison of run times must load its kernels first. Default: False.
 
     Raises
     ------
@@ -168,8 +170,9 @@ def _load_existing(
     pairs : iterable of (Compilable, Variant)
         Kernels with their variants.
     own_loops : bool
-        True to use only object files for exactly the variant. False to use also an object file with
-        all features (`_usable_variants`).
+        True to use only object files that are compiled for exactly the variant: time loops for the
+        laws in the building. False to use also an object file with all features
+        (`_usable_variants`).
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
@@ -259,9 +262,10 @@ def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
     The kernels are compiled in parallel by all processors. The result is the larger of two times:
     the time of the slowest kernel, and the sum over all kernels divided by the number of
     processors. A kernel that does not depend on the laws is compiled as fast as a kernel with a
-    single law. `pairs` contains each kernel with its variant.
+    single law. `pairs` contains each kernel with its variant, at least one pair.
     """
-    # A variant without names of laws contains all laws.
+    # _SECONDS contains the compile time by the number of laws, with the key 3 for three and more
+    # laws. A variant without names of laws contains all laws of tdint, more than three.
     durations = [
         _SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1]
         for kernel, variant in pairs
@@ -272,8 +276,8 @@ def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
 def _label(pair: tuple[Compilable, Variant]) -> str:
     """Return the module of a kernel and its laws for messages, for example `impulse4 (linear)`.
 
-    `pair` is the kernel with its variant. The laws are omitted for a kernel that does not depend on
-    them.
+    `pair` is the kernel with its variant. A variant without names of laws contains all laws of
+    tdint. The laws are omitted for a kernel that does not depend on laws.
     """
     kernel, variant = pair
     laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
@@ -389,10 +393,11 @@ def interpret_while_compiling(
     # Without numba the compilation fails, and the caller reports the error.
     if importlib.util.find_spec("numba") is None:
         return False
-    # `_load_existing` loads kernels with an object file and returns the kernels without. False:
-    # object files with all features can also be used. If a kernel of the time loop is missing, all
-    # kernels of the time loop are installed as Python functions. A kernel in `others` is installed
-    # as a Python function only if it has no object file.
+    # `_load_existing` loads the kernels that have an object file, also an object file with all
+    # features (second argument False), and returns the other kernels. If it returns a kernel of the
+    # time loop, all kernels of the time loop are installed as Python functions. A kernel in
+    # `others` is installed as a Python function only if it has no object file. `as_views` returns a
+    # Python function that accesses arrays through memory views, which is faster.
     with _ONE_AT_A_TIME:
         in_loop = [(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]
         if not _load_existing(in_loop, False):
@@ -570,6 +575,7 @@ def compile_ahead(
     for kernel, variant, target, data in _objects(requested):
         try:
             path = store.save(data, kernel.name, variant.text, target, folder)
+        # `save` raises OSError only for a specified directory. For the cache it returns None.
         except OSError as error:
             raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
         if path is None:
