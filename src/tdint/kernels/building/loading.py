@@ -84,6 +84,8 @@ class Loaded:
     ------
     TypeError
         The kernel is called with an array of a type or order that does not match the signature.
+    ValueError
+        The kernel is called with a wrong number of arguments.
     """
 
     def __init__(self, code: bytes, symbol: str, signature: Signature) -> None:
@@ -125,8 +127,9 @@ class Loaded:
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel and return its result, a float or an int.
 
-        Raises TypeError if an array does not match the signature, and RuntimeError if the compiled
-        function returns an error code.
+        Raises TypeError if an array does not match the signature, ValueError if the number of
+        arguments differs from the signature, and RuntimeError if the compiled function returns an
+        error code.
         """
         flat: list[Any] = []  # arguments of the C function
         for convert, argument in zip(self._converters, arguments, strict=True):
