@@ -107,9 +107,10 @@ class Compilation:
     def reason(self, text: list[str]) -> str:
         """Return the reason why this compilation failed, from the error output of the process.
 
-        The message is the first line after the last "Failed in nopython" in the output of numba. If
-        this line ends with a colon, the message includes the next line. Without "Failed in
-        nopython", the message is the last line of the output.
+        The message is the first line that is not empty after the last "Failed in nopython" in the
+        output of numba, without leading blanks. If this line ends with a colon, the message
+        includes the next line that is not empty. Without "Failed in nopython", the message is the
+        last line of the output.
 
         External files are the files of plug-ins: of the laws of the variant, and of the kernel if
         it is not part of tdint. The source files of the kernel are these files and the files of all
@@ -182,7 +183,11 @@ class Compilation:
 
 
 def _line_of(name: str, file: Path) -> int:
-    """Return the first line of a source file that uses a name; 0 if no line uses it."""
+    """Return the first line of a source file that reads the variable `name`; 0 if no line reads it.
+
+    Assignments to the variable and attributes with this name (`module.name`) are ignored. The
+    result is also 0 for a file that is not a Python source file.
+    """
     if file.suffix != ".py":
         return 0
     names = (node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.Name))
@@ -290,10 +295,11 @@ def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[C
     groups: dict[Any, dict[str, Target]] = {}
     for kernel, variant, name in requested:
         target = named(name)
-        # Targets with an equal value of `optimization` share a compilation by numba. Without
-        # vectorization the code does not depend on the processor, so that all targets share the
-        # value None. The exception is this machine: the code generator of numba writes its object
-        # file, and it always has a separate compilation.
+        # Targets with an equal value of `optimization` share a compilation by numba. A vectorized
+        # kernel is optimized for the processor of the target. A kernel that is not vectorized has
+        # the same code for all processors, so that its targets share the value None. The target of
+        # this machine does not share it: its object file is written by the code generator of numba,
+        # which generates code for the processor in the settings of the process (NUMBA_CPU_NAME).
         optimization = target.optimized_for if kernel.vectorized or target == native() else None
         groups.setdefault((kernel, variant, optimization), {})[name] = target
     return [
@@ -398,6 +404,8 @@ class _ProcessPool:
         while compilation := self._next(compilation):
             try:
                 if process is None or process.settings != compilation.settings:
+                    # If `_start` fails, `process` is still the ended process. The second call of
+                    # `_end` has no effect on an ended process.
                     self._end(process)
                     process = self._start(compilation)
                 self.done.put((compilation, process.compile(compilation)))
