@@ -111,7 +111,8 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     dict of str to Path
         Source file of each module, by the name of the module.
     """
-    # Modules of the package of the laws that the kernel needs: the declarations and its laws
+    # Modules in the package _LAWS that the kernel needs: the module `law`, which declares the types
+    # of laws, and the module of each law in the argument `laws`.
     law_modules = {"law", *(name.replace("-", "_") for name in laws)}
     files: dict[str, Path] = {}
     queue = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
@@ -126,7 +127,8 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         # `_read`). The files of plug-ins can import in any form and are parsed (`_imported`).
         imports = _read(file)[1] if name.startswith("tdint.") else _imported(file, name)
         for imported in imports:
-            # The package of the laws imports all laws; laws that are not needed are ignored.
+            # The package _LAWS imports the modules of all laws of tdint. If `laws` is not empty,
+            # only the modules in `law_modules` are used.
             is_other_law = laws and name == _LAWS and imported.rpartition(".")[2] not in law_modules
             if not imported.startswith(_BUILDING) and not is_other_law:
                 queue.append(imported)
