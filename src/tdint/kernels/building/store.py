@@ -97,6 +97,8 @@ def find_object(
 def origin(file: Path) -> str:
     """Return the origin of an object file: `wheel` (part of the package), `TDINT_KERNELS_DIR` or
     `cache`."""
+    # The paths are compared without resolving symbolic links: `find_object` builds the path of the
+    # file from the same directories.
     if file.is_relative_to(_PREBUILT):
         return "wheel"
     shared = os.environ.get("TDINT_KERNELS_DIR")
@@ -107,7 +109,8 @@ def has(name: str, variant: str, target: Target, directory: Path | None = None) 
     """Return True if a directory contains a valid object file of a kernel.
 
     Only this directory is searched. In the cache, files of other users are ignored, except files of
-    the owner of the package. False is returned if there is no cache.
+    the owner of the package. False is returned if there is no cache. A file that is found in the
+    cache is regarded as used: its modification time is updated, at most once a day.
 
     Parameters
     ----------
@@ -258,10 +261,12 @@ def writable() -> Path | None:
 
 
 def clean() -> int:
-    """Remove all object files from the cache of this user, including those of other versions, and
-    return their number.
+    """Remove all object files from the cache of this user and return the number of files that were
+    found.
 
-    Files that earlier versions have left in the installed package are removed as well.
+    Object files for other versions of Python and of the compiler are included, and files that
+    earlier versions of tdint have left in the installed package. A file that cannot be removed
+    remains without a message; the number includes this file.
     """
     import shutil
 
@@ -297,8 +302,8 @@ def file_name(name: str, variant: str, target: Target) -> str:
     Returns
     -------
     str
-        Name of the kernel without the package, variant, target and hash of the sources, separated
-        by hyphens, with the suffix `.object`.
+        Four parts, separated by hyphens, with the suffix `.object`: kernel name (without `tdint.`,
+        with a dot instead of the colon), variant, target, and hash of the sources.
     """
     sources = digest(name, parse(variant).laws)
     return (
