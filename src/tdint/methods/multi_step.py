@@ -107,8 +107,8 @@ def step(
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
-        Displacement, velocity and acceleration of all floors, and their means over the last two
-        steps; updated in place.
+        Displacement u (m), velocity v (m/s) and acceleration a (m/s^2) of all floors; then the mean
+        velocities w0 and w_ (m/s) and the mean accelerations b0 and b_ (m/s^2). Updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
     scratch : ndarray
