@@ -188,7 +188,9 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
     trial : int
         First row of the block of law states that contains the story forces.
     scratch : ndarray
-        Rows LOAD (p, N) and V (m/s) are used, row INNER_FORCE receives the accelerations, m/s^2.
+        Rows LOAD (p, N) and V (v, m/s) are used. Row INNER_FORCE receives the accelerations
+        (m/s^2), and row STORY_FORCE the sum of all forces of each story (N): restoring force,
+        P-delta and dampers.
     """
     force_row = _ROW.INNER_FORCE
     internal_forces(
@@ -253,7 +255,8 @@ def stability_limit(p: float) -> float:
     Parameters
     ----------
     p : float
-        Length of the first substep divided by the length of the step, between 0 and 1.
+        Length of the first substep divided by the length of the step, between 0 and 1. The method
+        uses 0.54, for which there is a positive root; other values were not tested.
 
     Returns
     -------
