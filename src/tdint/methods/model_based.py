@@ -254,9 +254,11 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
         (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0
         r = p - C v - f(u) - beta h^2 K0 q
 
-    `step` solves this equation for q1 - q0 and requires its residual for q1 = q0. In this case,
-    v1 = v0 + h q0, and the weights of beta h^2 K0 q0 at the start and at the end have the sum 1.
-    The function therefore stores the following terms of the residual:
+    `step` solves this equation for q1 - q0 and needs its residual for q1 = q0. With q1 = q0, the
+    velocity at the end is v1 = v0 + h q0, and the weighted mean of beta h^2 K0 q is beta h^2 K0 q0.
+    The function computes two parts of the residual, the velocities at the weighted point and the
+    story forces. `step` adds the load, the inertia, and the forces of floor dampers and modal
+    damping. The following rows are set:
 
         row V, for each floor     v = (1 - alpha_f) v1 + alpha_f v0 = v0 + (1 - alpha_f) h q0
         row SUM, for each story   (1 - alpha_f) f1 + alpha_f f0 + beta h^2 k0 dq + c dv
@@ -276,8 +278,9 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
     h : float
         Time step, s.
     memory : Memory
-        State and law states, which are updated; rows V (m/s) and SUM (N) of the scratch array are
-        set.
+        State, law states and scratch array. Row DISPLACEMENT of the state and the law states are
+        moved to the end of the step; the other rows of the state are not changed. Rows V (m/s) and
+        SUM (N) of the scratch array are set.
     """
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
@@ -443,7 +446,8 @@ def _displacement_right_side(linear_terms, law_parameters, half_h, state, scratc
         )
         v_below = v
     # The force on a floor is the force of the story below minus the force of the story above. LINK
-    # is 0 if the story above is on the ground, and in the additional last column.
+    # is 0 if the story above is on the ground, and in the additional last column. The last column
+    # of row SUM always contains 0.
     for i in range(n):
         floor_force = (
             scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
