@@ -124,16 +124,21 @@ def step(
     """Integrate the equations of motion over one time step of the published method.
 
     With displacement u0, velocity v0 and acceleration a0 at the start and u1, v1, a1 at the end of
-    the step of length h, the equations are (eqs. 15 to 23 of the publication of 2022; for nonlinear
-    laws eqs. 46 to 54)
+    the step of length h, the equations are
 
         kinematics   M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
         momentum     M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
         equilibrium  M a1 + C v1 + f(u1) = p1
 
     with the mass and damping matrices M and C, the restoring forces f (f0 at the start), the
-    integral q of the displacement over the step (eq. 14), the impulse I of the load, the load p1 at
-    the end, and the tangent stiffness k_T at the end of the step.
+    impulse I of the load, the load p1 at the end, and the tangent stiffness k_T at the end of the
+    step. q is an approximation of the integral of the displacement over the step,
+
+        q = h (72 beta u0 + (1 - 72 beta) u1 + h ((48 beta - 1/4) v0 + (24 beta - 1/4) v1)
+            + h^2 (12 beta - 1/12) a0)
+
+    The parameter beta occurs only in q. In the publication of 2022 (module docstring), eqs. 11 and
+    12 are kinematics, eq. 13 (for nonlinear laws, eq. 46) is momentum, and eq. 14 is q.
 
     Newton's method solves kinematics and momentum for u1 - u0 and v1 - v0 of each floor; a1 follows
     from equilibrium. The derivative of k_T is omitted from the matrix.
@@ -176,10 +181,10 @@ def step(
     # forces and the acceleration that belong to the corrected increments.
     is_last = False
     while True:
-        # Compute the story forces and their impulses, eqs. 14 and 46.
+        # Compute the story forces and their impulses (terms with f0, k_T and q).
         is_stale = _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory)
-        # Compute the residuals of eqs. 11 and 12 (kinematics) and 13 (momentum), and the
-        # acceleration at the end from equilibrium. _BY_A is the weight of both a0 and a1.
+        # Compute the residuals of kinematics and momentum, and the acceleration at the end from
+        # equilibrium. _BY_A is the weight of both a0 and a1.
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
         is_balanced = has_converged(
             iterations == MAX_ITERATIONS,
@@ -199,9 +204,10 @@ def step(
             _factor(coefficients, linear_terms, modal, h, factors)
             step_status[rows.FACTORED_STEP] = h
         # No further correction follows in three cases. `correct` returns True: the correction is of
-        # the order of rounding errors. The residuals were already within their tolerance of 1e-11:
-        # this correction satisfies the published equations up to rounding. The building is linear:
-        # a single correction is exact.
+        # the order of rounding errors. The residuals were already within RESIDUAL_TOLERANCE: this
+        # correction satisfies the published equations up to rounding. The building is linear: a
+        # single correction is exact. In each case, the residuals of the final pass consist of
+        # rounding errors. They are therefore not tested again.
         is_last = correct(_BY_A, modal, h, factors, n) or is_balanced or flags[rows.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
@@ -287,8 +293,9 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
     Returns
     -------
     bool
-        True if the factorization must be computed again: the time step differs, or a tangent
-        differs by more than TANGENT_TOLERANCE from its value in the factorization.
+        True if the factorization must be computed again: the time step differs, or the difference
+        of a tangent from its value in the factorization exceeds TANGENT_TOLERANCE times the initial
+        stiffness of the story.
     """
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
