@@ -204,8 +204,8 @@ def explicit_coefficients(table: Table) -> tuple[float, ...]:
     Returns
     -------
     tuple of float
-        Number of stages, then for each row of `table` its node (the sum of the row; 1 for b) and
-        the row itself.
+        Number of stages, then for each row of `table` its node and the row itself. The node is the
+        sum of the row. The sum of the weights b is 1: the node of the end of the step.
     """
     flattened = (number for row in table for number in (math.fsum(row), *row))
     return (float(len(table)), *flattened)
@@ -254,7 +254,9 @@ def imaginary_stability_limit(table: Table) -> float:
     imaginary = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[1::2])])
     growth = real**2 + Polynomial([0.0, 1.0]) * imaginary**2 - 1.0  # |R|^2 - 1
     # The low powers of y vanish up to the order of the method, except for rounding errors. The sign
-    # of the first coefficient that does not vanish decides whether small steps are stable.
+    # of the first coefficient that does not vanish decides whether small steps are stable. The
+    # tolerance 1e-12 is suitable for rk5, the only explicit method in this module: its first
+    # coefficient is -5.6e-4.
     first_power = int(np.argmax(np.abs(growth.coef) > 1e-12))
     if growth.coef[first_power] > 0.0:
         return 0.0
@@ -403,8 +405,9 @@ def implicit_step(
     Returns
     -------
     int
-        Number of linear solves, at least 1. NOT_CONVERGED (negative) if the iteration does not
-        converge; the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
+        Number of linear solutions; also 1 if the first estimate is within the tolerance, so that no
+        solution is computed. NOT_CONVERGED (negative) if the iteration does not converge; the state
+        is then unchanged. NOT_FINITE (negative) if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
@@ -531,9 +534,11 @@ def _is_curved(flags):
     dashpots, extrapolated forces are a worse estimate, and the mismatch of a run does not measure
     its errors.
 
-    A law is curved if its force between branch changes is a nonlinear function of the drift. The
-    flag BRANCHES is ALL_BRANCHES if every law is linear or piecewise linear. In a nonlinear
-    building, any other value means that a story has a curved law.
+    A law is curved if its force between branch changes is a nonlinear function of the drift. In a
+    building without power-law dashpots, the flag BRANCHES is ALL_BRANCHES if and only if every law
+    is linear or piecewise linear. Any other value means that a story has a curved law. In a
+    building with power-law dashpots, BRANCHES does not show this; the flag POWER_DAMPERS is then
+    not 0, and the result is False.
 
     Parameters
     ----------
@@ -609,10 +614,13 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     h : float
         Time step, s.
     memory : Memory
-        State, law states, scratch array and step status. Rows STAGE_A (m/s^2) are used. Rows
-        STAGE_U, STAGE_V, STORY_FORCE, FORCE_SCALE, TANGENT and DAMPER_TANGENT of the scratch array
-        are set. FORCE_SCALE (N) is the contribution of the story to the scale of the convergence
-        test: a residual is accepted up to the tolerance times the scale.
+        State at the start of the step, law states, scratch array and step status. Of the scratch
+        array, rows STAGE_A (m/s^2) contain the stage accelerations, and rows FACTORED_TANGENT and
+        FACTORED_DAMPER_TANGENT the tangents of the factorization. FACTORED_STEP of the step status
+        is its time step, s. Rows STAGE_U, STAGE_V, STORY_FORCE, FORCE_SCALE, TANGENT and
+        DAMPER_TANGENT of the scratch array are set. FORCE_SCALE (N) is the contribution of the
+        story to the scale of the convergence test: a residual is accepted up to the tolerance times
+        the scale.
 
     Returns
     -------
@@ -628,7 +636,8 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     is_stale = step_status[rows.FACTORED_STEP] != h
     for stage in range(2):
         # The law moves from the committed state to FIRST_TRIAL at the first stage, and from there
-        # to SECOND_TRIAL at the second stage.
+        # to SECOND_TRIAL at the second stage. The blocks are consecutive and of equal size, so that
+        # FIRST_TRIAL, the row after the first block, is also the number of rows of a block.
         previous = rows.COMMITTED + stage * rows.FIRST_TRIAL
         trial = previous + rows.FIRST_TRIAL
         elapsed = h * coefficients[_C + stage]
