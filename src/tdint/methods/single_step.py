@@ -231,10 +231,17 @@ def generalized_alpha(
     Returns
     -------
     tuple of float
-        W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of `step`, in
-        the notation of Zhou and Tamma (2004). Equilibrium is satisfied at the weighted point 1 -
-        alpha_f of the step (W1), the inertial forces at 1 - alpha_m (L6W1); l3 is beta and l5 is
-        gamma.
+        W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in the notation of Zhou and Tamma (2004). With the
+        masses M, the damping matrix C, the restoring forces f and the loads p, `step` computes the
+        increment da of the acceleration over the step of length h from
+
+            M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
+                + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
+
+        where the indices 0 and 1 denote start and end of the step. The inertial force is evaluated
+        at the fraction L6W1 = 1 - alpha_m of the step, all other forces at the fraction W1 = 1 -
+        alpha_f. l3 = beta is the factor of h^2 da in the displacement at the end, and l5 = gamma
+        the factor of h da in the velocity at the end.
     """
     w1 = 1.0 - alpha_f
     return (w1, w1 / 2.0, w1 * beta, w1 * gamma, 1.0 - alpha_m, beta, gamma)
@@ -315,7 +322,9 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
     row : tuple of float
         Coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the method, in the notation of the
         publication. L2W2 and L3W3 are single coefficients, not products. The constants with the
-        same names (in capitals, L3 for l3 and L5 for l5) are their indices.
+        same names (in capitals, L3 for l3 and L5 for l5) are their indices. L3W3 must not be 0: the
+        limit exists for implicit methods only. The caller excludes methods with a stability limit,
+        and therefore all explicit methods.
     """
     # Row vector; its product with (u0, h v0, h^2 a0) is h^2 da.
     da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
@@ -330,7 +339,9 @@ def _rho_inf(row: tuple[float, ...]) -> float:
 
     It is the maximum absolute eigenvalue of the amplification matrix for omega h to infinity, with
     the circular frequency omega and the time step h. `row` contains the seven coefficients W1,
-    L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of `step`.
+    L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of `step`. If three
+    eigenvalues are nearly equal, the result has an error of about 1e-5. Methods with such
+    eigenvalues must declare their spectral radius, as the generalized-alpha method does.
     """
     eigenvalues = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
     # Rounding errors separate a double eigenvalue into two that differ by up to 1e-8. Their mean
@@ -360,7 +371,8 @@ def collocation_theta(beta: float) -> float:
     optimal theta, the two principal eigenvalues of the amplification matrix at infinite frequency
     coincide and become complex. If theta decreases by a few percent, an eigenvalue approaches -1,
     the limit of unconditional stability. Hilber and Hughes (1978) tabulate theta: 1.021712 for
-    beta = 0.24, 1.159772 for beta = 0.20.
+    beta = 0.24, 1.159772 for beta = 0.20. `beta` must be between 1/6 and 1/4, the range of the
+    parameter in METHODS. In this range, theta decreases from 1.42 to 1.
 
     The value is found by bisection, and the upper end of the last interval is returned. Exact
     fractions are used so that rounding errors cannot change the sign of the discriminant.
@@ -385,7 +397,8 @@ def _collocation_limit(beta: float, theta: float) -> float:
     """Return inf if the collocation method is unconditionally stable, otherwise nan (unknown).
 
     The condition of Hilber and Hughes (1978) for theta >= 1 is
-    (2 theta^2 - 1) / (4 (2 theta^3 - 1)) <= beta <= theta / (2 (theta + 1)).
+    (2 theta^2 - 1) / (4 (2 theta^3 - 1)) <= beta <= theta / (2 (theta + 1)). The parameter theta of
+    the methods in METHODS cannot be less than 1.
     """
     low = (2.0 * theta**2 - 1.0) / (4.0 * (2.0 * theta**3 - 1.0))
     high = theta / (2.0 * (theta + 1.0))
