@@ -123,14 +123,16 @@ def step(
     scratch : ndarray
         Scratch rows and factorizations of `tdint.kernels.equations.impulse4`.
     step_status : ndarray
-        STEP_PEAKS, RUN_PEAKS and BRANCH_CHANGES are updated; RESIDUAL and WORST_STORY are set if
-        there is no convergence.
+        If the step is divided into substeps, STEP_PEAKS and RUN_PEAKS receive the row of the peaks
+        in the scratch array, and the number of branch changes is added to BRANCH_CHANGES. RESIDUAL
+        and WORST_STORY are set if there is no convergence.
 
     Returns
     -------
     int
-        Number of linear solutions. NOT_CONVERGED (negative) if Newton's method does not converge;
-        the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
+        Number of linear solutions; solutions of a division that failed are not counted.
+        NOT_CONVERGED (negative) if Newton's method does not converge; the state is then unchanged.
+        NOT_FINITE (negative) if the new state is not finite.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -152,9 +154,13 @@ def step(
     code = newton(False, False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
-    # Update the measure of the step error in row RUN_MAXIMA, which determines the tolerance of
-    # Newton's method in the next steps. The function uses the state at the start of the step and is
-    # therefore called before the update. Its decision about reversals (kinks) has no effect here.
+    # `keep_negligible_kinks` is called for one of its two effects only: it updates the measure of
+    # the step errors in row RUN_MAXIMA of the scratch array. In the next steps, `newton` derives
+    # its tolerance from this row. The measure is computed from the accelerations and the increments
+    # of velocity in this step, and from the accelerations at its start in `state`. The call must
+    # therefore precede `_update_state`. The other effect, a decision about reversals in row KINK,
+    # does not change the measure. Row KINK may contain values of an earlier solution here; it is
+    # computed again before it is used.
     keep_negligible_kinks(scene, h, memory)
     # False: the laws of all stories move along the path that Newton's method has evaluated.
     _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
@@ -226,11 +232,13 @@ def _take_substeps(coefficients, scene, h, load, memory):
     substep_count = 0  # located branch changes, including repeated locations of the same change
     branch_changes = 0  # applied branch changes
     solves = 0
-    # True if DU and DV contain the first estimate of the next substep. It remains True after the
-    # first shortened substep: DU and DV then always contain a complete or partial earlier solution.
+    # True if rows DU and DV contain the first estimate of Newton's method for the next solution.
+    # From the first shortened substep on, the rows always contain a complete or partial earlier
+    # solution. `has_guess` is therefore never set to False again.
     has_guess = False
-    # True if the substep is shortened; rows REMAINING then contain the changes DU and DV from the
-    # start of the substep to the end of the time step.
+    # True if rows REMAINING contain the changes DU and DV from the start of the substep to the end
+    # of the time step. The rows are set when a substep is shortened that Newton's method solves.
+    # Linear solutions need no estimate; `is_shortened` then remains False.
     is_shortened = False
     ends_at_event = False  # True if the substep ends at the located branch change of `story`
     story = -1  # story of the located branch change
@@ -260,8 +268,10 @@ def _take_substeps(coefficients, scene, h, load, memory):
             # The substep ends at the reversal, which is therefore not within the substep. KINK 0
             # means that the story has no reversal within the substep.
             scratch[ROW.KINK, story] = 0.0
-        # Search for the first branch change, or check the end of a shortened substep. A substep up
-        # to the end of the time step is always searched, like a substep that has passed its event.
+        # A substep that was shortened to end at a branch change is compared with this change. Any
+        # other substep extends to the end of the time step and must be searched for the first
+        # branch change. A substep that exceeds its branch change is searched as well; the value
+        # _BEYOND_EVENT therefore represents both cases.
         if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
             outcome = (
                 _compare_with_event(linear_terms, substep, state, law_state, scratch, story, event)
@@ -302,7 +312,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         substep *= fraction
                         ends_at_event = True
                     else:
-                        # The branch change is at the start of the substep: change the branch
+                        # The time from the start of the substep to the branch change is at most the
+                        # fraction _IMMEDIATE of the time step. Change the branch at the start,
                         # without a substep, and solve again for the remaining step.
                         _change_branch(linear_terms, law_parameters, state, law_state, story, event)
                         branch_changes += 1
@@ -400,10 +411,16 @@ def _accept_substep(is_divided, scene, span, memory):
         End time, length and ground acceleration of the substep.
     memory : Memory
         State and law states at the start of the substep, which are replaced; scratch array with the
-        solution in rows DU, DV and A1; status of the step. After a divided step, STEP_PEAKS and
-        RUN_PEAKS of the status contain the index of the first row PEAKS. The observer merges the
-        rows at STEP_PEAKS into the peaks of the run and resets STEP_PEAKS to 0. RUN_PEAKS remains
-        set: if the peaks of the run are reset, the rows at RUN_PEAKS are reset as well.
+        solution in rows DU, DV and A1; status of the step. If `is_divided` is True, two elements of
+        the status receive the number of the first row PEAKS:
+
+            STEP_PEAKS    flag for this step. The observer merges rows PEAKS into the peaks of the
+                          run, and then resets the element to 0.
+            RUN_PEAKS     permanent address. After the merge, rows PEAKS are a copy of the peaks of
+                          the run. A function that resets the peaks of the run also resets the copy.
+
+        HAS_NONLINEAR_FORCE, a constant of the compiled variant, is False for linear buildings.
+        Their steps are never divided.
     """
     linear_terms, _, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
@@ -549,11 +566,14 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     Returns
     -------
     float
-        _BEYOND_EVENT if the drift of any story is outside its branch by more than the tolerance,
-        or if a story has a reversal in the substep that is not accepted. Otherwise _BEFORE_EVENT if
-        the event is ABOVE or BELOW and `story` has not reached this limit within the tolerance.
-        Otherwise 0: the substep ends at the branch change. For the event REVERSED, there is no
-        limit and therefore no such test.
+        _BEYOND_EVENT if the drift of any story is outside its branch by more than the tolerance, or
+        if the net change of drift of a story is opposite to the direction of its branch and this
+        reversal is not accepted. A reversal with a net change in the direction of the branch is not
+        tested here: if the drift rate at the end still has the opposite sign, the next search
+        locates a reversal at the end of the substep. Otherwise _BEFORE_EVENT if the event is ABOVE
+        or BELOW and `story` has not reached this limit within the tolerance. Otherwise 0: the
+        substep ends at the branch change. For the event REVERSED, there is no limit and therefore
+        no such test.
     """
     outcome = 0.0
     # The variables `..._below` contain the values of the floor below the story.
@@ -574,8 +594,8 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         v0_below = state[rows.VELOCITY, i]
         v1_below = scratch[momentum.V1, i]
         # The branch is valid for drift rates with the sign RATE_SIGN (0: for both signs). A story
-        # that moved in the opposite direction has a reversal in the substep. The reversal is
-        # accepted if row KINK is not 0: its effect is negligible.
+        # with a net movement in the opposite direction has a reversal in the substep. The reversal
+        # is accepted if row KINK is not 0: its effect is negligible.
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
             abs(drift) + abs(law_state[rows.DRIFT, i])
         )
@@ -606,7 +626,7 @@ def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch
     Parameters
     ----------
     linear_terms, law_parameters : ndarray
-        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
+        Linear terms of the building (only row LINK is used); parameters of the laws.
     state, law_state : ndarray
         State and law states at the start of the substep, which are replaced.
     scratch : ndarray
@@ -648,7 +668,8 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         Argument `keep_branches` of `newton`. True for a substep: stories on a linear branch remain
         on this branch. False for a complete step without location of branch changes.
     linear_terms, law_parameters : ndarray
-        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
+        Linear terms of the building; parameters of the laws. Of the linear terms, only row LINK is
+        used: 0 for a story on the ground, otherwise 1. Several stories can be on the ground.
     state, law_state : ndarray
         State and law states at the start, which are replaced.
     scratch : ndarray
@@ -660,7 +681,7 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
-        # A finite slope marks a linear branch.
+        # The drift of the story is u - LINK u_below. A finite slope marks a linear branch.
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
         elif HAS_CURVED_LAW and keep_branches and scratch[ROW.KINK, i] != 0.0:
@@ -703,8 +724,9 @@ def _update_substep_peaks(scene, span, memory):
     state, law_state, scratch, _ = memory
     reversal_count = 0
     if not span.fast:
-        # The response at the start is in the scratch array from row SUBSTEP_START on. `state`
-        # contains displacements and velocities (first argument) and accelerations at the end.
+        # The first two arguments are the response at the start: the scratch array from row
+        # SUBSTEP_START on. `state` contains the complete response at the end. It is passed twice:
+        # for displacements and velocities, and for accelerations (row ACCELERATION).
         passage = Passage(scratch, ROW.SUBSTEP_START, state, state, rows.ACCELERATION)
         reversal_count = find_interstep_peaks(
             span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
@@ -773,6 +795,8 @@ def _save_start(state, law_state, scratch, n):
             scratch[ROW.SAVED + row, i] = state[row, i]
         for row in range(rows.LAW_STATE_ROWS):
             scratch[ROW.SAVED + 3 + row, i] = law_state[row, i]
+    # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
+    # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(n):
             # From the committed state (block 0) to block THIRD_TRIAL
@@ -784,7 +808,8 @@ def _restore_start(state, law_state, scratch, n):
     """Return to the start of a time step that could not be divided into substeps.
 
     Displacements, velocities, accelerations and the committed law states are copied from the rows
-    that `_save_start` has stored.
+    that `_save_start` has stored. The status of the step is not changed: `step` resets STEP_PEAKS,
+    and RUN_PEAKS is only the address of rows PEAKS.
 
     Parameters
     ----------
@@ -805,6 +830,8 @@ def _restore_start(state, law_state, scratch, n):
             state[row, i] = scratch[ROW.SAVED + row, i]
         for row in range(rows.LAW_STATE_ROWS):
             law_state[row, i] = scratch[ROW.SAVED + 3 + row, i]
+    # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
+    # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(n):
             # From block THIRD_TRIAL to the committed state (block 0)
