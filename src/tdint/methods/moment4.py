@@ -99,9 +99,10 @@ def step(
 
     with the mass and damping matrices M and C, the restoring forces f and the initial stiffness
     matrix K. The terms with r are the numerical damping; r is 0 for rho_inf = 1. P0 = int p dt is
-    the mean of the load p, and P1 = 12 int s p dt its first moment. For r > 0, the moment of a
-    force q on a floor is replaced by q1 - q0 + 12 r ((q0 + q1) / 2 - mean of q), with the values q0
-    at the start and q1 at the end (`mean_load`).
+    the mean of the load p, and P1 = 12 int s p dt its first moment. For r > 0, the moment in P1 of
+    an external force q on a floor is replaced by q1 - q0 + 12 r ((q0 + q1) / 2 - mean of q), with
+    the values q0 at the start and q1 at the end (`mean_load`). The term r K D1 results from the
+    same rule for the linear force K u(t).
 
     The step has three stages: integrals of the load, solution for D0 and D1 of all floors, and
     update of the state. If a story changes its branch or reverses, the peaks within the step are
