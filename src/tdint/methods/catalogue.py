@@ -362,11 +362,20 @@ def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[st
 
 
 def _parse_again(text: str, file: str, digest: str) -> Integrator:
-    """Parse the specification of a plug-in method; load the plug-in first if necessary.
+    """Create an integrator with a plug-in method again, from the data that `_reduce` has pickled.
 
-    `text` is the specification, `file` the file of the plug-in and `digest` its SHA-256. If the
-    plug-in cannot be loaded, the result contains an `_Unknown` method, which raises the error when
-    it is used.
+    The integrator may be from another process. If this process has no method with the same name,
+    the plug-in is loaded, provided that its file is unchanged. If the file has changed or cannot be
+    loaded, the result contains an `_Unknown` method, which raises the error when it is used. If
+    this process already has a method with the same name, this method is used; `file` and `digest`
+    are then not used.
+
+    Parameters
+    ----------
+    text : str
+        Specification of the method.
+    file, digest : str
+        File of the plug-in and its SHA-256 in the process that pickled the integrator.
     """
     if text.partition(":")[0] not in catalogue():
         try:
@@ -403,6 +412,8 @@ class _Unknown:
 
         Attributes with names such as `__len__` are missing, as for any object.
         """
+        # `pickle` and `copy` use only such names before they restore the fields. `message` is
+        # therefore always set below.
         if name.startswith("__"):
             raise AttributeError(name)
         raise UsageError(self.message)
