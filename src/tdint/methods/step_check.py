@@ -142,7 +142,9 @@ def integrate_in_python(
     Raises
     ------
     AnalysisError
-        The method failed; the message contains the file, the line and the error.
+        The method failed. After an exception in the code of a plug-in, the message contains the
+        file, the line and the error (`faults_in`). If a step does not converge or the response is
+        not finite, it contains the method, the time step and the hysteresis model.
 
     Returns
     -------
@@ -177,7 +179,8 @@ def integrate_in_python(
             return rows.NOT_CONVERGED
         return int(integrator.family.step.function(*arguments))
 
-    # First and last step of each call of the time loop; the arrays are cleared between two calls.
+    # Each call of the time loop integrates the steps `first_step` to `last_step` - 1. Between two
+    # calls, the arrays are cleared.
     step_ranges = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
     for first_step, last_step in step_ranges:
         if first_step:
@@ -193,8 +196,10 @@ def integrate_in_python(
                 last_step,
                 1,  # steps per row of the history
                 0,  # rows of the complete history before the first row of the array
-                parts,  # number of time steps in the number of sampling intervals that follows
-                1,  # sampling intervals (of length `_H`)
+                # The next two arguments are a ratio: `parts` time steps have the length of 1
+                # sampling interval (`_H`).
+                parts,
+                1,
                 HALVINGS if integrator.family.halvable else 0,
                 h,
                 ground,
@@ -369,7 +374,8 @@ def _order_fault(
     # The law tanh has no kinks; the reference has order 4.
     expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
     # Observe the order from the errors with the time steps _H and _H / 4, and _H / 2 and _H / 4. If
-    # the error is zero with _H / 4, the order is infinite.
+    # the error is zero with _H / 4, the order is infinite. The errors with larger time steps are
+    # not zero, because the reference has the time step _H / 16.
     observed_orders = [math.inf]
     if errors[4]:
         observed_orders = [
@@ -415,8 +421,9 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     """Return a message if the result depends on the scratch arrays of previous steps; otherwise an
     empty text.
 
-    A method must keep all its memory in the state. The scratch arrays are therefore cleared during
-    a second integration, and its displacements are compared with those of the first.
+    A method must keep all its memory in the state. In a second integration, the scratch arrays are
+    therefore cleared once, before step 60 of 120. The displacements of both integrations are
+    compared.
 
     Parameters
     ----------
@@ -427,10 +434,11 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     arrays : Workspace
         Results with the time step `_H`, without clearing.
     reference : ndarray
-        Reference displacements at multiples of `_H`, m. Differences are compared with the maximum.
+        Reference displacements at multiples of `_H`, m. Differences of up to _NEGLIGIBLE times
+        their maximum absolute value are accepted.
     """
-    # Clear the arrays in the middle of the duration: step 60 of 120, after the first yielding. The
-    # argument 1 of the following calls is the number of time steps in `_H`.
+    # Step 60 is in the middle of the duration, after the first yielding. The argument 1 of the
+    # following calls is the number of time steps in `_H`.
     continued = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
     limit = _NEGLIGIBLE * float(np.max(np.abs(reference)))
     if _distance(continued, _displacements(arrays, 1)) <= limit:
@@ -481,7 +489,8 @@ def _imbalance(totals: Array) -> float:
 
     The imbalance is the initial energy plus the work of the load minus all other energies (kinetic,
     viscous, dashpots, strain, hysteretic). It is positive if energy is missing at the end. `totals`
-    are the values of the complete run with the rows of `tdint.kernels.layout`.
+    are the values of the complete run with the rows of `tdint.kernels.layout`. The maximum input
+    energy (ENERGY_REFERENCE) is positive, because the building has initial velocities.
     """
     spent = float(np.sum(totals[rows.ENERGY_INPUT + 1 : rows.ENERGY_TERMS]))
     received = float(totals[rows.ENERGY_INITIAL] + totals[rows.ENERGY_INPUT])
