@@ -136,7 +136,7 @@ def step(
             EffectiveCoefficients(by_v * by_v, by_v, 1.0), factors, previous, trial, scene, memory
         )
         if code < 0:
-            return code
+            return code  # NOT_CONVERGED
         iterations += code
     # Store the response at the end of the step, and commit the laws with the energy dissipated on
     # both parts of the path.
@@ -179,10 +179,11 @@ def _guess_inner(half_length, state, scratch, n):
 
 @inline
 def _guess_end(coefficients, h, state, scratch, n):
-    """Store the first guess of the second substep: the acceleration ag of the inner point.
+    """Store the first guess of displacement and velocity at the end of the second substep.
 
-    With displacement u0, velocity v0 and acceleration a0 at the start of the step of length h, and
-    the velocity vg and the acceleration ag at the inner point, the guess at the end of the step is
+    The acceleration at the end is guessed to be equal to the acceleration ag at the inner point.
+    With displacement u0, velocity v0 and acceleration a0 at the start of the step of length h, the
+    velocity vg at the inner point, and the coefficients q0, q1 and q2 of the method, the guess is
 
         v = v0 + h (q0 a0 + (q1 + q2) ag),   u = u0 + h (q0 v0 + q1 vg + q2 v)
 
