@@ -90,8 +90,11 @@ class Workspace:
 def workspace(
     building: Building, integrator: Integrator, row_count: int = 0, collapse_drift: float = math.inf
 ) -> Workspace:
-    """Return new arrays for one run: zeros, except for flags, collapse limits, the addresses of
-    laws and the value NO_COLLAPSE in the totals.
+    """Return new arrays for one run: zeros, except for flags, limits, the addresses of laws and the
+    value NO_COLLAPSE in the totals.
+
+    The three rows of `limits` are the collapse drift ratio, the story heights, and the values that
+    mark a failed law.
 
     The tables `state`, `law_state` and `observer_state` have one column per floor or story and an
     additional column of zeros. The scratch array has at least these columns, `peaks` and `limits`
@@ -151,8 +154,9 @@ def workspace(
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         law_state=law_state_table(building.law_parameters),
-        # The small matrix of the Woodbury formula for modal damping is stored in the scratch array
-        # and has two columns for each mode.
+        # The scratch array also contains the small matrix of the Woodbury formula for modal
+        # damping. With two unknowns per floor, its order is two times the number of modes. One
+        # further column is reserved but not used.
         scratch=np.zeros((family.scratch_rows(modes), max(n + 1, 2 * modes + 1))),
         flags=flags,
         step_status=np.zeros(rows.STEP_STATUS_SIZE),
