@@ -24,7 +24,8 @@ def _functions() -> LawFunctions:
     """Return the compiled functions of the bilinear law with kinematic hardening.
 
     f = a k d + z with |z| <= (1 - a) Fy: force f, drift d, initial stiffness k, hardening ratio a,
-    yield force Fy, force z of the plastic spring (row INTERNAL).
+    yield force Fy, force z of the plastic spring (row INTERNAL). The bounds of the parameters
+    exclude a = 1, so that a division by 1 - a is possible.
     """
     from tdint.kernels.compiling import inline
 
