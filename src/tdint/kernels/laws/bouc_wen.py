@@ -156,10 +156,10 @@ def _functions() -> LawFunctions:
             x        int dw / (1 - p w^n)               = w sum_(j >= 0) (p w^n)^j / (j n + 1)
             energy   int p w^(n + 1) / (1 - p w^n) dw   = w^2 sum_(j >= 1) (p w^n)^j / (j n + 2)
 
-        During loading, p is 1, and the energy is the dissipated energy of the path. Unloading from
-        u = |w| to 0 is the same path backwards, with p = -q = 1 - 2 beta (not positive). x is then
-        the drift change until w = 0, and the energy is E(u) = -int q v^(n + 1) dx, with v = |w|
-        along the path. It is not positive; unloading from u0 to u1 dissipates E(u1) - E(u0).
+        During loading, p is 1, and the energy is the energy that the path dissipates. Unloading
+        from u = |w| to 0 is the same path backwards, with p = 1 - 2 beta (not positive). x is then
+        the drift change until w = 0. The energy E(u) is minus the energy that unloading from u to 0
+        dissipates. Unloading from u0 to u1 therefore dissipates E(u1) - E(u0).
 
         Returns
         -------
@@ -186,7 +186,8 @@ def _functions() -> LawFunctions:
         This is the inverse of `series`: w solves x = int dw / (1 - p w^n), integrated from 0 to w.
         The equation is solved by Newton's method. x is a multiple of Fy / k (yield force over
         initial stiffness), n is the exponent of the law, and p is 1 for loading and 1 - 2 beta for
-        unloading.
+        unloading. The convergence limit is about one rounding error of w. Rounding can therefore
+        prevent a convergence; w is nevertheless exact up to rounding after eight iterations.
         """
         w = x
         for _ in range(8):
@@ -218,13 +219,14 @@ def _functions() -> LawFunctions:
 
         The path has up to three parts. It ends earlier if the drift d is reached:
 
-            1. unloading until w = 0: by Runge-Kutta steps; near w = 0 by a power series (n < 2) or
-               by Simpson's rule
-            2. loading near w = 0: by a power series (n < 2 only)
+            1. unloading until w = 0: by Runge-Kutta steps; near w = 0 by a power series
+               (n < _SMOOTH) or by Simpson's rule (larger n)
+            2. loading near w = 0: by a power series (n < _SMOOTH only)
             3. loading: by Runge-Kutta steps
 
-        The dissipation is a multiple of (1 - a) Fy^2 / k. FORCE, INTERNAL (w) and DISSIPATED (J)
-        are written to block `trial`.
+        The power series is used if |w|^n is at most _NEAR. _SMOOTH (2) is the smallest exponent for
+        a force that is smooth enough at w = 0. The dissipation is a multiple of (1 - a) Fy^2 / k.
+        FORCE, INTERNAL (w) and DISSIPATED (J) are written to block `trial`.
 
         Parameters
         ----------
@@ -447,10 +449,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):
-        """Commit the branch of a trial state: its direction and, for exponents below 2, its limit.
+        """Commit the branch of a trial state: its direction and, for small exponents, its limit.
 
-        The limit is the drift where the dimensionless hysteretic force w (row INTERNAL) changes its
-        sign and the force has a sharp bend.
+        Small exponents are below _SMOOTH (2). The limit is the drift where the dimensionless
+        hysteretic force w (row INTERNAL) changes its sign and the force has a sharp bend.
 
         Parameters
         ----------
