@@ -291,11 +291,12 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
     def commit_changed_rows(law_parameters, law_state, i, previous, trial):
         """Copy the law-specific rows of a trial state to the committed state.
 
-        The kernel function `commit` copies the common rows (drift, force, internal variable,
-        dissipated energy) and calls this function for the other rows. If the trial state is still
-        on the committed branch, only its work has to be copied. Row BRANCH_OFFSET, the number of
-        rows from the block `trial` to the block that contains its branch, then leads to the
-        committed state. Otherwise `keep`, the function of the law, copies all rows.
+        The kernel function `commit` first calls this function. It then copies the common rows
+        (drift, force, internal variable, dissipated energy) from block `trial` to the committed
+        state. If the trial state is still on the committed branch, this function copies only WORK.
+        Row BRANCH_OFFSET, the number of rows from the block `trial` to the block that contains its
+        branch, then leads to the committed state. Otherwise `keep`, the function of the law, copies
+        all rows.
 
         Parameters
         ----------
@@ -310,8 +311,9 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
             First row of the block of `law_state` with the state at the end of the path.
         """
         if law_state[trial + rows.BRANCH_OFFSET, i] == float(rows.COMMITTED - trial):
-            # The complete path is on the committed branch, so only WORK has to be committed.
-            # INTERNAL is written because `commit` copies all common rows, INTERNAL included.
+            # The complete path is on the committed branch, so only WORK has to be committed. The
+            # fast evaluation has not written INTERNAL of block `trial`. The committed value is
+            # stored in this row, because `commit` copies all common rows back.
             law_state[trial + rows.INTERNAL, i] = law_state[rows.INTERNAL, i]
             law_state[rows.WORK, i] = law_state[trial + rows.WORK, i]
         else:
@@ -419,7 +421,8 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         # A path against the direction of the branch starts with a reversal.
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
-        # Advance to each limit that the path exceeds, and change the branch at the limit.
+        # Advance to each limit that the path exceeds, and change the branch at the limit. The
+        # maximum number of branches prevents an endless loop. The laws of tdint do not reach it.
         for _ in range(_MAX_BRANCHES):
             if drift > law_state[trial + rows.UPPER, i]:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.UPPER, i])
