@@ -119,7 +119,8 @@ else:
 def _force(law_parameters, law_state, i, previous, trial, drift):
     """Compute the force of a separately compiled law at a drift; return the tangent stiffness, N/m.
 
-    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
+    The force and the other rows of the new state are written to block `trial`. The compiled code of
+    the law is called at the address in row ADDRESS of the table of law states.
 
     Parameters
     ----------
