@@ -232,11 +232,12 @@ def _functions() -> LawFunctions:
 
     @inline
     def deterioration(law_parameters, i, capacity, work, total_work):
-        """Return beta, the fraction of a quantity that is lost at a zero crossing or reversal.
+        """Return beta, the relative change of a quantity at a zero crossing or reversal.
 
-        The quantity is the strength, the force of the capping line, or the unloading stiffness. For
-        the maximum drift, beta is the fraction of the increase. With the capacity Lambda (m) of the
-        quantity and the yield force Fy of the positive side,
+        Four quantities deteriorate. The strength, the force of the capping line and the unloading
+        stiffness decrease; the maximum drift increases. `deteriorate` and `unload` apply the
+        change; `deteriorate` multiplies beta by the parameter `rate` of the side. With the capacity
+        Lambda (m) of the quantity and the yield force Fy of the positive side,
 
             beta = (work / (Lambda Fy - total work))^exponent
 
@@ -563,7 +564,9 @@ def _functions() -> LawFunctions:
             force of the capping line at zero drift     1 - D beta    row _CAPPING
             maximum drift                               1 + D beta    row HIGH_DRIFT or LOW_DRIFT
 
-        The rows are also changed if the story fails; the law does not use them after a failure.
+        D is between 0 and 1 (checked when a model is read), so that the factors are positive unless
+        the story fails. The rows are also changed if the story fails; the law does not use them
+        after a failure.
 
         Parameters
         ----------
@@ -603,8 +606,10 @@ def _functions() -> LawFunctions:
         """Apply the deterioration at a zero crossing of the force, and set the reloading branch.
 
         `switch` calls this function in two cases: an unloading branch has reached zero force, or a
-        loading branch reverses before its force has become positive. The force is set to 0, and
-        side `side` is loaded next. All drifts and forces below are positive on this side.
+        loading branch reverses before its force has become positive. In both cases the force is
+        already 0 up to rounding, because the force of a loading branch is never negative. The force
+        is set to exactly 0, and side `side` is loaded next. All drifts and forces below are
+        positive on this side.
 
         1. The deterioration is applied (`deteriorate`). If a fraction beta reaches 1, the story
            fails, and steps 2 and 3 are omitted.
@@ -645,10 +650,11 @@ def _functions() -> LawFunctions:
         zero_drift = side * law_state[block + rows.DRIFT, i]
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         if max_drift <= zero_drift * (1.0 + _REACHED_TOLERANCE) and zero_drift > 0.0:
-            # Unloading from the other side was so flexible that it passed the point of maximum
-            # drift of this side. The point is moved ahead of the zero crossing, so that the story
-            # reloads approximately with the unloading stiffness. The lower bound of the force
-            # avoids a reloading line of zero length.
+            # The drift of the zero crossing is at least the maximum drift of this side. This occurs
+            # if the stiffness of unloading from the other side is small. The point of maximum drift
+            # is moved ahead of the zero crossing. At the new maximum drift, a line with the
+            # unloading stiffness from the zero crossing reaches the backbone force of the old
+            # point. The lower bound of the force avoids a reloading line of zero length.
             max_drift = (
                 zero_drift
                 + max(
@@ -696,9 +702,12 @@ def _functions() -> LawFunctions:
 
         The story has been loaded again along the unloading line and has reached the last reversal.
         Loading continues towards the pinched point, the end of the flatter first part of reloading,
-        if the story has not yet reached this point and the line to this point is less steep than
-        the line to the point of maximum drift. Otherwise it continues towards the point of maximum
-        drift.
+        if three conditions are met, otherwise towards the point of maximum drift:
+
+            - drift and force of the pinched point are larger than the current drift and force
+            - they are smaller than drift and force of the point of maximum drift
+            - the line to the pinched point is less steep than the line to the point of maximum
+              drift
 
         Parameters
         ----------
@@ -751,7 +760,8 @@ def _functions() -> LawFunctions:
             unloading, at zero force               deterioration, then reloading of the other side
             unloading, back at the reversal        reloading
             loading, at the ultimate drift         failure
-            pinched part of reloading              reloading towards the last peak
+            pinched part of reloading              reloading towards the last peak or the point of
+                                                   maximum drift (`set_branch_to_peak`)
             towards the last peak                  reloading towards the point of maximum drift
             towards the maximum drift              backbone curve
             line of the backbone curve             next line of the backbone curve
@@ -801,7 +811,8 @@ def _functions() -> LawFunctions:
         """Return the stored energy F^2 / (2 Ku), J, released by unloading from force F to zero.
 
         On a loading branch, Ku is the unloading stiffness after the deterioration that a reversal
-        at the current state would cause.
+        at the current state would cause. There are two differences from a reversal (`unload`): the
+        loss of stiffness is at most 0.9, and it is not set to 0 close to the last reversal.
 
         Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
         story `i`.
