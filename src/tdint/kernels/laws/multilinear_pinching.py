@@ -342,11 +342,14 @@ def _functions() -> LawFunctions:
             peak (maximum drift / last drift)^peak_exponent
                 + work (dissipated work / energy capacity)^work_exponent
 
-        The maximum drift is the larger value of both sides, and the last drift is the drift of the
-        last backbone point (`last_drift`). The dissipated work is the work done on the story (row
-        WORK) minus its elastic energy. The energy capacity is the parameter `capacity` times the
-        area below the backbone curve up to its last point (`area`), for the side with the larger
-        area.
+        The maximum drift is the larger of the two stored maximum drifts (rows HIGH_DRIFT and
+        LOW_DRIFT), and the last drift is the drift of the last backbone point (`last_drift`). As in
+        Pinching4, the current drift is not included, even if it is larger: `start_path` updates the
+        rows after it has called this function. The current drift is only used in the tests whether
+        the story has yielded and whether the last drift is exceeded. The dissipated work is the
+        work done on the story (row WORK) minus its elastic energy. The energy capacity is the
+        parameter `capacity` times the area below the backbone curve up to its last point (`area`),
+        for the side with the larger area.
 
         The fractions are zero if all limits are zero (`degrades`) and before the first yielding
         (`has_yielded`). Above the last drift, they are constant: `switch` has stored them in the
@@ -370,7 +373,7 @@ def _functions() -> LawFunctions:
             of the stiffness is at least the ratio of the secant stiffness to the stiffness of the
             first line. The secant leads from the origin to the point of maximum drift on the
             degraded backbone curve. Since ks applies to both sides, the side with the larger ratio
-            determines the bound.
+            determines the bound. The bound also uses the stored maximum drifts.
         """
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
@@ -427,7 +430,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def validated_path(start_drift, start_force, points, min_slope, max_slope):
-        """Return the three points of a path if drifts and forces increase, otherwise a replacement.
+        """Return the points of a path if no drift or force decreases, otherwise a replacement.
 
         The path leads from the start to the end of unloading, to the end of the pinched part, and
         to the point of maximum drift. The direct line leads from the start to the point of maximum
@@ -509,12 +512,15 @@ def _functions() -> LawFunctions:
         unloading_fraction = pinching(law_parameters, i, side, 2)
         pinched_drift = pinching(law_parameters, i, side, 0) * max_drift
         pinched_force = force_fraction * force
-        # Without a pinched part, the force is the larger value of two forces, plus the fraction
-        # 1e-6. The first is the fraction `unloading` of the degraded force of the third backbone
-        # point, or of the force at the maximum drift if this drift exceeds the third point. The
-        # second is the degraded force of the fourth point. As in Pinching4, the first force differs
-        # from the end of unloading in `path`: if the maximum drift exceeds the third point, `path`
-        # uses the force of the fourth point.
+        # Without a pinched part, the force is the larger of two forces, increased by the factor
+        # 1 + 1e-6:
+        # - `reference_force` times the fraction `unloading`. The reference force is the degraded
+        #   force of the third backbone point. If the maximum drift exceeds the third point, it is
+        #   the force at the maximum drift.
+        # - the degraded force of the fourth backbone point
+        # As in Pinching4, the first force can differ from the force at the end of unloading. `path`
+        # computes the latter with the force of the fourth point if the maximum drift exceeds the
+        # third point.
         if force_fraction - unloading_fraction <= _NO_PINCHING:
             reference_force = (
                 force
@@ -551,7 +557,10 @@ def _functions() -> LawFunctions:
 
             - the drift of the reversal is zero or positive,
             - point 2 is behind the reversal, or
-            - the pinched part is vertical, or steeper than both loading and unloading.
+            - the pinched part is vertical and rises, or
+            - the slope of the pinched part is larger than the stiffnesses of loading and unloading.
+              The slope is the quotient of the differences of force and drift. It is also positive
+              if the pinched part leads backwards and falls.
 
         If a drift or force still decreases along the path after the corrections, `validated_path`
         replaces the path by the direct line, or by two lines through the origin.
@@ -590,10 +599,10 @@ def _functions() -> LawFunctions:
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         # Compute point 2, the end of the pinched part. The story unloads on the opposite side.
         unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses[0])
-        # `secant` is the slope of the line from the origin to the end of the path on the negative
-        # side of the story: the reversal if the story moves to the positive side, otherwise point
-        # 3. `validated_path` uses it as the upper limit of the slope of the direct line. The use of
-        # the negative side for both directions of movement is as in Pinching4.
+        # `validated_path` uses `secant` as the upper limit of the slope of the direct line. It is
+        # the slope of a line from the origin to a point on the negative side of the story. If the
+        # story moves to the positive side, this point is the reversal, otherwise point 3. As in
+        # Pinching4, the negative side is used for both directions of movement.
         secant = start_force / start_drift if side > 0.0 else end_force / end_drift
         is_beyond_third = previous_max_drift > point_drift(law_parameters, i, side, 3)
         pinched_drift, pinched_force = reloading_point(
@@ -617,11 +626,13 @@ def _functions() -> LawFunctions:
             and (pinched_force - unloading_force) / (pinched_drift - unloading_drift)
             > max(k, unloading_stiffness)
         ) or (pinched_drift == unloading_drift and pinched_force > unloading_force):
-            # The pinched part would be steeper than loading and unloading, or vertical. The path is
-            # therefore the direct line.
+            # The slope of the pinched part exceeds both stiffnesses, or the part is vertical and
+            # rises. The path is therefore the direct line. The first condition includes parts that
+            # lead backwards and fall steeply.
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         elif pinched_drift < unloading_drift or pinched_force < unloading_force:
-            # The pinched part would lead backwards or fall. There are three corrections:
+            # The pinched part leads backwards or falls, and the condition above is not met. It is
+            # corrected by one of three rules:
             # 1. If point 1 has a positive drift, it is moved midway between reversal and point 2.
             # 2. If point 2 has a negative drift, it is moved midway between points 1 and 3.
             # 3. Otherwise both points are moved.
@@ -1079,6 +1090,9 @@ def _stiffens(values: Sequence[float]) -> bool:
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     """Return an error message if the drifts of a backbone curve do not increase, otherwise None.
+
+    The bounds of the parameter `backbone` ensure that all drifts and forces are positive. The drift
+    of the first point is therefore not checked.
 
     Parameters
     ----------
