@@ -47,7 +47,8 @@ def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
     """Return a container of the numbers of all laws with a property.
 
     Kernels test with `in` whether the law of a story has the property. Compiled kernels need a
-    tuple of constants.
+    tuple of constants. Kernels in plain Python use a `_Codes` instead, because a tuple would not
+    contain the laws that plug-ins register later.
 
     Parameters
     ----------
@@ -125,11 +126,10 @@ def select_function(
     conditions and functions of all rare laws are compiled as a single function that is called,
     because inlining them would increase the compile time.
 
-    A law without the function `hook` needs the function `otherwise`:
-
-    - A frequent or separate law receives a condition with `otherwise`, so that the call of the
-      function for the rare laws is avoided.
-    - A rare law receives no condition; it reaches `otherwise` at the end of the chain.
+    Laws without the function `hook` use the function `otherwise` instead. A frequent or separate
+    law without `hook` has a condition, followed by `otherwise`, so that the call of the function
+    for the rare laws is avoided. A rare law without `hook` has no condition. All conditions are
+    false for this law, and `otherwise` at the end of the chain is called.
 
     If kernels are not compiled, the result is a Python function that selects the law in the list of
     all laws.
@@ -142,7 +142,8 @@ def select_function(
         Function that combines the function of one law with the function of the remaining laws:
         `case_with_3_arguments` to `case_with_6_arguments`, by the number of arguments.
     otherwise : function, optional
-        Default for laws without this function (their attribute is None).
+        Default for laws without this function (their attribute is None). It is required unless
+        every law has the function, for example `force` and `strain_energy`.
 
     Returns
     -------
@@ -156,8 +157,8 @@ def select_function(
             such function.
 
             `law_parameters` and `law_state` are the tables of the parameters and states of all
-            laws; row CODE of the parameters contains the number of the law. Further arguments are
-            passed on unchanged.
+            laws; row CODE of the parameters contains the number of the law, which is not negative.
+            Further arguments are passed on unchanged.
             """
             functions = _functions(LAWS[int(law_parameters[rows.CODE, i])])
             function = getattr(functions, hook) or otherwise
@@ -174,12 +175,13 @@ def select_function(
         if implementation is not None:
             implementations.append((code, implementation))
     first_rare = next((code for code, _ in implementations if code >= _FREQUENT), None)
-    # The chain is built from its last law to its first law: each law calls the remaining chain if
-    # its condition is false, so the remaining chain must exist before. `function` is the part that
-    # has been built. It starts with `otherwise`, the end of the chain. If each law has a condition,
-    # `otherwise` is not needed: `function` starts empty (None), and the last law becomes the end of
-    # the chain without a condition, because other numbers do not occur. Examples for the laws 0, 1,
-    # 5 and 6 with the functions f0, f1, f5 and f6:
+    # The chain is built from its end to its start, because each law calls the remaining chain if
+    # its condition is false. `function` is the part of the chain that has been built. There are two
+    # cases for the end of the chain:
+    # - A law has no condition: the end is `otherwise`.
+    # - Each law has a condition: the end is the function of the last law, without its condition,
+    #   because no other law remains. `function` is empty until the last law has been added.
+    # Examples for the laws 0, 1, 5 and 6 with the functions f0, f1, f5 and f6:
     #     all functions exist    inline(0, f0, inline(1, f1, specialized(5, f5, f6)))
     #     f6 is missing          inline(0, f0, inline(1, f1, specialized(5, f5, otherwise)))
     #     only laws 0, 1 and 5   inline(0, f0, inline(1, f1, f5))
