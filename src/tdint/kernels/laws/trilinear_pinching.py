@@ -216,7 +216,9 @@ def _functions() -> LawFunctions:
 
         with the drift z at the last zero crossing of the force (row _ZERO), the law parameter
         `pinching` p, the point of maximum drift dmax with the force Fmax, and the unloading
-        stiffness ku from this point. Drifts are positive on the side of loading.
+        stiffness ku from this point. Drifts are positive on the side of loading. Unloading from the
+        point of maximum drift reaches the force p Fmax at the drift dmax - (1 - p) Fmax / ku. The
+        first part covers the fraction p of the distance from z to this drift.
 
         Parameters
         ----------
@@ -316,13 +318,17 @@ def _functions() -> LawFunctions:
         """Set the branch that follows a zero crossing of the force.
 
         The drift of the zero crossing is stored. Reloading towards the point of maximum drift has
-        two parts; the first (pinched) part starts at the zero crossing. The next branch is
+        two straight parts. The first (pinched) part leads from the zero crossing to the point with
+        the drift of `drift_at_pinching_end`; the second part leads from there to the point of
+        maximum drift. The first part is the next branch if three conditions are met:
 
-        - the first part, if its end and the point of maximum drift are ahead of the zero crossing
-          and it is not stiffer than unloading,
-        - otherwise a line with the unloading stiffness. This includes the case without a first
-          part, when its end is at or behind the zero crossing. The line ends where it meets the
-          second part. If it does not meet the second part, it ends at the backbone curve.
+        - its end is ahead of the zero crossing
+        - the point of maximum drift is ahead of the zero crossing
+        - the first part is not stiffer than unloading
+
+        Otherwise, the next branch is a line from the zero crossing with the unloading stiffness. It
+        ends where it meets the second part, or at the backbone curve if it does not meet the second
+        part.
 
         Parameters
         ----------
@@ -369,7 +375,8 @@ def _functions() -> LawFunctions:
                 )
         # If this point is not on the second part, the unloading line ends at the backbone curve. It
         # meets the constant part, at the ultimate force, unless it meets the hardening line before
-        # the ultimate drift.
+        # the ultimate drift. The hardening line does not fall: the ultimate force is at least the
+        # yield force (`_fault`).
         if end_drift > target or end_drift < max(pinching_end, zero_drift):
             hardening_slope = hardening(law_parameters, i)
             end_drift = zero_drift + law_parameters[_ULTIMATE_FORCE, i] / slope
