@@ -153,7 +153,13 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
         d1 = d0 + w0 / 3,   d2 = d3 - w1 / 3
 
     A branch changes where d(s) exceeds UPPER or falls below LOWER, or where d'(s) changes to the
-    sign opposite to RATE_SIGN. Rounding errors relative to |d0| + |d3| are tolerated.
+    sign opposite to RATE_SIGN. Rounding errors relative to |d0| + |d3| are tolerated. The start of
+    the step is often the last branch change, which is located with a small error. Two deviations
+    at the start are therefore no branch change:
+
+    - The drift exceeds a limit and only moves back.
+    - The drift rate has the sign opposite to RATE_SIGN, but the points d1, d2 and d3 follow each
+      other in the direction of RATE_SIGN.
 
     Parameters
     ----------
@@ -203,7 +209,8 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
         u1_below = scratch[u1, i]
         v1_below = scratch[v1, i]
         # d0, d1, d2 and d3 are the Bezier points of the cubic. The drift is always between their
-        # minimum and their maximum.
+        # minimum and their maximum. The tests below omit d0: a drift that exceeds a limit at the
+        # start only matters if it moves further, and d1 then also exceeds the limit.
         d1 = d0 + w0 / 3.0
         d2 = d3 - w1 / 3.0
         tolerance = _LIMIT_TOLERANCE * (abs(d0) + abs(d3))
@@ -222,6 +229,8 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
         # The tolerance of a reversal is _REVERSAL_TOLERANCE times the same sum of drifts, m.
         tolerance = _REVERSAL_TOLERANCE / _LIMIT_TOLERANCE * tolerance
         # The differences of the Bezier points, times 3, are the Bezier points of the drift rate.
+        # The rate at the start, d1 - d0, is not tested, because the location of the last reversal
+        # is not exact.
         if (
             rate_sign != 0.0
             and scratch[ignored, i] == 0.0
@@ -299,6 +308,8 @@ def _crossing(cubic, limit, tolerance, known_event):
     # extremum.
     if not _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit + tolerance):
         return NONE
+    # If a later part exceeds the limit by more than the tolerance, a rise at the start can be
+    # smaller than the tolerance. The result 0 is then also correct: the drift rises at the limit.
     if d0 >= limit and d1 > d0:
         return 0.0
     if value_first > limit and value_first > d0:
@@ -398,7 +409,8 @@ def find_sign_change(r0, r1, r2):
 
     The quadratic r(s) = (1-s)^2 r0 + 2 s (1-s) r1 + s^2 r2 = a s^2 + 2 b s + r0 is a drift rate,
     positive in the direction of the branch, with a = r0 - 2 r1 + r2 and b = r1 - r0. s is the time
-    as a fraction of the step.
+    as a fraction of the step. If the quadratic touches zero and remains positive, the result is the
+    time of the contact.
 
     A rate that is not positive at the start (r0 <= 0) has two possible causes, which the sign of r1
     distinguishes:
@@ -413,8 +425,10 @@ def find_sign_change(r0, r1, r2):
     Parameters
     ----------
     r0, r1, r2 : float
-        Bezier points of the quadratic. Callers ensure that r1 or r2 is negative. For r0 > 0, the
-        quadratic is then not constant, and no divisor is 0: b >= 0 implies r2 < 0 and a < 0.
+        Bezier points of the quadratic. Callers ensure that r1 or r2 is negative. For r0 > 0, no
+        divisor of the root is then 0. If b < 0, the divisor is positive. If b >= 0, r1 is at least
+        r0 and therefore positive, so that r2 is negative, and the divisor a = r2 - r1 - b is
+        negative.
     """
     if r0 <= 0.0:
         # For r1 >= 0, the larger root of r(s) is a second reversal. Locating this reversal was
