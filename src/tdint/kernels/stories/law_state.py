@@ -250,8 +250,9 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     trial : int
         First row of the block with the trial state.
     """
-    # `_keep` always copies to the committed block. Its argument 0 (`previous`) is the state at the
-    # start of the path. This is the committed state: its drift is replaced after this call.
+    # `_keep` copies from block `trial` to the committed block. Its argument 0 (`previous`) is the
+    # committed state, the start of the path. Some laws need its drift. Therefore,
+    # `_keep` is called before the loop, which replaces this drift.
     _keep(law_parameters, law_state, i, 0, trial)
     for row in range(rows.COMMON_ROWS):
         law_state[row, i] = law_state[trial + row, i]
@@ -337,6 +338,8 @@ def follow(law_parameters, i, drifts, law_state, result):
     int
         Always 0, because a path of drifts cannot fail.
     """
+    # Move to the first drift and commit the state. For row 0, the loop then evaluates a path of
+    # zero length, from the first drift to the same drift.
     start(law_parameters, law_state, i, drifts[0])
     for row in range(drifts.size):
         result[row, TANGENT] = restoring_force(
