@@ -269,15 +269,16 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
         Fractions of the step in (0, 1) at which the rate changes its sign; 1 for no further
         reversal.
     min_extremum : float
-        Minimum absolute rate at an extremum within the step, m; infinite if there is no extremum.
+        Minimum absolute rate at an extremum within the step, m. It is infinite if there is no
+        extremum, or if the story starts from rest without an initial slope and has no reversal.
     """
     tolerance = _RATE_ROUNDING * (abs(rise) + abs(last_rate))
     if abs(first_rate) <= tolerance and abs(initial_slope) <= tolerance and rise * last_rate > 0.0:
         # Initial rate and slope are zero, and the story has no reversal. An example are the upper
-        # stories of a building at rest: their rate is proportional to the third or a higher power
-        # of time. For t^3 the coefficient c2 of the cubic consists of rounding errors, and for a
-        # higher power the signs of c2 and of the rate are opposite. In both cases the cubic could
-        # have a reversal that the story does not have.
+        # stories of a building at rest: their rate is r1 t^m with the power m = 3 or higher. Its
+        # integral, the rise, is r1 / (m + 1), so that c2 = (12 / (m + 1) - 3) r1. For m = 3, c2
+        # consists of rounding errors; for larger m, c2 and the rate have opposite signs. In both
+        # cases the cubic could have a reversal that the story does not have.
         return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
     rate_change = last_rate - first_rate - initial_slope
     mean_excess = rise - first_rate - 0.5 * initial_slope
@@ -285,9 +286,10 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     c3 = 4.0 * rate_change - 12.0 * mean_excess
     # The rate first_rate + initial_slope t + c2 t^2 + c3 t^3 is monotonic between its extrema, the
     # roots of initial_slope + 2 c2 t + 3 c3 t^2 = 0. Each of the three intervals therefore contains
-    # at most one zero. The roots q / (3 c3) and initial_slope / q are free of cancellation. A root
-    # outside (0, 1) is replaced by 0 or 1. The choice between 0 and 1 has no effect, because it
-    # only adds an interval of zero length.
+    # at most one zero. The roots q / (3 c3) and initial_slope / q are free of cancellation. The
+    # conditions with abs() are true for roots between -1 and 1; they also exclude a division by
+    # zero. Other roots are replaced by 1, and negative roots by 0. A replaced root only adds an
+    # interval of zero length, which has no effect.
     first_extremum = last_extremum = 1.0
     discriminant = c2 * c2 - 3.0 * c3 * initial_slope
     if discriminant > 0.0:
@@ -341,7 +343,9 @@ def has_certain_reversal(rise, first_rate, last_rate):
     """Return True if the drift rate at an endpoint of the step is opposite to the change of drift.
 
     The drift then has a reversal within the step for any initial acceleration. Rates below
-    _RATE_ROUNDING times (|rise| + |last_rate|) are regarded as rounding errors and ignored.
+    _RATE_ROUNDING times (|rise| + |last_rate|) are regarded as rounding errors and ignored. The
+    rate at the start is not included in the sum: in a building at rest, it can consist of rounding
+    errors, and is compared with the motion that follows. For `rise` 0, the result is False.
 
     Parameters
     ----------
@@ -361,7 +365,7 @@ def _find_zero(cubic, lower, upper, value_at_upper):
     """Return the zero of the cubic c0 + c1 t + c2 t^2 + c3 t^3, which is monotonic in an interval.
 
     Newton's method is used, with a bisection if it leaves the interval. It ends if a correction is
-    smaller than _ROOT.
+    smaller than _ROOT, or after _MAX_ROOT_ITERATIONS iterations.
 
     Parameters
     ----------
@@ -938,8 +942,11 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     direction = math.copysign(1.0, story_path.bend)  # direction of the path after the reversal
     shift = 0.0
     # If the branch is valid for both directions, it does not change at the reversal, and its force
-    # does not depend on the drift at the reversal. Otherwise a copy of the state (SECOND_TRIAL) is
-    # moved from the reversal by a small shift, in the direction of the path before the reversal.
+    # does not depend on the drift at the reversal. The shift 0 means that the derivatives have no
+    # term for this drift. Otherwise this term is a difference quotient: (integrals after a shifted
+    # reversal - integrals after the reversal) / shift, in `_add_after_reversal`. For the shifted
+    # reversal, a copy of the state (SECOND_TRIAL) is moved further by a small shift, in the
+    # direction of the path before the reversal.
     if law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * direction < 0.0:
         copy(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         shift = -direction * _SHIFT * (abs(story_path.rise) + abs(story_path.bend))
@@ -967,9 +974,10 @@ def dividing_at_bend(integrate):
     The integrals of the force f are int f dt and 12 int (t - 1/2) f dt, and their derivatives,
     along the parabola of drift d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over
     the step. The derivatives are with respect to the coefficients `rise` and `bend`; `bend` is the
-    curvature of the drift. The path is divided at a kink of the force, which `_distance_to_bend`
-    locates. Near a kink, the tangent stiffness changes rapidly, and Gauss integration would be
-    inaccurate.
+    curvature of the drift. The path is divided at a kink (sharp bend) of the force. Near a kink,
+    the tangent stiffness changes rapidly, and Gauss integration would be inaccurate.
+    `_distance_to_bend` returns the change of drift up to the kink. In its name and in the name of
+    this function, "bend" is the kink and not the coefficient `bend`.
 
     Parameters
     ----------
@@ -1011,8 +1019,10 @@ def dividing_at_bend(integrate):
         side = math.copysign(1.0, drift_change)
         drift_change = abs(drift_change)
         begin = segment.begin
-        # First part: from the start to the kink of the force, if the kink is on the path;
-        # `kink_distance` is the change of drift up to the kink, m.
+        # First part: from the start to the kink of the force, if the kink is on the path.
+        # `kink_distance` is the change of drift from the state in `previous` to the kink, m. This
+        # state is at `start_drift`. Only for the difference quotient after a reversal, it differs
+        # by the shift of the reversal (`_integrate_hysteretic`), which is negligible.
         kink_distance = _distance_to_bend(law_parameters, law_state, i, previous, side)
         if kink_distance < drift_change:
             count = required_points(law_parameters, law_state, i, kink_distance)
@@ -1071,7 +1081,7 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
         True for an elastic law. The state of a hysteretic law advances from each Gauss point to the
         next.
     count : float
-        Minimum number of Gauss points.
+        Minimum number of Gauss points, positive.
     segment : PathSegment
         Part of the path.
     results : Integrals
@@ -1160,6 +1170,10 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         shifted = Integrals(results.table, results.first + _SHIFTED)
         path_back = path_segment(story_path, reversal_time, 1.0)
         # Compute the state at the reversal (THIRD_TRIAL) and at the shifted reversal (FIRST_TRIAL).
+        # `previous` is the block with the state at the last Gauss point before the reversal. The
+        # shift continues the path past the reversal, in the same direction. The drift at the
+        # reversal is a minimum for a positive `bend`, so that the shift is negative, and otherwise
+        # a maximum.
         drift = drift_at(story_path, reversal_time)
         restoring_force_outlined(law_parameters, law_state, i, previous, rows.THIRD_TRIAL, drift)
         accumulate_dissipation(law_parameters, law_state, i, previous, rows.THIRD_TRIAL)
