@@ -45,7 +45,13 @@ Bezier points, so every extremum above the peak is searched. The Bezier points o
     u1 - h v1 / 5,  u1
 
 Two extrema of a displacement or velocity within a step, without a change of the sign of its rate
-over the step, are not searched.
+over the step, are not searched. If the velocity at the start is exactly zero, as in the first step
+from rest, the extremum of the displacement at the start is recorded, and the interior of the step
+is not searched.
+
+A story force is searched only at reversals of the drift. If a law reaches its strength and softens
+within a step without a reversal, the method must locate the branch change. Otherwise the peak
+shear is the largest value at the endpoints of the steps.
 
 Unresolved motion
 -----------------
@@ -171,7 +177,8 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     Parameters
     ----------
     h, by_h : float
-        Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
+        Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
+        passes h = 0 and by_h = 0.
     floor : Ends
         Motion of floor `i` relative to the ground at both endpoints of the step: displacement (m),
         velocity (m/s) and acceleration (m/s^2).
@@ -204,6 +211,15 @@ def story_reach(span, story, shear, stiffness):
     The drift may reverse if v0 and v1 have opposite signs, or if the method defines parabolic
     displacements within the step (`span.on_path`).
 
+    The bound of the shear covers a reversal within the step, and assumes that the force changes by
+    at most the initial stiffness times the distance of the drifts between the reversal and the end
+    of the step. A law with a larger stiffness can exceed the bound. For the gap law this has no
+    effect, because its force is elastic and symmetric: a new peak shear requires a new peak drift,
+    and the bound of the drift shows it. For unsymmetric laws that stiffen (`polynomial` with even
+    powers, `multilinear-pinching` with a steeper line), a reversal with a new peak shear may not be
+    searched. The bound also does not cover a force that rises and softens within the step without a
+    reversal.
+
     A polynomial does not exceed its Bezier points. Without the effect of the drift acceleration a1
     at the end, the Bezier points of the drift are at most e away from an endpoint value. The
     quintic interpolant requires only 2/5 of the rate, for example in u0 + 2 h v0 / 5 + h^2 a0 / 20.
@@ -220,8 +236,8 @@ def story_reach(span, story, shear, stiffness):
     shear : float
         Restoring force of the story at the end of the step, N.
     stiffness : float
-        Initial stiffness of the story, N/m. It converts a change of drift to a bound of the change
-        of shear.
+        Initial stiffness of the story, N/m. It converts a change of drift to an upper limit of the
+        change of shear, for laws that are not stiffer than initially.
 
     Returns
     -------
@@ -243,6 +259,7 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
 
     The bounds of `story_reach` are increased by the effect of the drift acceleration at the end of
     the step: `excess` for the drift, and the initial stiffness times `excess` for the shear.
+    `story_reach` describes for which laws the bound of the shear is valid.
 
     Parameters
     ----------
@@ -329,7 +346,8 @@ def may_exceed_velocity_peak(h, by_h, ends, peak):
     Parameters
     ----------
     h, by_h : float
-        Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
+        Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
+        passes h = 0 and by_h = 0.
     ends : Ends
         Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
         step.
@@ -351,7 +369,8 @@ def _max_velocity_bezier_point(h, by_h, ends):
     Parameters
     ----------
     h, by_h : float
-        Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
+        Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
+        passes h = 0 and by_h = 0.
     ends : Ends
         Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
         step.
@@ -367,19 +386,21 @@ def _middle_velocity_bezier_point(h, by_h, ends):
 
     The velocity is the quartic derivative of the quintic interpolant of u0, v0, a0 and u1, v1, a1
     at the endpoints of a step of length h. The mean of its five Bezier points is the mean velocity
-    (u1 - u0) / h. The other four points are v0, v0 + h a0 / 4, v1 - h a1 / 4 and v1. The middle
-    point is therefore 5 (u1 - u0) / h - 2 (v0 + v1) + h (a1 - a0) / 4.
+    (u1 - u0) / h, so their sum is 5 (u1 - u0) / h. The other four points are v0, v0 + h a0 / 4,
+    v1 - h a1 / 4 and v1. The middle point is therefore 5 (u1 - u0) / h - 2 (v0 + v1)
+    + h (a1 - a0) / 4.
 
     Parameters
     ----------
     h, by_h : float
-        Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
+        Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
+        passes h = 0 and by_h = 0.
     ends : Ends
         Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
         step.
     """
-    mean = 5.0 * by_h * (ends.u1 - ends.u0)
-    return mean - 2.0 * (ends.v0 + ends.v1) + 0.25 * h * (ends.a1 - ends.a0)
+    sum_of_points = 5.0 * by_h * (ends.u1 - ends.u0)
+    return sum_of_points - 2.0 * (ends.v0 + ends.v1) + 0.25 * h * (ends.a1 - ends.a0)
 
 
 @inline
@@ -391,10 +412,13 @@ def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
     - 2 s)), with the endpoint values A0 and A1, the bulge B and the tilt D. Its interior Bezier
     points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3.
 
-    The criterion does not need the tilt. `_raise_acceleration_peak`, which computes the peak,
-    multiplies B and D by a weight w <= 1 that depends on |D / B|. This weight limits |w (B + D)|
-    and |w (B - D)| to 2 |B|, with B as given. The interior Bezier points therefore exceed the
-    larger absolute endpoint value by at most (2 |B| - |A1 - A0|) / 3.
+    The bound covers every tilt, so D is not an argument. `_raise_acceleration_peak`, which computes
+    the peak, replaces B and D by w B and w D. The weight w is 1 for |D| <= |B| and 2 - |D / B| for
+    |B| < |D| < 2 |B|; for larger |D| the interior is not searched. In all cases w (|B| + |D|) is at
+    most 2 |B|. A Bezier point is therefore within 2 |B| / 3 of the straight line between A0 and
+    A1. At the Bezier points, the absolute value of the line is at least |A1 - A0| / 3 below the
+    larger absolute endpoint value. The interior Bezier points therefore exceed this value by at
+    most (2 |B| - |A1 - A0|) / 3.
 
     Parameters
     ----------
@@ -437,9 +461,10 @@ def find_interstep_peaks(
     Parameters
     ----------
     span : Span
-        Step or substep. If `span.cornered` is True, the kernel of the method has already searched
-        accelerations and total shears, and this function skips them. `span.fast` is True if the
-        building has modes that the step does not resolve.
+        Step or substep; its length is not zero. `span.cornered` is True if the kernel of the method
+        has already computed the peaks of accelerations and total shears within the step; this
+        function then skips them. `span.fast` is True if the building has modes that the step does
+        not resolve.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     passage : Passage
@@ -485,15 +510,18 @@ def find_interstep_peaks(
         # Search the drift for an extremum inside the step.
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
-            stiffness = scene.law_parameters[rows.STIFFNESS, i]
-            # There is no new peak if drift and shear within the step exceed their absolute values
-            # at the end by at most `drift_margin` (m) and `shear_margin` (N).
-            # `_displacement_excursion` bounds the distance of the drift from its value at the end.
-            # The initial stiffness converts a change of drift to a bound of the change of shear.
+            stiffness = scene.law_parameters[rows.STIFFNESS, i]  # initial stiffness, positive
+            # `drift_margin` (m) and `shear_margin` (N) are the differences of the recorded peaks
+            # and the absolute values at the end of the step. The drift has no new peak if its
+            # distance from the value at the end, at most `drift_excursion`, does not exceed
+            # `drift_margin`. The same applies to the shear: the change of shear is limited by the
+            # initial stiffness times `drift_excursion` (`story_reach` describes the exceptions).
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = _displacement_excursion(span, story)
             if drift_excursion > drift_margin or stiffness * drift_excursion > shear_margin:
+                # If the distance of the drift from its value at the end is at most `margin`, both
+                # the drift and the shear have no new peak.
                 margin = min(drift_margin, shear_margin / stiffness)
                 row = first_peak + rows.PEAK_DRIFT
                 reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
@@ -523,7 +551,9 @@ def find_interstep_peaks(
             and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
         ):
             _raise_velocity_peak(span, story, peaks, first_peak + rows.PEAK_DRIFT_RATE, i)
-        # Search the absolute acceleration of the floor and the total shear of the story.
+        # Search the absolute acceleration of the floor and the total shear of the story, unless
+        # the kernel of the method has computed their peaks. The third argument is the factor of the
+        # ground acceleration: 1 for a floor, the mass of all floors above the story for the shear.
         if not span.cornered:
             row = first_peak + rows.PEAK_ACCELERATION
             _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
@@ -550,8 +580,10 @@ def _floor_ends(has_unresolved_modes, passage, i):
         `passage.old` contain velocity and acceleration one step earlier. Otherwise the values at
         the start of the step are returned instead; they are not used.
     passage : Passage
-        Tables with the response at both endpoints. From row `first` of `old` on: displacement,
-        velocity and acceleration at the start, then velocity and acceleration one step earlier.
+        Tables with the response at both endpoints. Table `old` contains, from row `first` on,
+        displacement, velocity and acceleration at the start, then velocity and acceleration one
+        step earlier. Table `state` contains displacement and velocity at the end. Row `new` of the
+        table `accelerations` contains the acceleration at the end.
     i : int
         Index of the floor.
     """
@@ -644,6 +676,11 @@ def _has_extremum(span, ends):
     the parabola u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2, with s from 0 to 1, has an interior
     extremum: 2 |u1 - u0| < h |v1 - v0|. `ends` contains these displacements (m) and velocities
     (m/s) of a floor or story, `span` the length h.
+
+    The comparison of the signs of v0 and v1 does not detect two extrema within the step. If v0 is
+    zero, the extremum at the start of the step has been recorded, and the comparison does not
+    detect a further extremum within the step. A step that resolves the motion has no such extrema,
+    except for a ground motion that changes its sign in the first step from rest.
     """
     has_vertex = 2.0 * abs(ends.u1 - ends.u0) < span.h * abs(ends.v1 - ends.v0)
     return (span.on_path & has_vertex) | (ends.v0 * ends.v1 < 0.0)
@@ -677,10 +714,10 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     ends : Ends
         Displacement or drift (m), velocity and acceleration at both endpoints of the step.
     margin : float
-        Maximum excess of the absolute extremum over |u1| without a new peak, m. For a drift, the
-        caller reduces this value so that an excess up to `margin` causes no new peak shear. The
-        excess is at most the distance of the extremum from u1. In cases 1 and 3, the extremum is
-        ignored if the Bezier points show that this distance does not exceed `margin`.
+        Recorded peak minus |u1|, m. For a drift, the caller reduces this value if a smaller
+        distance from u1 can cause a new peak shear. An extremum at a distance of at most `margin`
+        from u1 causes no new peak. In cases 1 and 3, the extremum is ignored if the Bezier points
+        show that its distance from u1 does not exceed `margin`.
     peaks : ndarray
         Table of the peaks.
     row, i : int
@@ -774,7 +811,9 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     span : Span
         Time step.
     ends : Ends
-        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints.
+        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints. If
+        `span.fast` is True, also velocity and acceleration one step before the start, which
+        `_is_resolved` uses.
     peaks : ndarray
         Table of the peaks, m/s.
     peak_row, i : int
@@ -812,13 +851,16 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     changes only A0 and A1, not B and D.
 
     Bm and Dm are bulge and tilt of the motion a (or of the sum of m a); Bp and Dp are bulge and
-    tilt of the sum of the forces p. The tilt of the motion is not reliable if it is large.
-    Therefore
+    tilt of the sum of the forces p. The tilt of the motion is not reliable if it is large. Bm and
+    Dm are therefore multiplied by a weight w, which decreases from 1 to 0 with increasing |Dm|:
 
-        B = w Bm - Bp,   D = w Dm - Dp,   w = min(2 - |Dm / Bm|, 1)    for |Dm| < 2 |Bm|
+        B = w Bm - Bp,   D = w Dm - Dp
+        w = 1                   for |Dm| <= |Bm|
+        w = 2 - |Dm / Bm|       for |Bm| < |Dm| < 2 |Bm|
 
-    The forces are known functions of time, so Bp and Dp have no weight. For |Dm| >= 2 |Bm|, no
-    extremum inside the step is recorded, not even an extremum due to the forces.
+    Bp and Dp are not multiplied by w, because the forces are known functions of time. For
+    |Dm| >= 2 |Bm|, the interior of the step is not searched. An extremum inside the step is then
+    not recorded, even if it is due to the forces.
 
     An extremum inside the step is unreliable ("unresolved motion") if (|B| + |D|) / 3 exceeds
     |A0| + |A1| (`_is_near_line` is False), or if velocities and accelerations of two successive
@@ -1023,7 +1065,8 @@ def _quintic_extremum(s, coefficients):
 
     The extremum near the estimate `s` is computed by three Newton iterations. Its value is compared
     with the values at s = 1/8, 2/8, ..., 7/8. If a value is more extreme, Newton's method is
-    repeated from this point. The result is the most extreme of all these values.
+    repeated from this point. The result is the most extreme of all these values. It is a value of
+    the polynomial within the step, so it never exceeds the true maximum.
 
     Parameters
     ----------
@@ -1031,7 +1074,8 @@ def _quintic_extremum(s, coefficients):
         First estimate of the location of the extremum.
     coefficients : tuple of float
         p0 to p5. The sign of p1 determines the type of the extremum: a maximum if p increases at
-        s = 0, a minimum if it decreases.
+        s = 0, a minimum if it decreases. p1 must not be zero. The callers ensure this, because they
+        search only if the rate of the quantity has different signs at both endpoints.
     """
     extremum = _nearest_extremum(s, coefficients)
     s, best = _best_of_samples(coefficients)
@@ -1047,7 +1091,9 @@ def _nearest_extremum(s, coefficients):
     iterations.
 
     The polynomial is p(s) = p0 + p1 s + p2 s^2 + p3 s^3 + p4 s^4 + p5 s^5, with s in [0, 1]. The
-    extremum is a maximum if p increases at s = 0 (p1 > 0), and a minimum if it decreases.
+    extremum is a maximum if p increases at s = 0 (p1 > 0), and a minimum if it decreases. The
+    convergence is not tested: the result is a value of the polynomial in any case, and the caller
+    compares it with other values.
 
     Parameters
     ----------
