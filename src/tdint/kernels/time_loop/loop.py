@@ -107,9 +107,10 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
     state = memory.state
     call_initialize_laws(initialize_laws, scene, memory)
     # `observe` computes the accelerations from equilibrium and stores them in row
-    # OBSERVED_ACCELERATION. It also records the initial values as the first peaks. The span has the
-    # end time 0 and the length 0, and the rate of the ground acceleration is 0. The flags (on_path,
-    # fast, cornered) concern only the interior of a step.
+    # OBSERVED_ACCELERATION. It also records the initial values as the first peaks. The fields of
+    # the span are its end time 0, its length 0, the ground acceleration at both endpoints, and the
+    # flags on_path, fast and cornered, which concern only the interior of a step. The next
+    # argument, 0.0, is the rate of the ground acceleration.
     observe(scene, Span(0.0, 0.0, ground, ground, False, False, False), 0.0, memory, seen)
     store_previous(state, seen.observer_state, n)
     for i in range(n):
@@ -369,6 +370,8 @@ def integrate(
             # Set the load of the step or substep: its start time and the ground acceleration at
             # both endpoints. If a line is fitted, `shift_ground` updates the accelerations for
             # the jump from the end of the previous line (`step_status[STATE_GROUND]`) to GROUND_0.
+            # It sets STATE_GROUND to GROUND_0. If the substep fails and is halved, the next jump
+            # therefore starts from this value.
             load[rows.TIME] = (step_index + completed_fraction) * h
             if stride > 1:
                 _fit_ground(
