@@ -108,8 +108,8 @@ def observe(scene, span, slope, memory, seen):
 
     1. It computes accelerations and total shears.
     2. For each quantity, it compares an upper bound over the step with the recorded peak. In most
-       steps no bound exceeds a peak; only in the other steps the peaks are updated. The bounds are
-       combined without branches (`|=`), because this is faster.
+       steps no bound exceeds a peak; only in the other steps the peaks are updated. The results of
+       the comparisons are combined without branches (`|=`), because this is faster.
     3. It adds the momentum, the inertia and the power of the dampers of all floors. The energies of
        the run are computed from these sums after the loop.
 
@@ -158,7 +158,7 @@ def observe(scene, span, slope, memory, seen):
     floor_damping_above = 0.0  # sum of c v and modal damping over all floors down to here, N
     inertia_above = 0.0  # sum of mass times absolute acceleration at the step start, N
     bulge_above = 0.0  # sum of mass times `bulge`, a measure of the acceleration in the step, N
-    story_damping_above = 0.0  # factor of the drift acceleration of the story above, N
+    story_factor_above = 0.0  # factor of the drift acceleration of the story above, N
     # Velocity at the end of the step; displacement, velocity and acceleration at its start (suffix
     # _0). They start with the uppermost floor.
     v = state[rows.VELOCITY, n - 1]
@@ -166,9 +166,11 @@ def observe(scene, span, slope, memory, seen):
     v_0 = observer_state[rows.V_PREVIOUS, n - 1]
     a_0 = observer_state[rows.A_PREVIOUS, n - 1]
     # The bounds of a story depend on its drift acceleration at the end of the step, and therefore
-    # on the accelerations of its upper and its lower floor. The pass of the loop for the lower
-    # floor completes the bounds of the story and compares the bounds with the peaks. The pass for
-    # the upper floor stores three values for this purpose:
+    # on the accelerations of its upper and its lower floor. The upper floor of story i is floor i,
+    # the lower floor is floor i - 1. Story i is therefore compared with its peaks in two passes:
+    # pass i computes the part of the bounds that is known, and pass i - 1, which computes the
+    # acceleration of floor i - 1, adds the rest and compares. Pass i stores three values for this
+    # purpose:
     #     reach_above    bounds of drift (m) and shear (N) from `story_reach`, without the effect of
     #                    the drift acceleration at the end
     #     a_above        relative acceleration of the upper floor at the end, m/s^2
@@ -215,9 +217,10 @@ def observe(scene, span, slope, memory, seen):
         total_shear = story_force + floor_damping_above
         observer_state[rows.TOTAL_SHEAR, i] = total_shear
         # Compare bounds of the displacement and velocity of the floor with their peaks, then bounds
-        # of the drift and force of the story above. The last two fields of `Ends` are velocity and
-        # acceleration one step before the start. The bounds do not use them, so any values are
-        # allowed: here v_0 and a_0 for the floor, zeros for the story.
+        # of the drift and force of the story above, which the previous pass has prepared. For the
+        # uppermost floor, these bounds are zero and exceed no peak. The last two fields of `Ends`
+        # are velocity and acceleration one step before the start. The bounds do not use these
+        # fields, so any values are allowed: here v_0 and a_0 for the floor, zeros for the story.
         floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
         may_exceed |= may_exceed_story_peaks(
@@ -245,6 +248,8 @@ def observe(scene, span, slope, memory, seen):
         # acceleration of all floors that the story supports. With forces, this bound is not valid,
         # but `may_exceed` is then already True.
         # `bulge` is the symmetric deviation of the acceleration from a straight line in the step.
+        # The bound that follows from `bulge` also covers the tilt, the antisymmetric deviation
+        # (`may_exceed_acceleration_peak`).
         bulge = acceleration_bulge(by_h, floor_ends)
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
@@ -260,12 +265,13 @@ def observe(scene, span, slope, memory, seen):
         viscous_power += floor_damping * v + (story_damping + dashpot_force) * rate
         # The rate of the power of all dampers is twice `viscous_rate`. The power c v^2 of a linear
         # damper has the rate 2 (c v) a. The power F v of a dashpot at the drift rate v has the rate
-        # (F + F' v) a, with the drift acceleration a. `story_damping` becomes the factor of the
-        # drift acceleration in half of the rate. The drift acceleration is the difference of two
-        # floor accelerations. The factor of a floor acceleration is therefore the factor of its
-        # story minus the factor of the story above.
+        # (F + F' v) a, with the drift acceleration a. Half of the rate of the story is therefore a
+        # times the factor c v + (F + F' v) / 2. Until here, `story_damping` is c v; from here on,
+        # it is this factor. The drift acceleration is the difference of two floor accelerations.
+        # The factor of a floor acceleration is therefore the factor of its story minus the factor
+        # of the story above (`story_factor_above`).
         story_damping += 0.5 * (dashpot_force + dashpot_tangent * rate)
-        viscous_rate += (floor_damping + story_damping - story_damping_above) * a
+        viscous_rate += (floor_damping + story_damping - story_factor_above) * a
         # An equal change of all floor accelerations only changes the drift acceleration of stories
         # on the ground.
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
@@ -274,7 +280,7 @@ def observe(scene, span, slope, memory, seen):
         floor_damping_above *= link
         inertia_above *= link
         bulge_above *= link
-        story_damping_above = link * story_damping
+        story_factor_above = link * story_damping
         v = v_below
         u_0, v_0, a_0 = u_0_below, v_0_below, a_0_below
     # The drift acceleration of the lowest story is the acceleration of floor 1.
@@ -300,8 +306,10 @@ def _update_energies(scene, span, slope, sums, memory, seen):
     ground acceleration ag and the masses m, velocities v and accelerations a of the floors. Its
     rate has the terms -ag (sum of m a), -ag' (sum of m v) and the rate of the power of the forces.
     `_add_work` adds the second term, with ag' = `slope`. Modal damping is added to the power of the
-    dampers. The work follows from the powers and their rates at both endpoints of the step, unless
-    the kernel of the step has computed the work (flag OWN_WORK).
+    dampers. The work follows from the powers and their rates at both endpoints of the step: the
+    values at the start are in the totals of the run, the values at the end are computed here and
+    replace them. If the kernel of the step has computed the work (flag OWN_WORK is not 0), this
+    work is added instead.
 
     The reference energy (ENERGY_REFERENCE) is the maximum until now of the sum of initial energy
     and work of the load. It is the divisor of the relative energy imbalance.
@@ -311,17 +319,22 @@ def _update_energies(scene, span, slope, sums, memory, seen):
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
-        Observed time step or substep.
+        Observed time step or substep; `span.t` is the time at its end, `span.ground_1` the ground
+        acceleration at this time.
     slope : float
         Rate of the ground acceleration in the step, m/s^3.
     sums : _FloorSums
-        Momentum (sum of m v), inertia (sum of m a) and power of the dampers at the end of the step.
+        Sums over all floors and stories at the end of the step: momentum (sum of m v), inertia (sum
+        of m a), power of the dampers, and half of its rate (`half_viscous_rate`). The last field,
+        `viscous_per_acceleration`, is the increase of `half_viscous_rate` if all accelerations
+        increase by 1 m/s^2.
     memory : Memory
         State and status of the step.
     seen : Seen
         Arrays of the observer. In the totals of the run, the energies of the load and of the
-        dampers and the reference energy are updated. TOTAL_INERTIA and VISCOUS_PER_ACCELERATION are
-        stored for `shift_ground`, which updates the rates at a jump of the ground acceleration.
+        dampers and the reference energy are updated. If OWN_WORK is 0, TOTAL_INERTIA and
+        VISCOUS_PER_ACCELERATION are stored for `shift_ground`, which updates the rates at a jump of
+        the ground acceleration.
     """
     _, modal, _, forces, flags = scene
     totals = seen.totals
@@ -477,11 +490,13 @@ def _update_peaks(ground, state, law_state, seen):
 
 @outlined
 def _additional_powers(modal, forces, t, state, observer_state, n):
-    """Compute the power of the forces on floors and of modal damping, and their rates.
+    """Compute the power of the forces on floors and its rate, and the power of modal damping and
+    half of its rate.
 
     A force p on a floor with the velocity v and the acceleration a has the power p v and its rate p
     a + p' v. A damped mode with the row w of the modal damping matrix C = sum of w w^T has the
-    power (w^T v)^2 and its rate 2 (w^T v) (w^T a).
+    power (w^T v)^2 and its rate 2 (w^T v) (w^T a). The result contains half the rate,
+    because `_update_energies` doubles the sum over all dampers.
 
     Parameters
     ----------
@@ -583,7 +598,8 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     peaks from the response at the endpoints. The quantities depend on the method:
 
         no peaks computed by the method                     all quantities
-        peaks computed, parabolic displacements (on_path)   displacements, velocities and drifts
+        peaks computed, parabolic displacements (on_path)   all quantities except absolute
+                                                            accelerations and total shears
         peaks computed, other methods                       no quantity
 
     The response at the end is then stored in the rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS of the
@@ -616,9 +632,13 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     n = scene.linear_terms.shape[1] - 1
     reversals = 0
     if span.cornered:
+        # STEP_PEAKS is the first row of the peaks that the step has computed in `scratch`, or 0 if
+        # it has computed no peaks (`span.cornered` is then False).
         _merge_step_peaks(int(step_status[rows.STEP_PEAKS]), scratch, peaks, n)
         step_status[rows.STEP_PEAKS] = 0.0
     if may_exceed and (span.on_path or not span.cornered):
+        # The fields are table and first row of the response at the start of the step, table with
+        # displacement and velocity at its end, table and row of the acceleration at its end.
         passage = Passage(
             observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
         )
@@ -731,8 +751,9 @@ def shift_ground(scene, load, shifts, memory, seen):
         observer_state[rows.A_PREVIOUS, i] = a
     # The ground acceleration ag changes by -shift, and all accelerations a by shift. Update the
     # power of the load, -ag (sum of m v), and the term -ag (sum of m a) of its rate. MOMENTUM is
-    # the sum of m v. TOTAL_INERTIA is the sum of m a: before the jump, and then after it. If a step
-    # fails and is halved, the next jump occurs before `observe` stores a new sum.
+    # the sum of m v. TOTAL_INERTIA is the sum of m a before the jump. It is also updated here,
+    # because the next jump occurs before `observe` stores a new sum if the step fails and is
+    # halved.
     totals[rows.POWER_INPUT] += shift * totals[rows.MOMENTUM]
     totals[rows.RATE_INPUT] += shift * (
         totals[rows.TOTAL_INERTIA] - ground * totals[rows.TOTAL_MASS]
