@@ -32,7 +32,7 @@ TERMS = 15
 
 _MIN_TERMS = 5  # minimum number of terms: from the constant term to the fourth power
 _TRUNCATION = 2e-10  # maximum of the first omitted term relative to the cubic term
-# Maximum number of Newton iterations; the iteration is bracketed and therefore always ends
+# Maximum number of iterations. At most 17 bisections reduce the bracket to _BISECTION_TOLERANCE.
 _MAX_ITERATIONS = 30
 _NEWTON_TOLERANCE = 1e-4  # fraction of the step; maximum last correction of Newton's method
 # Fraction of the step; maximum last correction of the time by bisection. The relative error of the
@@ -142,6 +142,9 @@ def largest_between(q, rates, d1, vibration, n, series):
     3. q' has the same sign at both endpoints, and q'' has different signs. q' has two zeros or no
        zero. Without a zero, the result is 0.
 
+    If q' is exactly zero at the end, `may_exceed` returns False: the extremum is the value at the
+    end of the step, which the caller records.
+
     With x = t / h from 0 to 1, power series in x represent q, h q' and h^2 q''. As q'' is a free
     vibration of the oscillator, y = q'' satisfies y'' = -(2 xi omega y' + omega^2 y), which gives
     the coefficients of h^2 q'' in succession:
@@ -246,7 +249,10 @@ def term_count(vibration):
 def _root(coefficients, n, low, high, at_low, at_high):
     """Return the zero of a power series c_0 + c_1 x + c_2 x^2 + ... between `low` and `high`.
 
-    The method is Newton's method, bracketed by bisection, from the zero of the secant.
+    Newton's method starts from the zero of the secant. It maintains a bracket of the zero. If an
+    iterate of Newton's method is outside the bracket, the middle of the bracket is used instead. If
+    an iterate is exactly the zero, it becomes the end `high` of the bracket, and the bisection
+    approaches it from below. The error of the result is of the order of _BISECTION_TOLERANCE.
 
     Parameters
     ----------
@@ -267,6 +273,7 @@ def _root(coefficients, n, low, high, at_low, at_high):
             low = x
         else:
             high = x
+        # For a zero slope, `low` is not inside the bracket, so that the next step is a bisection.
         new_x = x - value / slope if slope != 0.0 else low
         if low < new_x < high:
             # The remaining error is of the order of the square of the correction.
