@@ -94,7 +94,9 @@ def _taylor(series, u, v, load, slope, k, c, t):
     Returns
     -------
     int
-        Number of coefficients that are needed up to time t.
+        Number of coefficients that are needed up to time t. The callers use sqrt(k) t <= 1 and
+        damping ratios below 1, so that c t <= 2. The series then ends with fewer than _MAX_TERMS
+        coefficients (at most about 30).
     """
     series[0], series[1] = u, v
     series[2] = 0.5 * (load - c * v - k * u)
@@ -183,7 +185,9 @@ def _root(series, terms, order, level, left, right):
     The quantity is the derivative of order `order` (0, 1 or 2) of the displacement s_0 + s_1 t +
     s_2 t^2 + ... The method is regula falsi with halved weights (Illinois), with bisection in every
     fourth iteration. If the values at both times are not on different sides of the level, the
-    result is `left`.
+    result is `left`. The callers ensure that the value at `right` is different from the level and
+    on the other side. Only the value at `left` can be equal to the level, or on the same side by
+    rounding; the crossing is then at `left`.
 
     Parameters
     ----------
@@ -661,8 +665,11 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     parts = max(1, math.ceil(omega * dt))
     h = dt / parts
     k, c = omega * omega, 2.0 * xi * omega
+    # `steps` receives 8 coefficients of the elastic branch, then 8 of the yielding branch.
     _coefficients(steps, 0, series, k, c, h)
     _coefficients(steps, 8, series, hardening * k, c, h)
+    # The yield force over the mass is k times the yield displacement. `strength` is this value
+    # minus hardening k times the yield displacement: the force of the yielding branch at u = 0.
     strength = (1.0 - hardening) * k * yield_displacement
     state[UPPER], state[LOWER] = yield_displacement, -yield_displacement
     oscillator = _Hysteretic(k, c, hardening, strength)
