@@ -250,9 +250,10 @@ def _measure_ground(ground, h, interval, ground_maxima):
     h : float
         Length of a step, s.
     interval : int
-        Index of the interval.
+        Index of a complete interval. The remaining steps after the last complete interval have no
+        row in `ground_maxima`.
     ground_maxima : ndarray
-        One row per interval; columns 0 and 1 receive both values.
+        One row per complete interval; columns 0 and 1 receive both values.
     """
     begin = interval * INTERVAL_STEPS
     size, slope = abs(ground[begin]), 0.0
