@@ -23,9 +23,12 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     store the extrema of their displacements.
 
     The equation of motion is u'' + 2 xi omega u' + omega^2 u = -ag. The step from sample to sample
-    (or to a part of a sampling interval) is exact. An extremum is stored if its pseudo-acceleration
-    omega^2 |u| exceeds the level of the oscillator and if the table has a free column. The largest
-    extremum of each oscillator is recorded in any case.
+    (or to a part of a sampling interval) is exact. An extremum is the displacement at a change of
+    the sign of the velocity within a step. The displacement at the end of the motion is not an
+    extremum, even if it is the largest. A velocity that is exactly zero at a step, as for an
+    oscillator at rest, does not count as a change of sign. An extremum is stored if its
+    pseudo-acceleration omega^2 |u| exceeds the level of the oscillator and if the table has a free
+    column. The largest extremum of each oscillator is recorded in any case.
 
     Parameters
     ----------
@@ -34,7 +37,8 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     dt : float
         Sampling interval, s.
     parts : ndarray, shape (k,)
-        Steps per sampling interval, for each oscillator.
+        Steps per sampling interval, for each oscillator. With the length h of a step, omega h must
+        be at most 0.5, so that the velocity has at most one zero within a step.
     oscillators : ndarray, shape (COEFFICIENTS, k)
         Table of oscillators, one column each: rows A11 to B21, coefficients of the exact step, then
         omega^2 (1/s^2) and 2 xi omega (1/s).
@@ -44,8 +48,8 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
         Receives the extrema: rows OSCILLATOR (index), TIME (s) and VALUE (omega^2 u with its sign,
         m/s^2).
     largest : ndarray, shape (2, k)
-        Receives the maximum omega^2 |u| of each oscillator (m/s^2) and its column in `extrema`, -1
-        if it is not stored.
+        Receives, for each oscillator, omega^2 |u| of the largest extremum (m/s^2; 0 without an
+        extremum) and its column in `extrema`, -1 if it is not stored.
 
     Returns
     -------
