@@ -115,7 +115,8 @@ def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
     first : int
         Index of the first step of the chunk.
     rows : int
-        Number of rows.
+        Number of rows: the number of steps of the chunk plus 1. The last row of the last chunk is
+        the last sample.
     modes : ndarray
         Table of modes, one column each, with the coefficients A11 to B21.
     q, rate : ndarray
@@ -209,9 +210,11 @@ def _superpose(q, shapes, static, motion, drift):
 
 @outlined
 def _update_maxima(drift, rows, column_maxima, column_bends):
-    """Store the maximum absolute value and the maximum absolute second difference of each column.
+    """Store the maximum absolute value and the maximum absolute second difference of each column
+    in a chunk.
 
-    The second difference of three successive steps, d0 - 2 d1 + d2, bounds the excess of the drift
+    The previous contents of both result arrays, the maxima of another chunk, are replaced. The
+    second difference of three successive steps, d0 - 2 d1 + d2, bounds the excess of the drift
     ratio between the steps.
 
     Parameters
@@ -379,7 +382,8 @@ def _refine(sums, steps, first, last, threshold, best):
     between the steps, and its column.
 
     The columns are stories; the last column of the table is the roof. Only the intervals next to a
-    step with a value above `threshold` are searched.
+    step with an absolute value of at least `threshold` are searched. The result includes the values
+    at these steps.
 
     Parameters
     ----------
@@ -390,7 +394,7 @@ def _refine(sums, steps, first, last, threshold, best):
     first, last : int
         Range of columns; `last` is excluded.
     threshold : float
-        Steps with a smaller absolute value are not near a maximum and are skipped.
+        Steps with a smaller absolute value cannot be next to the maximum and are skipped.
     best : tuple of float
         Maximum until now and its column, returned if no larger value is found.
 
@@ -406,6 +410,9 @@ def _refine(sums, steps, first, last, threshold, best):
             if abs(drift[row, c]) < threshold:
                 continue
             # Search between the previous step and this step, and between this step and the next.
+            # A chunk has at least two rows, so that at least one interval exists. The last argument
+            # of `_maximum_after` is a lower limit of its result. The result therefore includes the
+            # value at this step.
             for start in (row - 1, row):
                 if 0 <= start < rows - 1:
                     size = _maximum_after(sums, steps, start, c, abs(drift[row, c]))
@@ -484,7 +491,7 @@ def largest_drifts(
     Parameters
     ----------
     ground : ndarray, shape (samples,)
-        Ground acceleration, m/s^2.
+        Ground acceleration at the samples, at least two, m/s^2.
     parts : int
         Steps per sampling interval.
     h : float
@@ -501,8 +508,9 @@ def largest_drifts(
         Receives three values. PEAK: maximum absolute drift ratio of all stories. STORY: index of
         the story with this maximum. ROOF: maximum absolute roof drift ratio.
     q, rate, motion, drift, start_q, start_rate, column_maxima, column_bends, chunk_maxima : ndarray
-        Scratch arrays from `scratch`. They must be zero at the start: row 0 of `q` and `rate` is
-        the state of rest, and the maxima in `chunk_maxima` start from zero.
+        Scratch arrays from `scratch`, which describes their contents. They must be zero at the
+        start: row 0 of `q` and `rate` is the state of rest, and the maxima in `chunk_maxima` start
+        from zero. `column_maxima` and `column_bends` are overwritten for each chunk.
 
     Returns
     -------
@@ -517,7 +525,9 @@ def largest_drifts(
     # the stories and of the roof
     bends = local(2)
     bends[:] = 0.0
-    # The first pass computes the maxima at the steps of each chunk.
+    # The first pass computes the maxima at the steps of each chunk: `_update_maxima` computes the
+    # maxima of each column in the chunk, and the loop over the columns reduces these values to the
+    # maximum of all stories and the maximum of the roof.
     story_maximum = roof_maximum = 0.0
     for chunk in range(chunks):
         rows = min(_CHUNK_STEPS, steps - chunk * _CHUNK_STEPS) + 1
