@@ -154,11 +154,11 @@ def rotated_peaks(
     second component, the displacement in the direction of the angle theta is x cos(theta) + y
     sin(theta). ANGLES (180) directions at steps of 1 degree are analyzed.
 
-    First, the oscillators of a group are integrated together. The maximum displacements along AXES
-    (6) of the directions, the axes at 0, 30, ..., 150 degrees, are stored for each interval of
-    INTERVAL_STEPS steps. Then `_search` computes the maxima of each oscillator in all directions.
-    It integrates again the intervals that can contain a maximum, and the remaining steps after the
-    last complete interval.
+    First, the oscillators of a group, LANES successive columns of the table, are integrated
+    together. The maximum displacements along AXES (6) of the directions, the axes at 0, 30, ...,
+    150 degrees, are stored for each interval of INTERVAL_STEPS steps. Then `_search` computes the
+    maxima of each oscillator in all directions. It integrates again the intervals that can contain
+    a maximum, and the remaining steps after the last complete interval.
 
     Parameters
     ----------
@@ -167,12 +167,14 @@ def rotated_peaks(
     dt : float
         Sampling interval, s.
     parts : int
-        Steps per sampling interval.
+        Steps per sampling interval. The option `parts` of the decorator is a different quantity.
     oscillators : ndarray, shape (COEFFICIENTS, multiple of LANES)
-        Table of oscillators, one column each: rows A11 to B21, coefficients of the exact step, then
+        Table of oscillators, one column each: rows A11, A12, B10, B11, A21, A22, B20 and B21 with
+        the coefficients of the exact step u1 = A11 u0 + A12 v0 - B10 ag0 - B11 ag1, v1 = A21 u0 +
+        A22 v0 - B20 ag0 - B21 ag1 (displacement u, velocity v, ground acceleration ag), then
         omega^2 (1/s^2) and 2 xi omega (1/s).
     directions : ndarray, shape (2, ANGLES)
-        Cosine and sine of each direction.
+        Cosine and sine of each direction, at 0, 1, ..., 179 degrees.
     between_steps : int
         1 to include maxima between the steps (omega h must not exceed 1), 0 for maxima at the steps
         only.
@@ -203,6 +205,7 @@ def rotated_peaks(
     for k in range(_SECTORS + 1):
         scratch[_COSINES, k] = directions[0, k * _SECTOR % ANGLES]
         scratch[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
+    # `series` is a scratch array for the Taylor series of a displacement and its two derivatives.
     series = local_table(3, TERMS)
     for group in range(0, oscillators.shape[1], LANES):
         # Copy the coefficients of the oscillators of the group, and set the state of rest.
@@ -367,8 +370,9 @@ def _search(oscillator, maxima, margin):
 
     The following terms are used:
 
-        direction    one of ANGLES directions at steps of 1 degree; `best` contains its maximum
-                     displacement until now
+        direction    one of ANGLES = 180 directions at 0 to 179 degrees (opposite directions have
+                     the same absolute displacements); `best` contains its maximum displacement
+                     until now
         axis         one of AXES directions at steps of 30 degrees
         edge         one of the directions at steps of 10 degrees
         sector       10 adjacent directions between two edges; there are three sectors between two
@@ -383,8 +387,8 @@ def _search(oscillator, maxima, margin):
        the remaining steps, and for each axis the interval with the maximum along this axis. The
        results are close to the final maxima, so that few intervals can exceed them.
     2. Final maxima, with the maxima between the steps (argument False). An interval with stored
-       maxima is skipped if its bounds show that it cannot exceed the preliminary maxima in any
-       sector. The remaining steps have no bounds and are always integrated.
+       maxima is skipped if its bounds show that no displacement of the interval can exceed a
+       maximum in `best`. The remaining steps have no bounds and are always integrated.
 
     The remaining steps, and usually the other intervals of pass 1, are therefore integrated twice.
 
@@ -409,9 +413,9 @@ def _search(oscillator, maxima, margin):
         Maximum displacements along the axes in each interval, m, then the maximum resultant of the
         relative accelerations (column _ACCELERATION), m/s^2.
     margin : float
-        Maximum excess of a displacement between two steps over its values at the steps, divided by
-        the larger relative acceleration, s^2 (`excess_factor`); 0 if maxima between the steps are
-        not required.
+        Maximum excess of a displacement within a step over the larger absolute value at its two
+        endpoints, divided by the larger of the resultant relative accelerations at both endpoints,
+        s^2 (`excess_factor`); 0 if maxima between the steps are not required.
     """
     scratch, best = oscillator.scratch, oscillator.best
     intervals = maxima.shape[0]
@@ -641,9 +645,11 @@ def _top(scratch, k):
     """Return the largest displacement along both edges of sector `k` at both endpoints of a step,
     m.
 
-    Rows _AT_START and _AT_END of the table of the sectors, `scratch`, contain the absolute
-    displacements along the edges; column k is the first edge of the sector and column k + 1 the
-    second edge.
+    A sector is a range of horizontal directions. Its edges are the directions at the limits of the
+    range. The displacement along an edge is the component of the displacement in the direction of
+    the edge. Rows _AT_START and _AT_END of the table of the sectors, `scratch`, contain the
+    absolute displacements along the edges; column k is the first edge of the sector and column
+    k + 1 the second edge.
     """
     return max(
         max(scratch[_AT_START, k], scratch[_AT_END, k]),
