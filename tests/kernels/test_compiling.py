@@ -19,6 +19,7 @@ from tdint.analysis.run.prepared import kernels_of_model
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels.building import compilable, store
 from tdint.kernels.building import load_or_compile as building_module
+from tdint.kernels.building import process as process_module
 from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
 from tdint.kernels.building.compiler import objects_of, outlined, specialized
 from tdint.kernels.building.load_or_compile import compile_ahead, load_or_compile
@@ -494,6 +495,33 @@ def test_compilation_error_of_other_module_has_reason_and_line():
     )
     assert package.request == ("a:b", None)
     assert package.reason(text) == "cannot unify float64 and int64" and package.reason([]) == ""
+
+
+def start_instead(monkeypatch, program):
+    """Let `_Process` start a Python program instead of the program that compiles kernels."""
+    start = subprocess.Popen
+    monkeypatch.setattr(
+        process_module.subprocess,
+        "Popen",
+        lambda command, **options: start([sys.executable, "-S", "-c", program], **options),
+    )
+
+
+@pytest.mark.parametrize("second", [r"7\nobj", r"7\n"], ids=["half", "nothing"])
+def test_truncated_object_of_ended_process_is_refused(cache, monkeypatch, second):
+    """The process ends while it writes the second of two objects."""
+    written = r"7\nobject1" + second
+    program = f"input(); print(end='{written}'); raise SystemExit('out of memory')"
+    start_instead(monkeypatch, program)
+    monkeypatch.setattr(process_module, "processors", lambda: 1)
+    requested = [(scaled, EVERYTHING, name) for name in ("linux-aarch64", "macos-aarch64")]
+    with pytest.raises(AnalysisError, match=r"small_kernel\.py: out of memory$") as caught:
+        list(process_module.run_all(process_module.compilations(requested)))
+    assert str(caught.value).startswith("small_kernel:scaled cannot be compiled: ")
+    assert "\n" not in str(caught.value)
+    with pytest.raises(AnalysisError, match="out of memory"):
+        compile_ahead(WANTED, ["linux-aarch64", "macos-aarch64"], None, print)
+    assert not list(cache.rglob("*.object"))
 
 
 def test_misspelled_name_is_reported_with_line():

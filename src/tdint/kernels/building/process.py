@@ -258,7 +258,11 @@ class _Process:
         objects = self._pipe(self._process.stdout)
         packed: list[bytes] = []
         while len(packed) < len(compilation.targets) and (size_of_object := objects.readline()):
-            packed.append(objects.read(int(size_of_object)))
+            data = objects.read(expected_size := int(size_of_object))
+            # Fewer bytes were written if the process has ended, for example for lack of memory.
+            if len(data) < expected_size:
+                break
+            packed.append(data)
         if len(packed) == len(compilation.targets):
             return packed
         code = self._process.wait()
