@@ -524,6 +524,28 @@ def test_truncated_object_of_ended_process_is_refused(cache, monkeypatch, second
     assert not list(cache.rglob("*.object"))
 
 
+def test_no_process_is_started_after_stop(monkeypatch):
+    """The thread has taken the compilation from the list, but not yet started its process."""
+    started_processes = []
+    monkeypatch.setattr(
+        process_module, "_Process", lambda settings: started_processes.append(settings)
+    )
+    pool = process_module._ProcessPool(
+        process_module.compilations([(scaled, EVERYTHING, "linux-aarch64")])
+    )
+    take = pool._next
+
+    def take_and_stop(previous):
+        compilation = take(previous)
+        pool.stop()
+        return compilation
+
+    monkeypatch.setattr(pool, "_next", take_and_stop)
+    pool.compile_waiting()
+    assert started_processes == []
+    assert pool.done.empty()
+
+
 def test_misspelled_name_is_reported_with_line():
     """This includes kernels of tdint, for which numba does not report a position."""
     kernel = SimpleNamespace(

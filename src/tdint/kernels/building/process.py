@@ -397,6 +397,7 @@ class _ProcessPool:
         )
         self._modules_in_progress: list[str] = []
         self._processes: set[_Process] = set()
+        self._is_stopped = False
 
     def compile_waiting(self) -> None:
         """Compile the waiting kernels with one process at a time, until no kernel is left.
@@ -412,6 +413,8 @@ class _ProcessPool:
                     # `_end` has no effect on an ended process.
                     self._end(process)
                     process = self._start(compilation)
+                    if process is None:
+                        break
                 self.done.put((compilation, process.compile(compilation)))
             except BaseException as error:
                 self.done.put((compilation, error))
@@ -421,6 +424,9 @@ class _ProcessPool:
     def stop(self) -> None:
         """Start no further compilation and end all processes."""
         with self._lock:
+            # A thread may have taken a compilation from the list for which it has not yet started a
+            # process. The flag prevents this start.
+            self._is_stopped = True
             self._waiting.clear()
             running = set(self._processes)
         for process in running:
@@ -468,12 +474,15 @@ class _ProcessPool:
                 self._modules_in_progress.append(next_compilation.module)
             return next_compilation
 
-    def _start(self, compilation: Compilation) -> _Process:
+    def _start(self, compilation: Compilation) -> _Process | None:
         """Start a process with the settings of a compilation and register it for `stop`.
 
-        Raises AnalysisError if no process or thread can be started.
+        Return None, and start nothing, after a call of `stop`. Raise AnalysisError if no process or
+        thread can be started.
         """
         with self._lock:
+            if self._is_stopped:
+                return None
             try:
                 process = _Process(compilation.settings)
             except (OSError, RuntimeError) as error:
