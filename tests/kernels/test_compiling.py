@@ -497,6 +497,21 @@ def test_compilation_error_of_other_module_has_reason_and_line():
     assert package.reason(text) == "cannot unify float64 and int64" and package.reason([]) == ""
 
 
+def test_position_in_external_file_precedes_if_its_name_is_not_normalized(monkeypatch):
+    """A module that was found by a relative entry of `sys.path` has such a name."""
+    module = sys.modules[scaled.function.__module__]
+    file = Path(module.__file__)
+    monkeypatch.setattr(module, "__file__", f"{file.parent}{os.sep}.{os.sep}{file.name}")
+    text = [
+        f'  File "/a/b/{file.name}", line 17, in scaled',
+        "Failed in nopython mode pipeline",
+        "cannot unify float64 and int64",
+        '  File "/a/tdint/kernels/layout.py", line 3, in ground_at',
+    ]
+    message = Compilation(scaled, EVERYTHING, {}).reason(text)
+    assert message == f"{file}:17: cannot unify float64 and int64"
+
+
 def start_instead(monkeypatch, program):
     """Let `_Process` start a Python program instead of the program that compiles kernels."""
     start = subprocess.Popen

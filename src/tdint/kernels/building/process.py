@@ -147,11 +147,11 @@ class Compilation:
         message = " ".join(lines_after[: 2 if lines_after[0].endswith(":") else 1])
         if not message:
             return ""
-        external_files = [file for _, file in self.plugins.values()]
+        external_files = [Path(file) for _, file in self.plugins.values()]
         # `request[1]` is the file of a kernel that is not part of tdint.
         if self.request[1]:
-            external_files.append(self.request[1])
-        files = [Path(file) for file in external_files]
+            external_files.append(Path(self.request[1]))
+        files = list(external_files)
         files += [
             file for file in closure(self.module, self.variant.laws).values() if file not in files
         ]
@@ -168,17 +168,19 @@ class Compilation:
             files_by_name = {file.name: file for file in reversed(files)}
             matches = filter(None, map(_POSITION.search, (*lines_after, *text[::-1])))
             positions = [
-                f"{files_by_name[match[1]]}:{match[2]}"
+                (files_by_name[match[1]], match[2])
                 for match in matches
                 if match[1] in files_by_name
             ]
-            external_positions = [
-                position for position in positions if position.startswith(tuple(external_files))
-            ]
-            position = next(iter([*external_positions, *positions]), "")
+            # Paths are compared, because the text of a name can differ: `__file__` of a module can
+            # contain `/./` or `//`, which a path omits.
+            external_positions = [item for item in positions if item[0] in external_files]
+            position = next(
+                (f"{file}:{line}" for file, line in [*external_positions, *positions]), ""
+            )
         # Case 3: the last file is the file of the kernel, if the kernel is not part of tdint.
         if not position and external_files:
-            position = external_files[-1]
+            position = str(external_files[-1])
         return f"{position}: {message}" if position else message
 
 
