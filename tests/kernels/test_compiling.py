@@ -518,7 +518,7 @@ def start_instead(monkeypatch, program):
     monkeypatch.setattr(
         process_module.subprocess,
         "Popen",
-        lambda command, **options: start([sys.executable, "-S", "-c", program], **options),
+        lambda command, **options: start([sys.executable, "-c", program], **options),
     )
 
 
@@ -537,6 +537,30 @@ def test_truncated_object_of_ended_process_is_refused(cache, monkeypatch, second
     with pytest.raises(AnalysisError, match="out of memory"):
         compile_ahead(WANTED, ["linux-aarch64", "macos-aarch64"], None, print)
     assert not list(cache.rglob("*.object"))
+
+
+PROGRAM_WITHOUT_COMPILER = """
+import os, sys
+from types import SimpleNamespace
+os.environ["TDINT_KERNELS"] = ""  # decorators without numba
+compiler = SimpleNamespace(objects_of=lambda function, *_: ([b"machine code"], function.__name__))
+sys.modules["tdint.kernels.building.compiler"] = compiler
+from tdint.kernels import build
+build._take_shortcuts = lambda: None
+build.main()
+"""
+
+
+def test_printed_text_of_plugin_is_not_read_as_object(tmp_path, monkeypatch):
+    """The program that compiles kernels is complete, except for the compiler."""
+    (tmp_path / "small_that_prints.py").write_text(SMALL.read_text() + "print('loaded')\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module = importlib.import_module("small_that_prints")
+    start_instead(monkeypatch, PROGRAM_WITHOUT_COMPILER)
+    requested = process_module.compilations([(module.scaled, EVERYTHING, "native")])
+    ((_, (data,)),) = process_module.run_all(requested)
+    code, description = unpack(data)
+    assert (code, description["symbol"]) == (b"machine code", "scaled")
 
 
 def test_no_process_is_started_after_stop(monkeypatch):

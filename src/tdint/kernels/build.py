@@ -31,13 +31,18 @@ def main() -> None:
     Each line of the standard input is a JSON list of two elements: the name of a kernel,
     `MODULE:KERNEL`, and the source file of MODULE. The file is null for a module that can be
     imported by its name; it is specified for a module of a plug-in. For each kernel, the object
-    files of all targets are written, each after a line with the number of its bytes. The
-    environment variable TDINT_KERNELS_VARIANT is the variant, and TDINT_KERNELS_TARGETS the list
-    of targets, separated by commas.
+    files of all targets are written, each after a line with the number of its bytes. Text that a
+    plug-in prints is written to the standard error output. The environment variable
+    TDINT_KERNELS_VARIANT is the variant, and TDINT_KERNELS_TARGETS the list of targets, separated
+    by commas.
 
     The function does not return. The thread that executes `_listen` ends the process when the
     standard input is closed. An error ends the process with a traceback.
     """
+    # The standard output contains only object files. Text that a plug-in prints is therefore
+    # written to the standard error output.
+    output = sys.stdout.buffer
+    sys.stdout = sys.stderr
     # numba imports SciPy's linear algebra, which kernels do not use.
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
     variant = os.environ["TDINT_KERNELS_VARIANT"]
@@ -67,8 +72,8 @@ def main() -> None:
         codes, symbol = objects_of(kernel.function, kernel.signature, targets)
         for code, target in zip(codes, targets, strict=True):
             data = pack(code, {**identity(name, variant, target), "symbol": symbol})
-            sys.stdout.buffer.write(b"%d\n" % len(data) + data)
-        sys.stdout.buffer.flush()
+            output.write(b"%d\n" % len(data) + data)
+        output.flush()
 
 
 def _take_shortcuts() -> None:
