@@ -133,13 +133,15 @@ def _store_corner(results, i, t, force):
     """Insert the time of a corner into the sorted list of corners, and update the peak shear.
 
     A corner is a branch change or a reversal of a story. The list is in column 0 of the scratch
-    rows CORNERS: the number of corners, then their times in ascending order. Corners at an endpoint
-    of the step, and more than MAX_CORNERS corners, are not inserted.
+    rows CORNERS: the number of corners, then their times in ascending order. A corner is not
+    inserted if its distance from an endpoint of the step is at most _MIN_DISTANCE, or if the list
+    already contains MAX_CORNERS corners. The peak shear of the story is raised in any case.
 
     Parameters
     ----------
     results : Integrals
-        Scratch array, and the first of its rows CORNERS.
+        Location of the list: scratch array, and the first of its rows CORNERS. The type is only
+        used as a pair of table and row; the rows contain no integrals.
     i : int
         Index of the story.
     t : float
@@ -254,9 +256,9 @@ def _store_nodes(scratch, n):
 
     The nodes are the endpoints of the step, the corners (rows CORNERS), and the midpoints between
     them. A corner is omitted if its distance from the last node is at most _MIN_DISTANCE. The end
-    of the step is always a node, because `_store_corner` does not store a corner at the end. The
-    times, as fractions of the step, are stored in the last column (n, the number of floors) of the
-    rows NODE_FORCE.
+    of the step is never omitted: all corners that `_store_corner` has stored are more than
+    _MIN_DISTANCE before the end. The times, as fractions of the step, are stored in the last column
+    (n, the number of floors) of the rows NODE_FORCE.
 
     Parameters
     ----------
@@ -299,11 +301,12 @@ def _store_forces(scene, h, memory, i, count):
 
     There are two approximations of the drift at a node:
 
-        d       difference of the displacements in row NODE_DISPLACEMENT + k (more accurate)
+        d       d0 plus the difference of row NODE_DISPLACEMENT + k between both floors; this row
+                contains the changes of the displacements since the start of the step
         p(t)    parabola of the step, d0 + rise t + bend (t^2 - t) / 2
 
-    The force is computed for the drift d. With the drift d0 and the force f0 at the start of the
-    step, it depends on the type of the story:
+    d0 is the drift and f0 the force of the law at the start of the step. The drift d is more
+    accurate than p(t); the force is computed for d. The formula depends on the type of the story:
 
     1. The story remains on its linear branch of stiffness k (row LEAVES_BRANCH is 0):
 
@@ -320,11 +323,14 @@ def _store_forces(scene, h, memory, i, count):
 
            F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2)
 
-    In type 2, two branches with different slopes meet at a corner. The slope of the branch before
-    the corner is used first; it is known from the preceding midpoint. If d is ahead of p(t) in the
-    direction of the movement, the story has already passed the corner, and the slope of the branch
-    after the corner is correct. This slope is known at the next midpoint, where the force at the
-    corner is corrected afterwards.
+       F0 and F1 are the rows PATH without P-delta and dampers. The numerical dissipation in the
+       first moment is not subtracted.
+
+    In type 2, the branches before and after a corner have different slopes. The force at a corner
+    (even k) is first computed with the slope before the corner, which the preceding midpoint has
+    determined. If d is ahead of p(t) in the direction of the movement, the story has already passed
+    the corner, and the slope after the corner is correct. The next midpoint, k + 1, determines this
+    slope. In this case, it adds (slope after - slope before) (d - p(t)) to the force at the corner.
 
     Parameters
     ----------
@@ -334,7 +340,8 @@ def _store_forces(scene, h, memory, i, count):
         Length of the step, s.
     memory : Memory
         Law states and scratch array. Rows PATH contain the mean int f dt and the first moment
-        12 int s f dt of the story force f over the step, including P-delta and dampers, N.
+        12 int s f dt of the story force f over the step, N. They include P-delta and dampers; the
+        first moment also includes the numerical dissipation of the method (`_evaluate_stories`).
         Column i of the rows NODE_FORCE receives the forces; the trial state SECOND_TRIAL of the law
         is overwritten. The list of corners and the peaks do not change.
     i : int
@@ -425,8 +432,10 @@ def _store_accelerations(scene, h, load, scratch, k):
 
     The ground acceleration does not occur in this equation, because the acceleration is absolute.
     Row NODE_ACCELERATION + k receives the accelerations, m/s^2. Before the call, row NODE_FORCE + k
-    contains the part of V_i without damper and dashpot. Afterwards, it contains the total shears of
-    the stories, N:
+    contains the part of V_i without damper and dashpot; its column n (the number of floors), which
+    belongs to no story, contains the time of the node as a fraction of the step. Row NODE_VELOCITY
+    + k contains h times the velocities of the floors, m. After the call, row NODE_FORCE + k
+    contains the total shears of the stories, N:
 
         total shear = V_i - sum of q = sum of (p - m acceleration)
 
@@ -454,8 +463,8 @@ def _store_accelerations(scene, h, load, scratch, k):
         scratch[ROW.MODAL_FORCE, i] = 0.0
     add_modal_force(modal, scratch, ROW.NODE_VELOCITY + k, -inverse_h, scratch, ROW.MODAL_FORCE, n)
     # From the roof downwards. `viscous_force` is q of floor `i`, and `viscous_shear` is minus the
-    # sum of q over floor `i` and the floors above. The rows NODE_VELOCITY contain h times the
-    # velocities; row MODAL_FORCE contains the forces of modal damping.
+    # sum of q over floor `i` and the floors above. Row MODAL_FORCE contains the forces of modal
+    # damping.
     viscous_shear = story_force_above = 0.0
     for i in range(n - 1, -1, -1):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
@@ -607,8 +616,13 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
 
     The drift changes by rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. The force
     can have its maximum within the step at a reversal, where the rate rise + bend (t - 1/2) is
-    zero, or at the end of the current linear branch. Both are estimated with the stiffness of the
-    current branch.
+    zero, or at the end of the current linear branch. Both forces are estimated with the stiffness
+    of the current branch.
+
+    The estimate is too small if the story changes to a stiffer branch within the step, such as a
+    gap that closes, and then reverses. The observer of the response covers this case: it searches
+    the step for reversals that may cause a new peak drift or shear, and evaluates the laws there
+    (`find_interstep_peaks`).
 
     Parameters
     ----------
@@ -643,10 +657,12 @@ def _may_exceed_peaks(scene, h, load, memory):
 
     A corner is a branch change or a reversal of a story within the step. Corners change a story
     force by at most _FORCE_DEVIATION k (|rise| + |bend| / 2) compared with a straight line over the
-    step. k is the initial stiffness, and the sum in parentheses is the maximum change of the drift
-    d0 + rise t + bend (t^2 - t) / 2 in the step, t from 0 to 1. This bound is added to the shears
-    and, divided by the mass, to the accelerations at both endpoints of the step. The sums are
-    compared with the peaks. The result is
+    step. k is the initial stiffness. The sum in parentheses is an upper bound of the change of the
+    drift d0 + rise t + bend (t^2 - t) / 2 within the step, t from 0 to 1. If a branch is stiffer
+    than k (stops of a gap), the value is only an estimate. It is added to the shears and, divided
+    by the mass, to the accelerations at both endpoints of the step. The sums are compared with the
+    peaks. If the result is False, the observer of the response computes the peaks within the step
+    from its interpolant. The result is
 
     - False if all stories remain on linear branches (row LEAVES_BRANCH is 0) or are curved,
     - otherwise True if there are forces on floors,
@@ -736,18 +752,26 @@ def _update_peaks_at_corners(scene, h, load, memory):
 
     A corner is a branch change or a reversal of a story within the step. Stories that remain on a
     linear branch (row LEAVES_BRANCH is 0) have no corners. Stories with curved laws (row SLOPE is
-    infinite) are skipped. The peaks of story forces, accelerations and total shears are updated in
-    the rows of the scratch array from ROW.PEAKS on. The number ROW.PEAKS is stored in two elements
-    of the status of the step:
+    infinite) are skipped. The peaks of story forces, accelerations and total shears are raised in
+    the rows of the scratch array from ROW.PEAKS on. After a step that sets STEP_PEAKS, the observer
+    of the response (`tdint.kernels.time_loop.observer`) merges these rows into the peaks of the
+    run, and copies the merged peaks back. Before this function raises them, the rows therefore
+    contain the peaks of the run at the last such step, or zeros. These values may be lower than the
+    present peaks. The test `_may_exceed_peaks` is then True in more steps than necessary.
 
-        STEP_PEAKS    this step has computed peaks. The observer of the response
-                      (`tdint.kernels.time_loop.observer`) merges them into the peaks of the run,
-                      and computes no other peaks of these quantities within the step. It then sets
-                      the element to 0.
-        RUN_PEAKS     the rows contain a copy of the peaks of the run. The element remains set, so
-                      that the time loop resets the copy if it resets the peaks of the run.
+    Two elements of the status of the step are set to ROW.PEAKS, the number of the first row:
 
-    Without corners, or if no peak can be exceeded, the status is unchanged.
+        STEP_PEAKS    this step has computed peaks. The observer merges them as described, computes
+                      no other peaks of these quantities within the step, and then sets the element
+                      to 0.
+        RUN_PEAKS     the rows contain peaks of the run. The element remains set, so that the time
+                      loop resets the rows if it resets the peaks of the run.
+
+    The status is unchanged if no peak can be exceeded, or if the list of corners remains empty. In
+    the second case, `_find_corners` can still have raised a peak of a story force, because
+    `_store_corner` does not insert corners within _MIN_DISTANCE of an endpoint of the step. The
+    force at such a corner is practically the force at the endpoint, which the observer records. The
+    raised value is merged after the next step that sets STEP_PEAKS.
 
     Parameters
     ----------
