@@ -131,7 +131,8 @@ def must_halve(norm, previous_norm, fraction):
 
     A correction with the applied fraction q is accepted if it reduces the squared norm S of the
     residual: S(q) <= (1 - _REQUIRED_DECREASE q) S(0). It is accepted in any case if q is at most
-    MIN_STEP_FRACTION.
+    MIN_STEP_FRACTION. It is also accepted if S(q) is nan: the iteration then ends without
+    convergence, and the time loop halves the step.
 
     Parameters
     ----------
@@ -198,15 +199,16 @@ def is_balanced(is_last, tolerance, step_status, i, residual, scale):
     Parameters
     ----------
     is_last : bool
-        True if no further iteration is allowed. The largest relative residual and its floor are
-        then stored in `step_status` for the error message.
+        True if no further iteration is allowed. The largest relative residual and the index of its
+        floor are then stored in `step_status` for the error message.
     tolerance : float
         Maximum residual relative to `scale`, usually RESIDUAL_TOLERANCE.
     step_status : ndarray
-        Rows RESIDUAL and WORST_STORY are updated. The caller sets RESIDUAL to 0 before the first
-        equation.
+        Elements RESIDUAL and WORST_STORY are updated; WORST_STORY receives the index `i` of the
+        floor, which is also the index of the story below the floor. The caller sets RESIDUAL to 0
+        before the first equation.
     i : int
-        Floor of the equation.
+        Index of the floor of the equation.
     residual : float
         Residual of the equation, the sum of its terms with their signs.
     scale : float
@@ -214,7 +216,8 @@ def is_balanced(is_last, tolerance, step_status, i, residual, scale):
     """
     is_small = abs(residual) <= tolerance * scale + RESIDUAL_FLOOR
     # Report the equation with the largest relative residual. "not ... <=" is also True for nan.
-    # Therefore, an equation with invalid values is reported.
+    # Therefore, an equation with invalid values is reported. A later equation that is not balanced
+    # replaces a stored nan.
     if is_last and not is_small and not abs(residual) / scale <= step_status[rows.RESIDUAL]:
         step_status[rows.RESIDUAL] = abs(residual) / scale
         step_status[rows.WORST_STORY] = i
