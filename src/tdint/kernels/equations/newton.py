@@ -110,8 +110,10 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
 
         (by_a M + by_v C + by_u K) dx = p - M a - C v - f(u)
 
-    with the tangent stiffness K. The factorization of the matrix is reused, also in later steps,
-    until a tangent has changed by more than a tolerance. The iteration ends
+    with the tangent stiffness K of the stories, including P-delta. f includes the forces of
+    power-law dashpots; the matrix also contains by_v times their derivatives with respect to the
+    drift rates. The factorization of the matrix is reused, also in later steps, until a tangent has
+    changed by more than a tolerance. The iteration ends
 
     - if all residuals are within the tolerance,
     - after a correction of the order of rounding errors (displacements, or velocities if by_u is
@@ -135,7 +137,9 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
         Rows `ROW` of the scratch array: LOAD contains p (N), U, V and A contain the first iterate
-        (m, m/s, m/s^2) and receive the response.
+        (m, m/s, m/s^2) and receive the response. Row X receives x (m/s^2), and block `trial` of the
+        law states the states at the solution. The status of the step receives the largest relative
+        residual and its floor if the iteration fails (`_update_residuals`).
 
     Returns
     -------
@@ -152,9 +156,11 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     factorization = Factors(
         scratch, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE
     )
-    # If by_u is 0, the displacements are known and the stiffness does not contribute. The row of
-    # the tangents then contains by_v times the derivative of the dashpot forces (`_story_forces`),
-    # and its factor in the matrix is 1 instead of by_u.
+    # `factor_combination` assembles by_a M + by_v (linear dampers) + by_k (row TANGENT + geometric
+    # stiffness). With by_k = by_u, row TANGENT contains the stiffness of the law plus by_v / by_u
+    # times the derivative of the dashpot force. If by_u is 0, the displacements are known and the
+    # stiffness does not contribute. With by_k = 1, row TANGENT then contains by_v times the
+    # derivative of the dashpot force, minus the geometric stiffness (`_story_forces`).
     combination = Combination(by_a, by_v, by_u if by_u != 0.0 else 1.0)
     for i in range(n):
         scratch[ROW.X, i] = 0.0
@@ -214,18 +220,21 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
 
     The force of a story (row SUM, N) is the sum of restoring force, P-delta, linear damper and
     power-law dashpot. Displacement and velocity of a floor are functions of the same unknown x, an
-    acceleration: u = U + by_u x, v = V + by_v x. The matrix of Newton's method contains by_u times
-    the tangents of the stories in row TANGENT (N/m). With the tangent stiffness k of the restoring
-    force, the derivative s of the force of a power-law dashpot with respect to the drift rate
-    (N s/m), and the geometric stiffness g, row TANGENT receives
+    acceleration: u = U + by_u x, v = V + by_v x. The derivative of the force of a story with
+    respect to the change of x over the story is
 
-        if by_u is not 0    k + (by_v / by_u) s
-        if by_u is 0        by_v s - g
+        by_u (k + g) + by_v (c + s)
 
-    If by_u is 0, the displacements are known and stiffnesses do not contribute. The matrix then
-    contains 1 times (instead of by_u times) row TANGENT. The geometric stiffness g is subtracted
-    because `factor_combination` adds g to each tangent. It also adds by_v times the linear dampers,
-    which are therefore not included in row TANGENT.
+    k is the tangent stiffness of the restoring force, g the geometric stiffness, c the linear
+    damper, and s the derivative of the force of a power-law dashpot with respect to the drift rate
+    (N s/m). `factor_combination` computes it from row TANGENT and adds the parts with g and c:
+
+                            derivative                     row TANGENT
+        if by_u is not 0    by_u (TANGENT + g) + by_v c    k + (by_v / by_u) s, N/m
+        if by_u is 0        TANGENT + g + by_v c           by_v s - g, numerically in kg
+
+    If by_u is 0, the displacements are known, and the derivative is by_v (c + s). Row TANGENT
+    contains -g in this case, because `factor_combination` adds g.
 
     Row SIZE receives the scale of the force for the convergence test, N: |force| + (rounding force)
     / RESIDUAL_TOLERANCE. The rounding force is the stiffness times the rounding errors of the
@@ -267,10 +276,12 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
         # without P-delta.
         tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
+        # A changed tangent makes the factorization stale. The comparison below is False for nan:
+        # the force is then also invalid, and the residual test reports the failure.
         tangent_scale = law_parameters[rows.STIFFNESS, i]
         if by_u == 0.0:
-            # The row contains by_v s - g instead of a stiffness; its change is compared with the
-            # mass.
+            # The row contains by_v s - g, which is added to the mass by_a M in the matrix (by_a is
+            # dimensionless). Its change is therefore compared with the mass.
             tangent = by_v * dashpot_tangent - linear_terms[rows.GEOMETRIC, i]
             tangent_scale = linear_terms[rows.MASS, i]
         elif dashpot_tangent != 0.0:
@@ -410,7 +421,10 @@ def _correct(fraction, row, effective, scratch, n):
     -------
     bool
         True if the change of the displacements is of the order of rounding errors. If by_u is 0,
-        the displacements do not change, and the change of the velocities is tested instead.
+        the displacements do not change, and the change of the velocities is tested instead. In very
+        short steps, the displacements change by less than rounding errors, although velocities and
+        accelerations still change. The remaining error is then much smaller than this last
+        correction, because the tangents hardly change within such a step.
     """
     by_u, by_v, by_a = effective
     tested, by_tested = (ROW.U, by_u) if by_u != 0.0 else (ROW.V, by_v)
