@@ -179,7 +179,9 @@ def solve_step(coefficients, scene, h, memory):
     applied_fraction = 1.0
     previous_norm = math.inf
     is_correction_negligible = False
-    # First estimate: exact linear solution if all laws have linear branches, otherwise a guess.
+    # First estimate: exact linear solution if all laws have linear branches and there are no
+    # power-law dashpots (ALL_BRANCHES), otherwise a guess. If HAS_NONLINEAR_FORCE is False, all
+    # laws of the compiled variant are linear, and the flag is always ALL_BRANCHES.
     if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         previous_norm = _solve_on_branches(coefficients, scene, h, memory)
         iterations = 1
@@ -244,7 +246,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
     the force f0 at the start (with P-delta). With the sum k of the stiffness of its branch and the
     geometric stiffness, F0 = f0 + k (D / 2 - E / 12) and F1 = k D. The equations are then linear,
     and a single Newton correction from D0 = D1 = 0 is exact. `_factor` adds the geometric
-    stiffness, the dampers and r K to the matrix.
+    stiffness, the dampers and r K to the matrix. The function is only called if the flag BRANCHES
+    is ALL_BRANCHES, which excludes curved laws and power-law dashpots.
 
     Parameters
     ----------
@@ -257,8 +260,9 @@ def _solve_on_branches(coefficients, scene, h, memory):
         Length of the step, s.
     memory : Memory
         State, law states and scratch array. Rows LOAD contain P0 and P1, N. Rows RISE, BEND and
-        CORRECTION receive D0 and D1, m. The stored factorization is replaced if it is for other
-        tangents or another length of the step.
+        CORRECTION receive D0 and D1, m. Row LEAVES_BRANCH is set to 0.
+        The stored factorization is replaced if it is for other tangents or another length of the
+        step.
 
     Returns
     -------
@@ -271,10 +275,10 @@ def _solve_on_branches(coefficients, scene, h, memory):
     n = linear_terms.shape[1] - 1
     # Store the story forces f0 for zero rise and bend, including P-delta, in row PATH + MEAN. The
     # existing factorization is valid if it is for the same step length (column n of row FACTORED)
-    # and for nearly equal derivatives. The four rows FACTORED and the four numbers of
-    # _TANGENTS_PER_SLOPE are the derivatives of F0 with respect to rise (k / 2) and bend (-k / 12),
-    # then of F1 with respect to rise (k) and bend (0), here with the stiffness k = `slope` without
-    # P-delta.
+    # and for nearly equal derivatives. The four rows FACTORED contain its derivatives. The new
+    # derivatives are the four numbers of _TANGENTS_PER_SLOPE times the stiffness `slope` (without
+    # P-delta): of F0 with respect to rise (1/2) and bend (-1/12), then of F1 with respect to rise
+    # (1) and bend (0).
     is_stale = scratch[ROW.FACTORED, n] != h
     for i in range(n):
         slope = law_state[rows.SLOPE, i]
@@ -422,8 +426,9 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
                 scratch[ROW.PATH + path.MEAN_BY_RISE + row, i] - scratch[ROW.FACTORED + row, i]
             )
             is_stale |= change > tangent_tolerance
-        # Add P-delta, the story damper and the numerical dissipation r K D1 to mean and moment. The
-        # mean of the drift is drift + rise / 2 - bend / 12, and its first moment is the rise.
+        # Add P-delta and the story damper to the mean F0 and to the first moment F1, and the
+        # numerical dissipation r (k + g) bend to F1. The mean of the drift is drift + rise / 2 -
+        # bend / 12, and its first moment is the rise.
         geometric = linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i] / h
         drift = law_state[rows.DRIFT, i]
@@ -525,8 +530,10 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
         mean of w          `rise`, the change of drift over the step
         derivative w'(0)   h^2 times the second derivative of the drift, from the equation of motion
 
-    For each floor, v0 is the velocity at the start and a0 is h times the change of velocity. a0
-    follows from the rise D0 and the bend D1 of the floor and the coefficient r of the method:
+    For each floor, v0 is the velocity at the start, and a0 (m) is h times the change of velocity
+    over the step, which is h^2 times the mean acceleration. a0 follows from the rise D0 and the
+    bend D1 of the floor, the coefficient r of the method, and h^2 times the change of the
+    acceleration over the step, a1 (m):
 
         a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
@@ -547,6 +554,12 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
         parabolas of all floors, m.
     i : int
         Index of the story.
+
+    Returns
+    -------
+    bool
+        True if the story moves in the direction of `rise` during the complete step according to
+        w(t). False if it reverses, or if w(0) or w(1) is opposite to `rise`.
     """
     linear_terms = scene.linear_terms
     state, _, scratch, _ = memory
@@ -720,8 +733,12 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     - C: floor dampers and modal damping; their terms are omitted from the sums
     - r: coefficient of numerical dissipation
 
-    The effect of the rounding errors of the displacements (row ROUNDING_FORCE) is added to the
-    sums.
+    Residuals up to the effect of the rounding errors of the displacements are always small enough.
+    Row ROUNDING_FORCE contains this effect as a force, already divided by TOLERANCE. It is added to
+    the sums, which are then multiplied by TOLERANCE.
+
+    The sum of the first moment contains the large terms of a1, which nearly cancel if h is small.
+    The test then restricts the error of D0 relative to h v0, and not the error of a1.
 
     Parameters
     ----------
@@ -751,8 +768,9 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
-        # Sums of the absolute values of the terms of both equations. `rounding` is the effect of
-        # the rounding errors of the displacements, divided by the tolerance, N.
+        # `force_scale` and `inertia_scale` are the parts of the sum of absolute values with forces
+        # and with accelerations, first for the impulse, later for the first moment. `rounding` is
+        # the effect of the rounding errors of the displacements, divided by the tolerance, N.
         rounding = scratch[ROW.ROUNDING_FORCE, i] + link * scratch[ROW.ROUNDING_FORCE, i + 1]
         force_scale = (
             abs(scratch[ROW.PATH + path.MEAN, i])
@@ -769,8 +787,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             scratch[ROW.X, i],
             mass * inertia_scale + h * h * (force_scale + rounding),
         )
-        # Test the first moment. M a1 has terms with D1, D0 and h v0, times 12 / (1 + 6 r). The sum
-        # contains D1 although a1 contains D1 / 2.
+        # Test the first moment. M a1 has the terms D1 / 2, D0 and h v0, times 12 M / (1 + 6 r). For
+        # simplicity, the sum contains |D1| instead of |D1| / 2.
         force_scale = (
             abs(scratch[ROW.PATH + path.MOMENT, i])
             + link * abs(scratch[ROW.PATH + path.MOMENT, i + 1])
@@ -925,7 +943,9 @@ def solve(modal, h, scratch, x, n):
 
     The matrix has been factorized by `_factor`. It contains the derivatives of the equations of a
     step with respect to D0 and D1, the coefficients of the displacement u0 + D0 t + D1 (t^2 - t) /
-    2 of a floor, with t from 0 to 1 over the step. Modal damping is included.
+    2 of a floor, with t from 0 to 1 over the step. Modal damping is included: it adds h C to the
+    derivative of the first equation (impulse) with respect to D0, and of the second equation (first
+    moment) with respect to D1.
 
     Parameters
     ----------
@@ -941,6 +961,8 @@ def solve(modal, h, scratch, x, n):
         Number of floors.
     """
     factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
+    # The values in `ModalBlocks` are the factors of C for D0 and D1 in the first equation, and for
+    # D0 and D1 in the second equation.
     solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), x, x + 1, n)
 
 
@@ -957,6 +979,10 @@ def update_state(coefficients, scene, h, memory):
     where a0 and a1 are h^2 times the mean and the change of the acceleration over the step, m; u0
     and v0 are displacement and velocity at the start, u1 and v1 at the end, and r is the
     coefficient of numerical dissipation. `acceleration` is the acceleration at the end.
+
+    The law of a story that remained on its linear branch (row LEAVES_BRANCH is 0) is moved along
+    this branch. For other stories, the state at the end of the path of the last iteration is
+    committed.
 
     The work of a force with the mean F0 and the first moment F1 over the step is D0 F0 + D1 F1 /
     12. A damper with the coefficient c has F0 = c D0 / h and F1 = c D1 / h. The work of the load
@@ -1005,6 +1031,8 @@ def update_state(coefficients, scene, h, memory):
         bend_below = scratch[ROW.BEND, i]
         damper_times_rise_squared += linear_terms[rows.STORY_DAMPER, i] * rise * rise
         damper_times_bend_squared += linear_terms[rows.STORY_DAMPER, i] * bend * bend
+        # Move the law to the end of the step. The argument 0 is the first row of the committed
+        # state.
         if not HAS_NONLINEAR_FORCE or scratch[ROW.LEAVES_BRANCH, i] == 0.0:
             advance(law_parameters, law_state, i, 0, law_state[rows.DRIFT, i] + rise)
         else:
