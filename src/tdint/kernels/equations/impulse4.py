@@ -281,9 +281,14 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
-    l = h (ROOT_RE + i ROOT_IM) is a root of l^2 - th h l + be h^2 = 0. M, C and K are the matrices
-    of mass, damping (floor dampers, story dampers and modal damping) and stiffness. r1 and r2 are
-    the residuals of kinematics and momentum for zero increments, u1 = u0 and v1 = v0:
+    l = h (ROOT_RE + i ROOT_IM) is a root of l^2 - th h l + be h^2 = 0, with the coefficients th, al
+    and be of the kinematic equation
+
+        u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
+
+    M, C and K are the matrices of mass, damping (floor dampers, story dampers and modal damping)
+    and stiffness. r1 and r2 are the residuals of kinematics (times M) and momentum for zero
+    increments, u1 = u0 and v1 = v0:
 
         r1 = M (h v0 + h^2 (al a0 - be a1)),   M a1 = p1 - C v0 - f(u0)     kinematics
         r2 = I - h (f(u0) + wc K (uc - u0)),   uc - u0 = h (g0 + g1) v0     momentum
@@ -514,7 +519,9 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     is_correction_negligible = False
     while True:
         # Compute story forces, residuals and convergence for the current increments. `is_stale` is
-        # True if the factorization does not fit the current tangents.
+        # True if the factorization does not fit the current tangents. The first argument of
+        # `has_converged` is True if no further solution is allowed; if the test fails, the largest
+        # relative residual is then stored for the error message.
         is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
         residuals(
             coefficients[THETA],
@@ -563,6 +570,8 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
             coefficients[BETA], modal, h, _newton_factorization(scratch, factors), n
         )
         iterations += 1
+        # Keep the correction for the line search. `correct` has replaced the residuals in the rows
+        # R1 and R2 by the corrections of DU and DV.
         if iterations > UNDAMPED_ITERATIONS:
             copy_rows(scratch, momentum.R1, ROW.LAST_CORRECTION, 2, n)
     return max(iterations, 1)
@@ -695,18 +704,19 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
        `_evaluate_over_reversal` moves the law to the inner point, the reversal and the end in
        chronological order.
     3. Otherwise the law moves from the start of the step to the inner point, and then to the end.
-       Case 3 also replaces case 2 if a law of the building has extra rows.
 
     In cases 2 and 3, block FIRST_TRIAL of the law states receives the state at the inner point and
-    block SECOND_TRIAL the state at the end.
+    block SECOND_TRIAL the state at the end. `_evaluate_over_reversal` tests whether the drift
+    reverses. If a law of the building has extra rows, it does not evaluate a reversal, and case 3
+    replaces case 2.
 
     Parameters
     ----------
     keep_branches : bool
         True if the caller divides the step at branch changes and reversals. A reversal with a
-        negligible effect remains within the step; case 2 prepares this decision
-        (`keep_negligible_kinks`). False if the complete step is solved and no branch change or
-        reversal is located.
+        negligible effect remains within the step. `keep_negligible_kinks` later makes this decision
+        from the error estimates in row KINK. False if the complete step is solved and no branch
+        change or reversal is located.
     coefficients : ndarray
         Coefficients of the method: the weights wc and w1 of the quadrature are used.
     scene : Scene
@@ -718,9 +728,10 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     drifts : tuple of float
         Drifts at the inner point and at the end, m.
     memory : Memory
-        State, law states and scratch array. If `keep_branches` is True, row KINK of the scratch
-        array is set: the estimated error of a curved law that is evaluated over a reversal within
-        the step, otherwise 0. If `keep_branches` is False, row KINK is not changed.
+        State, law states and scratch array. Row KINK of the scratch array is set if `keep_branches`
+        is True: to 0 in cases 1 and 3, and to the estimated error of the evaluation over the
+        reversal in case 2 (by `_evaluate_over_reversal`). If `keep_branches` is False, row KINK is
+        not changed.
 
     Returns
     -------
@@ -730,7 +741,8 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     law_parameters = scene.law_parameters
     _, law_state, scratch, _ = memory
     drift_c, drift = drifts
-    # SLOPE is finite on a linear branch and infinite on a curved branch.
+    # SLOPE is finite on a linear branch and infinite on a curved branch. Curved branches only exist
+    # if HAS_CURVED_LAW, a constant of the compiled variant, is True.
     if keep_branches and law_state[rows.SLOPE, i] < math.inf:
         tangent_c = tangent = law_state[rows.SLOPE, i]
         scratch[ROW.KINK, i] = 0.0
@@ -773,11 +785,16 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 
     - The story does not reverse.
     - A law of the building has extra rows in `law_state`, so that block THIRD_TRIAL is not
-      available.
+      available. A reversal of the story must then be located.
 
-    The caller does not distinguish the two cases: it evaluates the law at the inner point and at
-    the end only. Later, the search for branch changes locates each reversal of a story with KINK 0,
-    and the step is divided at this reversal.
+    In both cases, the caller evaluates the law at the inner point and at the end only. KINK 0
+    therefore means: if the story reverses, the step must be divided at the reversal. The later
+    search for branch changes (`first_event`) only considers reversals of stories with KINK 0.
+
+    If the law is evaluated, row PREVIOUS_BLOCK receives the first row of the trial block that
+    precedes the end: FIRST_TRIAL or THIRD_TRIAL, depending on the order of the inner point and the
+    reversal. `_update_state` (`tdint.methods.impulse4`) later accumulates the dissipated energy
+    in this order.
 
     The drift within the step is the cubic Hermite interpolant of the drifts d0, d1 and drift rates
     at both endpoints. The time s is 0 at the start and 1 at the end of the step. With r = 1 - s,
@@ -891,6 +908,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         force_0, _ = power_damper(linear_terms, i, scaled_rate_0 / h)
         force_1, _ = power_damper(linear_terms, i, scaled_rate_1 / h)
         kink += _DASHPOT_KINK * min(abs(force_0), abs(force_1))
+    # If the force at the reversal is zero, the quotient is infinite or nan, without an exception.
+    # Condition 1 of `keep_negligible_kinks` is then False, and the reversal is located.
     scratch[ROW.KINK, i] = kink / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
     # If the drift d1 at the end increases by 1, the drift at the reversal increases by
     # `moved_fraction`, the coefficient of d1 in d(s). This part of the increase is loading, with
@@ -907,16 +926,15 @@ def keep_negligible_kinks(scene, h, memory):
     suddenly. A step that extends over a kink has an additional error. To avoid this error, the
     caller locates the reversal and divides the step at its time. If the error is negligible, the
     reversal can remain within the step. This function makes the decision for each story and marks
-    the result in row KINK of the scratch array.
+    the result in row KINK of the scratch array:
 
-    Before the call, row KINK contains the estimated error: the effect of the kink on the story
-    force, divided by the force. The value is 0 if the law of the story was not evaluated over a
-    reversal. The function keeps the value of a reversal that can remain within the step, and
-    replaces the other values by 0. After the call, the row means
+        before the call    estimated error, the effect of the kink on the story force divided by the
+                           force; 0 if the law was not evaluated over a reversal
+        after the call     not 0 if the story has a reversal that can remain within the step (the
+                           value is unchanged); otherwise 0
 
-        not 0    the story has a reversal, which can remain within the step
-        0        a reversal cannot remain within the step: if the drift rate of the story has
-                 changed its sign, the caller divides the step at the reversal
+    If the drift rate of a story with the value 0 has changed its sign, the caller divides the step
+    at the reversal.
 
     A reversal can remain within the step if both conditions are satisfied:
 
@@ -931,8 +949,9 @@ def keep_negligible_kinks(scene, h, memory):
         S = sum of m (a0^2 + a1^2) / 2
 
     Q compares the average of the accelerations at both endpoints with the mean acceleration over
-    the step. Q_max is the largest Q of all steps of the run, including this step. The function also
-    updates the maxima of Q and S over the run in row RUN_MAXIMA.
+    the step. Q_max is the largest Q of all steps of the run, including this step; S belongs to this
+    step only. The function also updates the maxima of Q and S over the run in row RUN_MAXIMA; the
+    maximum of S is only used by `tolerance_of_run`.
 
     Reasons:
 
@@ -976,17 +995,15 @@ def keep_negligible_kinks(scene, h, memory):
         acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
     update_run_maxima(scratch, ROW.RUN_MAXIMA, mismatch, acceleration_norm)
     mismatch = scratch[ROW.RUN_MAXIMA, 0]  # maximum Q in the run
-    # `may_be_omitted` is condition 2 of the docstring: the story may omit the location of the
-    # reversal. Block THIRD_TRIAL of the law state contains the drift at the reversal.
+    # `may_remain` is condition 2 of the docstring: the reversal may remain within the step. Block
+    # THIRD_TRIAL of the law state contains the drift at the reversal.
     for i in range(n):
         is_near_peak = (
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
             >= _NEAR_PEAK * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
         )
-        may_be_omitted = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not is_near_peak
-        if not (
-            may_be_omitted and scratch[ROW.KINK, i] * acceleration_norm <= _MAX_KINK * mismatch
-        ):
+        may_remain = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not is_near_peak
+        if not (may_remain and scratch[ROW.KINK, i] * acceleration_norm <= _MAX_KINK * mismatch):
             scratch[ROW.KINK, i] = 0.0
 
 
@@ -1067,9 +1084,11 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 def _newton_factorization(scratch, factors):
     """Return the location of the factorization of Newton's method in the scratch array.
 
-    `factors` is the first row of all factorizations (`_Block`). The fields of the result are the
-    first rows of the diagonal blocks, of the couplings, and of the terms of modal damping, for
-    which 6 modes + 1 rows from _STORE on are reserved (`factor_rows`).
+    `factors` is the first row of a block of rows that contains two factorizations: of the complex
+    matrix for linear branches and of the matrix of Newton's method (`_Block`). Row numbers within
+    the block, such as BLOCKS, COUPLING and _STORE, are added to `factors`. The fields of the result
+    are the first rows of the diagonal blocks, of the couplings, and of the terms of modal damping.
+    The terms of modal damping occupy 6 rows for each mode and a temporary row (`factor_rows`).
     """
     return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
@@ -1134,7 +1153,9 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     # For each story, store the tangents without P-delta and s1 in the rows FACTORED_..., and the
     # four derivatives of the table above in the rows from `coupling` on. `slope_c` is wc sc, and
     # `slope_1` is s1. Later, `_evaluate_laws` compares the rows FACTORED_... with the new tangents
-    # and the step length, to decide whether the factorization is still valid. sc is not compared.
+    # and the step length, to decide whether the factorization is still valid. sc is not compared,
+    # because it usually changes together with s1, and a comparison would save practically no
+    # iterations. The sc of an earlier factorization only affects the rate of convergence.
     for i in range(n):
         tangent_c = scratch[ROW.TANGENT_C, i]
         tangent_1 = scratch[ROW.TANGENT_1, i]
