@@ -154,8 +154,11 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     - C (floor dampers and modal damping) is omitted, so that the requirement is slightly stricter.
 
     In addition, residuals below the effect of the rounding errors of the displacements are always
-    small enough. Row SIZE contains these errors as a force, divided by RESIDUAL_TOLERANCE. It is
-    added to the sums, which are multiplied by `tolerance`, at least RESIDUAL_TOLERANCE.
+    small enough. These errors change a story force by F_r; row SIZE contains F_r divided by
+    RESIDUAL_TOLERANCE. A force has the factor beta h^2 in the kinematic equation and h in the
+    momentum equation. Row SIZE is therefore added to the sums with these factors. The sums are
+    multiplied by `tolerance`, which is at least RESIDUAL_TOLERANCE, so that at least the effect of
+    F_r is admitted.
 
     Parameters
     ----------
@@ -165,7 +168,7 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     tolerance : float
         Maximum relative residual, at least RESIDUAL_TOLERANCE.
     beta : float
-        Coefficient of a1 in the kinematic equation.
+        Coefficient of a1 in the kinematic equation, positive: 1/12 to 1/6.
     linear_terms : ndarray
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
@@ -216,32 +219,40 @@ def correct(beta, modal, h, factors, n):
         M (u1 - u0) = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1))
         M a1 = p1 - C v1 - f(u1)
 
+    and its momentum equation, with the impulses S of the story forces and I of the load, is
+
+        M (v1 - v0) + C (u1 - u0) + S = I
+
     with displacement, velocity and acceleration u0, v0, a0 at the start and u1, v1, a1 at the end
-    of the step, the load p1 at the end and the restoring force f. C contains modal damping.
+    of the step, the load p1 at the end and the restoring force f. The damping matrix C contains the
+    floor dampers and modal damping.
 
     Parameters
     ----------
     beta : float
         Coefficient of a1 in the kinematic equation.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
+        Rows w of the modal part of C, the sum of w w^T: one row per damped mode.
     h : float
         Length of the step, s.
     factors : Factors
-        Scratch array and the rows of the factorization of the matrix (`factor_blocks`).
+        Scratch array and the rows of the factorization of the matrix (`factor_blocks`). Row U1
+        contains the displacements u1 before the correction, m.
     n : int
         Number of floors.
 
     Returns
     -------
     bool
-        True if the corrections of the displacements are of the order of rounding errors.
+        True if the corrections of the displacements are of the order of rounding errors, relative
+        to u1 of each floor. This test supplements the test of the residuals (`has_converged`): if
+        u1 of a floor is zero, only the test of the residuals ends the iteration.
     """
     scratch = factors.table
-    # Modal damping is the part W^T W of C, with the rows w of `modal`. If all terms with unknowns
-    # are on the left side, the kinematic equation contains +beta h^2 M a1 and therefore -beta h^2 C
-    # v1. The momentum equation contains C (u1 - u0). Modal damping has the factor -beta h^2 for v1
-    # in the first equation, and the factor 1 for u1 in the second equation.
+    # If all terms with unknowns are on the left side, the kinematic equation contains
+    # +beta h^2 M a1 and therefore -beta h^2 C v1. The momentum equation contains C (u1 - u0). The
+    # modal part of C has the factor -beta h^2 for v1 in the first equation, and the factor 1 for u1
+    # in the second equation.
     solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
     is_small = True
     for i in range(n):
