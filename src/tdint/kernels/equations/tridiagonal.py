@@ -357,9 +357,10 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
         m        -(by_v m + by_a c)        kinematics
         c                 m                momentum
 
-    plus the blocks B_i and B_(i+1) of the stories below and above, and the blocks -B_i and -B_(i+1)
-    beside the diagonal, for the floors below and above. A story on the ground has no floor below:
-    its block is added to the diagonal, and is then set to zero in the table.
+    plus the blocks B_i and B_(i+1) of the stories below and above. The blocks beside the diagonal,
+    for the floors below and above, are -B_i and -B_(i+1). They are not stored: the table contains
+    B_i, and `factor_blocks` assumes the minus sign. A story on the ground has no floor below: its
+    block is added to the diagonal, and is then set to zero in the table.
 
     Parameters
     ----------
@@ -384,6 +385,7 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
         scratch[blocks + 1, i] = scratch[coupling + 1, i] - by_v * mass - by_a * floor
         scratch[blocks + 2, i] = floor + scratch[coupling + 2, i]
         scratch[blocks + 3, i] = mass + scratch[coupling + 3, i]
+    # Set B_i of stories on the ground to zero, and add B_(i+1) to the diagonal block of floor i.
     link_blocks(linear_terms, factors, n)
 
 
@@ -514,9 +516,11 @@ def factor_blocks(factors, damping, n):
 def _is_full(modal, n):
     """Return True if a matrix with two unknowns per floor is factorized as a full matrix.
 
-    With m damped modes and n floors, the full factorization needs about (2 n)^3 / 3 operations. The
-    terms of the Woodbury formula need about (2 m)^3 + 4 m^2 n + 32 m n operations. The full matrix
-    occupies 4 n of the 6 m + 1 scratch rows, so it can only be used if m is at least 2 n / 3.
+    The full matrix of a building with n floors needs 4 n scratch rows, but for m damped modes only
+    6 m + 1 rows are reserved (for the Woodbury formula). It can therefore be used if m is at least
+    2 n / 3. For each such m it also needs fewer operations: about (2 n)^3 / 3 for the
+    factorization, compared with about (2 m)^3 + 4 m^2 n + 32 m n for the terms of the Woodbury
+    formula, which is at least 4 n^3.
 
     Parameters
     ----------
@@ -535,6 +539,10 @@ def _factor_full(factors, damping, n):
     The factorization is a block L U factorization with a unit diagonal of L. The 4 n rows from
     `factors.store` on contain it: the entries xx of all blocks, one row per floor, then the entries
     xy, yx and yy. On the diagonal they contain the inverse pivots, below it L, and above it U.
+
+    Pivoting is not necessary: as without modal damping, each leading block is the matrix of the
+    lower part of the building, for which the same step has a unique solution. If a pivot were
+    singular, the solution would be infinite or nan, and the step would report a failure.
 
     Parameters
     ----------
@@ -754,12 +762,15 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     damper = linear_terms[rows.STORY_DAMPER, 0]
     story_re = re * damper + square_re * spring
     story_im = im * damper + square_im * spring
-    link = 0.0  # LINK of the story above the eliminated part
+    # In each pass of the loop, `link`, `story_re` and `story_im` first describe story i, which is
+    # below floor i: its LINK and its contribution l C + l^2 K. They are then replaced by the values
+    # of story i + 1 for the next pass. In the first pass, LINK is 0: there is no floor below.
+    link = 0.0
     inverse_re = 0.0  # inverse of the pivot of the floor below
     inverse_im = 0.0
     for i in range(n):
         # The pivot p + i q is the diagonal entry minus b^2 / (pivot of the floor below). The entry
-        # between both floors is -b.
+        # between both floors is -b, with b = link times the contribution of story i.
         b_re = link * story_re
         b_im = link * story_im
         # b divided by the pivot of the floor below. The multiplier of the elimination has the
@@ -772,7 +783,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         q -= by_re * b_im + by_im * b_re
         scratch[coupling, i] = -by_re
         scratch[coupling + 1, i] = -by_im
-        # Add the contribution of the story above to the pivot.
+        # Compute the same values for story i + 1, and add its contribution to the pivot of floor i.
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         spring = law_state[rows.SLOPE, i + 1] + linear_terms[rows.GEOMETRIC, i + 1]
         damper = linear_terms[rows.STORY_DAMPER, i + 1]
@@ -797,16 +808,16 @@ def solve_pairs(factors, x, y, n):
     """Solve a complex tridiagonal system with the factorization of `factor_pairs`.
 
     A pair (x, y) is the real and the imaginary part of the complex unknown x + i y of a floor. With
-    the right side b, the multipliers m and the inverse pivots 1 / p of the factorization, forward
+    the right side b, the multipliers m and the inverse pivots g of the factorization, forward
     substitution computes f_i = b_i - m_i f_(i-1) from the lowest floor upwards. Backward
-    substitution computes the solution z_i = (1 / p_i) f_i - m_(i+1) z_(i+1) from the roof
-    downwards. Modal damping is not included.
+    substitution computes the solution z_i = g_i f_i - m_(i+1) z_(i+1) from the roof downwards. The
+    multiplier above the roof, in column n, is 0. Modal damping is not included.
 
     Parameters
     ----------
     factors : Factors
         Scratch array and the rows of the factorization. Two rows from `pivot` on contain real and
-        imaginary part of the inverse pivots, two rows from `coupling` on the multipliers.
+        imaginary part of the inverse pivots g, two rows from `coupling` on the multipliers m.
     x, y : int
         Rows of the real and imaginary part of the right side; they receive the solution.
     n : int
@@ -879,7 +890,8 @@ def _woodbury_storing_function(solve_undamped):
             D    ((xx I, xy I), (yx I, yy I)) with the coefficients of `damping`
 
         The terms that do not depend on the right side are stored in the scratch rows from
-        `factors.store` on:
+        `factors.store` on. The scratch array has at least 2 m columns (`tdint.methods.workspace`),
+        also if the building has fewer floors.
 
             4 m rows    T^-1 U^T: the solution of T z = (row j of U)^T for each j, in row 2 j for x
                         and in row 2 j + 1 for y
@@ -944,7 +956,8 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
     ----------
     factors : Factors
         Table with the terms of the formula from row `store` on: T^-1 U^T, the inverse of the small
-        matrix, and a temporary row.
+        matrix (order 2 m for m modes), and a temporary row. The table has at least 2 m columns
+        (`tdint.methods.workspace`).
     damping : ModalBlocks
         Modal damping.
     x, y : int
