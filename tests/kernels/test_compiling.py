@@ -17,6 +17,7 @@ from small_kernel import scaled
 from tdint import load_model
 from tdint.analysis.run.prepared import kernels_of_model
 from tdint.errors import AnalysisError, OutputError
+from tdint.kernels import build
 from tdint.kernels.building import compilable, store
 from tdint.kernels.building import load_or_compile as building_module
 from tdint.kernels.building import process as process_module
@@ -561,6 +562,41 @@ def test_printed_text_of_plugin_is_not_read_as_object(tmp_path, monkeypatch):
     ((_, (data,)),) = process_module.run_all(requested)
     code, description = unpack(data)
     assert (code, description["symbol"]) == (b"machine code", "scaled")
+
+
+PACKAGE = {
+    "__init__.py": "from .hyper import LAW",
+    "hyper.py": "from .constants import FACTOR\nLAW = FACTOR",
+    "constants.py": "FACTOR = 3",
+}
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Return the directory of PACKAGE; the modules that a test imports from it are removed."""
+    folder = tmp_path / "small_package"
+    folder.mkdir()
+    for file, text in PACKAGE.items():
+        (folder / file).write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield folder
+    for module in [
+        module for module in sys.modules if module.startswith(("small_package", "small_unknown"))
+    ]:
+        del sys.modules[module]
+
+
+def test_package_of_module_is_imported_before_it(package):
+    """The package imports the module, and the module imports another module of the package."""
+    assert build._module("small_package.hyper", str(package / "hyper.py")).LAW == 3
+
+
+def test_module_is_executed_alone_only_if_its_package_is_not_found(package):
+    constants = package / "constants.py"
+    assert build._module("small_unknown.constants", str(constants)).FACTOR == 3
+    constants.write_text("import small_missing_module")
+    with pytest.raises(ModuleNotFoundError, match="small_missing_module"):
+        build._module("small_package.hyper", str(package / "hyper.py"))
 
 
 def test_no_process_is_started_after_stop(monkeypatch):

@@ -186,9 +186,18 @@ def _take_shortcuts() -> None:
 def _module(name: str, file: str) -> Any:
     """Return the module in a file, loaded under the name that it has in the requesting process.
 
-    A module that is already loaded is returned unchanged. An exception of the module ends this
-    process (`main`), so that an incompletely executed module is never used.
+    The package of the module is imported first, as by Python's own import, because it can import
+    the module itself. A module that is already loaded is returned unchanged. An exception of the
+    module ends this process (`main`), so that an incompletely executed module is never used.
     """
+    if package := name.rpartition(".")[0]:
+        try:
+            importlib.import_module(package)
+        except ModuleNotFoundError as error:
+            # The module can belong to a package that is not found by its name. It is then executed
+            # without its package. Other missing modules are an error.
+            if not f"{package}.".startswith(f"{error.name}."):
+                raise
     if name not in sys.modules:
         specification = importlib.util.spec_from_file_location(name, file)
         assert specification is not None and specification.loader is not None
