@@ -38,6 +38,7 @@ from tdint.methods import step_check
 from tdint.model import definition
 from tdint.model.definition import Law
 from tdint.model.plugins import files_to_send
+from tdint.plugin import HOMES
 from tdint_cli.main import cli
 
 
@@ -241,6 +242,15 @@ def test_imports_of_plugin_belong_to_its_sources(tmp_path, verlet, monkeypatch):
     )
     tdint.load_plugin(str(file))
     assert {"outside_helpers", "tdint_plugin_helped"} < closure("tdint_plugin_helped").keys()
+
+
+@pytest.mark.parametrize("line", ["from tdint.plugin import *", "import tdint.plugin"])
+def test_import_of_all_public_names_belongs_to_sources(tmp_path, verlet, line):
+    """A change of any module of kernels that defines a public name requires a new compilation."""
+    named = verlet.read_text()
+    tdint.load_plugin(str(outside(tmp_path, named + f"\n{line}\n", "imports_all")))
+    expected = {home for home in HOMES.values() if home.startswith("tdint.kernels.")}
+    assert expected <= closure("tdint_plugin_imports_all").keys()
 
 
 FAULTS = {

@@ -232,11 +232,12 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
             # dot removes one level.
             parent = package.rsplit(".", node.level - 1)[0] if node.level else ""
             base = ".".join(filter(None, (parent, node.module)))
-            if base != _PUBLIC:
+            # `import *` of the public module imports all of its names.
+            if base != _PUBLIC or any(alias.name == "*" for alias in node.names):
                 names.append(base)
             names += [f"{base}.{alias.name}" for alias in node.names]
     # A public name is replaced by the module that defines it, or by all such modules if the
-    # complete public module is imported.
+    # complete public module is imported (`import tdint.plugin`, `from tdint.plugin import *`).
     homes, resolved = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
     for name in names:
         base, _, alias = name.rpartition(".")
