@@ -432,6 +432,23 @@ def test_clean_removes_objects_outside_package(cache, monkeypatch):
     assert not store.writable().is_relative_to(Path(store.__file__).parents[2])
 
 
+def test_clean_counts_only_removed_objects(cache, monkeypatch):
+    for folder, name in (("used", "one"), ("used", "two"), ("unused", "three")):
+        (cache / f"kernels-{folder}").mkdir(exist_ok=True)
+        (cache / f"kernels-{folder}" / f"{name}.object").write_bytes(b"")
+    remove = os.unlink
+
+    def refuse(path, **options):
+        """Remove a file, unless it is used."""
+        if Path(path).name == "two.object":
+            raise PermissionError(13, "Access is denied", path)
+        remove(path, **options)
+
+    monkeypatch.setattr(os, "unlink", refuse)
+    assert store.clean() == 2
+    assert [file.name for file in cache.rglob("*.object")] == ["two.object"]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no umask")
 def test_shared_directory_is_readable_with_any_umask(tmp_path):
     before = os.umask(0o077)

@@ -261,22 +261,27 @@ def writable() -> Path | None:
 
 
 def clean() -> int:
-    """Remove all object files from the cache of this user and return the number of files that were
-    found.
+    """Remove all object files from the cache of this user and return the number of removed files.
 
     Object files for other versions of Python and of the compiler are included, and files that
     earlier versions of tdint have left in the installed package. A file that cannot be removed
-    remains without a message; the number includes this file.
+    remains without a message and is not counted.
     """
     import shutil
 
     homes = [_PACKAGE / "kernels" / "__pycache__", *filter(None, [cache_home()])]
     stores = (store for root in homes for store in root.glob("kernels-*"))
     folders = [store for store in stores if store.is_dir() and not store.is_symlink()]
-    count = sum(1 for directory in folders for _ in directory.glob("*.object"))
+
+    def object_files() -> set[Path]:
+        """Return the paths of the object files that exist."""
+        return {file for directory in folders for file in directory.glob("*.object")}
+
+    found = object_files()
     for directory in folders:
         shutil.rmtree(directory, ignore_errors=True)
-    return count
+    # Files can remain, for example of another user, or on Windows files that a process has opened.
+    return len(found - object_files())
 
 
 def _make_readable_directory(directory: Path) -> None:
