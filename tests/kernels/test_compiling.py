@@ -26,6 +26,7 @@ from tdint.kernels.building.compiler import objects_of, outlined, specialized
 from tdint.kernels.building.load_or_compile import compile_ahead, load_or_compile
 from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.process import Compilation
+from tdint.kernels.building.sources import OUTSIDE
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.kernels.stories.law_state import follow
@@ -683,6 +684,29 @@ def test_compilation_message_lists_loops_and_duration(monkeypatch):
         building_module.duration([(kernel("b", "laws"), EVERYTHING), (kernel("b"), bilinear)])
         == alone[2]
     )
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_variant_that_runs_require_is_compiled_ahead(cache, monkeypatch, whole):
+    """The listed object file is the file that was written. With TDINT_KERNELS=whole, only laws of
+    plug-ins are compiled specifically."""
+    monkeypatch.setattr(compilable, "WHOLE", whole)
+    outside = Variant(("linear", "own@99"))
+    kernel = Kernel(scaled.function, scaled.signature, ("laws",))
+    pairs = [(kernel, variant) for variant in (Variant(("linear",)), EVERYTHING, outside)]
+    monkeypatch.setitem(OUTSIDE, "own", "tdint.kernels.laws.linear")
+
+    def run_all(compilations):
+        for compilation in compilations:
+            names = compilation.kernel.name, compilation.variant.text, native()
+            yield compilation, [pack(b"code", {**store.identity(*names), "symbol": "b"})]
+
+    monkeypatch.setattr("tdint.kernels.building.process.run_all", run_all)
+    written = compile_ahead(pairs, ["native"], None, lambda done: None)
+    assert sorted(map(str, written)) == sorted(
+        file for _, _, file, _ in building_module.list_objects(pairs)
+    )
+    assert len(written) == (2 if whole else 3)
 
 
 def test_requested_specific_loops_are_not_replaced(monkeypatch):

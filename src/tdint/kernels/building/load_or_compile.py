@@ -561,7 +561,8 @@ def compile_ahead(
     from tdint.kernels.building import store
     from tdint.kernels.building.target import named
 
-    kernels = dict.fromkeys((kernel, variant.only(kernel.parts)) for kernel, variant in pairs)
+    # Runs load the same variants: with TDINT_KERNELS=whole the variant with all features.
+    kernels = dict.fromkeys((kernel, kernel.required_variant(variant)) for kernel, variant in pairs)
     requested = [
         (kernel, variant, target)
         for target in dict.fromkeys(targets)
