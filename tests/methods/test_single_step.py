@@ -6,7 +6,7 @@ import pytest
 
 from tdint.methods import single_step
 from tdint.methods.catalogue import parse
-from tdint.methods.single_step import collocation, collocation_theta
+from tdint.methods.single_step import collocation, collocation_theta, u0
 
 
 @pytest.fixture(
@@ -73,3 +73,16 @@ def test_roots_coincide_at_optimal_theta(beta):
 )
 def test_spectral_radius_at_infinity(eigenvalues, method, rho_inf):
     assert parse(method).rho_inf == pytest.approx(rho_inf, rel=1e-13)
+
+
+@pytest.mark.parametrize("r", [0.0, 0.3, 0.99, 0.9999, 0.99999, 0.999999, 1.0])
+def test_spectral_radius_of_u0v0_is_exactly_1(r):
+    """The eigenvalues at infinite frequency are -1, -r and -r. The coefficients of the
+    characteristic polynomial confirm them; unlike computed eigenvalues, they are accurate if all
+    eigenvalues are nearly equal."""
+    assert parse(f"u0v0:r={r!r}").rho_inf == 1.0
+    matrix = single_step._amplification_at_infinity(u0(1.0, r, r))
+    sum_of_minors = 0.5 * (np.trace(matrix) ** 2 - np.trace(matrix @ matrix))
+    assert np.trace(matrix) == pytest.approx(-(1.0 + 2.0 * r), abs=1e-14)
+    assert sum_of_minors == pytest.approx(r * r + 2.0 * r, abs=1e-13)
+    assert np.linalg.det(matrix) == pytest.approx(-r * r, abs=1e-14)
