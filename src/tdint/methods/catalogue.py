@@ -157,30 +157,55 @@ def register_method(method: Method, where: str | Origin = "") -> None:
             f"{where}: method {method.name!r}: its step must be a kernel with the "
             "signature tdint.plugin.STEP"
         )
-    # Evaluate the method with default parameters. `parse` requires a registered method; a method
-    # that fails is removed again. An integer is also accepted for a property of type float.
-    property_types = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
+    # `parse` requires a registered method. A method that fails is removed after any exception, also
+    # after KeyboardInterrupt. Otherwise, a second `load_plugin` would accept it.
     _known()[method.name] = method
     try:
         with faults_of(where):
-            integrator = parse(method.name)
-            for name, property_type in property_types.items():
-                value = getattr(integrator, name)
-                if not isinstance(value, property_type) and not (
-                    property_type is float and isinstance(value, int)
-                ):
-                    raise UsageError(
-                        f"{where}: {integrator.label}: {name} must be of type "
-                        f"{property_type.__name__}, got {value!r}"
-                    )
-            if integrator.family.prepare is None:
-                np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
-            integrator.family.scratch_rows(0)  # rows for a building without modal damping
-    except UsageError:
+            _evaluate_with_defaults(method, where)
+            # Store the SHA-256 of the files that define the method. This is the last operation,
+            # because a rejected method computes no results.
+            origin.keep_code("method", method)
+    except BaseException:
         del _known()[method.name]
         raise
-    # Store the SHA-256 of the files that define the method. A rejected method computes no results.
-    origin.keep_code("method", method)
+
+
+def _evaluate_with_defaults(method: Method, where: str) -> None:
+    """Evaluate all functions of a registered method with its default parameters.
+
+    The coefficients of a family with `prepare` depend on the building and are not evaluated.
+
+    Parameters
+    ----------
+    method : Method
+        Method that is registered.
+    where : str
+        Origin of the method for messages.
+
+    Raises
+    ------
+    UsageError
+        A property does not have the required type. Exceptions of the functions of the method are
+        not converted.
+    """
+    integrator = parse(method.name)
+    property_types = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
+    for name, property_type in property_types.items():
+        value = getattr(integrator, name)
+        # An integer is also accepted for a property of type float. True and False are integers in
+        # Python, but they are accepted only for a property of type bool.
+        allowed_types = (float, int) if property_type is float else property_type
+        if not isinstance(value, allowed_types) or (
+            isinstance(value, bool) and property_type is not bool
+        ):
+            raise UsageError(
+                f"{where}: {integrator.label}: {name} must be of type "
+                f"{property_type.__name__}, got {value!r}"
+            )
+    if integrator.family.prepare is None:
+        np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
+    integrator.family.scratch_rows(0)  # rows for a building without modal damping
 
 
 def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:

@@ -54,6 +54,9 @@ class Origin:
         """Store the SHA-256 of all files that define a law or method, in `sources.CODE`, for the
         description of the code that computed a result.
 
+        Modules without a file are omitted. Examples are modules of a zip archive, and code from
+        standard input, for which Python states the file name `<stdin>`.
+
         Parameters
         ----------
         noun : str
@@ -65,7 +68,8 @@ class Origin:
         from tdint.kernels.building.sources import CODE, files_of
 
         package = f"{self.package}: " if self.package else ""
-        CODE[f"{noun} {registered.name}"] = files_of([self.module, *_modules(registered)], package)
+        modules = [name for name in (self.module, *_modules(registered)) if _has_file(name)]
+        CODE[f"{noun} {registered.name}"] = files_of(modules, package)
 
 
 def _modules(registered: Any) -> Iterator[str]:
@@ -77,6 +81,11 @@ def _modules(registered: Any) -> Iterator[str]:
         # Some attributes are wrappers; their attribute `function` is the function of the plug-in.
         elif callable(attribute := getattr(attribute, "function", attribute)):
             yield getattr(attribute, "__module__", None) or ""
+
+
+def _has_file(module: str) -> bool:
+    """Return True if an imported module has a source file that exists."""
+    return is_file(getattr(sys.modules.get(module), "__file__", None) or "")
 
 
 def _module_name(path: Path) -> str:
