@@ -30,9 +30,13 @@ from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import AnalysisError, UsageError
+from tdint.kernels import build
+from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.process import Compilation
 from tdint.kernels.building.sources import CODE, closure
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS, gap
+from tdint.kernels.time_loop.loop import integrate
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
 from tdint.model import definition
@@ -80,6 +84,7 @@ def test_method_of_readme_agrees_with_its_declarations(verlet, monkeypatch):
     order_fault, limit_fault = check_method(replace(integrator, method=false)).faults
     assert re.fullmatch(r"verlet: .*\b4\b.*\b2\.00", order_fault)
     assert re.match(r"verlet: .*= 2\.2, .* 2;", limit_fault)
+    assert integrator.family.step not in compiled_steps.VALIDATED_STEPS
 
 
 MISTAKES = {
@@ -114,6 +119,20 @@ MISTAKES = {
         "NameError: name 'v' is not defined",
     ),
 }
+
+
+@pytest.mark.parametrize("fails", ["integrate_in_python", "faults_with_yielding"])
+def test_run_after_check_with_faults_validates_the_step(verlet, monkeypatch, fails):
+    """Otherwise the compiled step could write outside its arrays."""
+
+    def fail(*_, **__):
+        raise AnalysisError("row 3 of scratch is used")
+
+    tdint.load_plugin(str(verlet))
+    integrator = methods.parse("verlet")
+    monkeypatch.setattr(order, fails, fail)
+    assert check_method(integrator).faults == ("row 3 of scratch is used",)
+    assert integrator.family.step not in compiled_steps.VALIDATED_STEPS
 
 
 @pytest.mark.usefixtures("compiled_truth")
@@ -232,6 +251,65 @@ def test_plugin_law_does_not_change_sources_of_other_models(hyperbolic):
     assert (closure(name), closure(name, ("linear",))) == before
     with_it = closure(name, ("linear", f"hyperbolic@{OURS}"))
     assert with_it.keys() - before[1].keys() == {"tdint_plugin_hyperbolic"}
+
+
+LAWS_ELSEWHERE = {
+    "built-in law with another name": (
+        "from dataclasses import replace\n"
+        "from tdint.kernels.laws import imk\n"
+        "LAWS = (replace(imk.LAW, name='my-law'),)\n"
+    ),
+    "functions in another module": (
+        "from dataclasses import replace\n"
+        "from outside_law import LAW\n"
+        "LAWS = (replace(LAW, name='my-law'),)\n"
+    ),
+    "changed law with the same name": (
+        "from dataclasses import replace\n"
+        "from outside_law import LAW\n"
+        "LAW = replace(LAW, name='my-law', formula='first')\n"
+        "LAWS = (replace(LAW, formula='second'),)\n"
+    ),
+    "values of a dictionary": (
+        "from dataclasses import replace\n"
+        "import outside_law\n"
+        "LAWS = {'my-law': replace(outside_law.LAW, name='my-law')}.values()\n"
+    ),
+}
+
+
+def registered_by_compiling_process(monkeypatch, law_name):
+    """Return the law that the process that compiles kernels registers for a registered law."""
+    variant = Variant(("linear", f"{law_name}@{OURS}"))
+    compilation = Compilation(integrate, variant, {})
+    monkeypatch.setenv("TDINT_KERNELS_PLUGINS", json.dumps(compilation.plugins))
+    files = closure(compilation.module, variant.laws)
+    forget()
+    try:
+        build._add_laws(variant.text)
+    except SystemExit as error:
+        raise AnalysisError(compilation.reason([str(error)])) from None
+    assert closure(compilation.module, variant.laws) == files
+    assert "tdint_plugin_lists_laws" in files
+    return NUMBERED[OURS]
+
+
+@pytest.mark.parametrize("case", LAWS_ELSEWHERE)
+def test_law_is_found_by_compiling_process(tmp_path, hyperbolic, monkeypatch, case):
+    """The sources of the law include the plug-in, which can change properties of the law."""
+    hyperbolic.rename(tmp_path / "outside_law.py")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    tdint.load_plugin(str(outside(tmp_path, LAWS_ELSEWHERE[case], "lists_laws")))
+    registered = NUMBERED[OURS]
+    found = registered_by_compiling_process(monkeypatch, "my-law")
+    assert (found.name, found.formula) == ("my-law", registered.formula)
+    assert not found.compiled_separately
+
+
+def test_law_that_no_module_contains_is_reported_in_one_line(monkeypatch):
+    definition.register_law(replace(definition.LAWS["tanh"], name="alone"))
+    with pytest.raises(AnalysisError, match=r"^law 'alone' not found in .*tanh\.py; [^\n]*LAWS"):
+        registered_by_compiling_process(monkeypatch, "alone")
 
 
 def test_imports_of_plugin_belong_to_its_sources(tmp_path, verlet, monkeypatch):

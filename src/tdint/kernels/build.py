@@ -213,7 +213,8 @@ def _add_laws(variant: str) -> None:
     dictionary OUTSIDE. The registration must precede the import of modules that depend on the laws.
     The environment variable TDINT_KERNELS_PLUGINS is a JSON dictionary that contains the name and
     the file of the module of each plug-in law of the variant, by the name of the law. The module
-    must contain the law as a global variable or in a global tuple or list.
+    must contain the law as a global variable, or in a global tuple, list, set or dictionary
+    (`laws_in`); otherwise SystemExit with a message of one line ends the process.
 
     Parameters
     ----------
@@ -222,24 +223,26 @@ def _add_laws(variant: str) -> None:
         law.
     """
     from tdint.kernels.building.compilable import parse
-    from tdint.kernels.building.sources import OUTSIDE
+    from tdint.kernels.building.sources import OUTSIDE, laws_in
     from tdint.kernels.laws import LAWS, linear
-    from tdint.kernels.laws.law import DriftLaw
 
     files = json.loads(os.environ.get("TDINT_KERNELS_PLUGINS", "{}"))
     for name, code in parse(variant).outside.items():
         # Fill the list up to the number of the law with unnamed laws that are not used.
         LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
-        # `values` receives the global variables of the module and the elements of its global tuples
-        # and lists, including the law.
-        values = list(vars(_module(*files[name])).values())
-        for value in tuple(values):
-            if isinstance(value, tuple | list):
-                values += value
+        module_name, file = files[name]
+        laws = laws_in(_module(module_name, file))
+        law = next((law for law in laws if law.name == name), None)
+        if law is None:
+            raise SystemExit(
+                f"law {name!r} not found in {file}; assign it to a variable of this module, or "
+                "list it in the tuple LAWS of a plug-in"
+            )
         # The hash of the sources of a kernel (`tdint.kernels.building.sources.digest`) includes the
         # modules in OUTSIDE. The hash is part of the description of the object file.
-        OUTSIDE[name] = files[name][0]
-        LAWS[code] = next(law for law in values if isinstance(law, DriftLaw) and law.name == name)
+        OUTSIDE[name] = module_name
+        # As in the requesting process, laws of plug-ins are never compiled separately.
+        LAWS[code] = replace(law, compiled_separately=False)
 
 
 def _listen(requests: SimpleQueue[bytes]) -> None:

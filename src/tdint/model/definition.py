@@ -26,6 +26,7 @@ from tdint.model.plugins import (
     home_of,
     installed,
     module_of,
+    require_version,
     same_file,
 )
 from tdint.number_parsing import parse_ratio, pluralize
@@ -65,8 +66,8 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
 
     The law is compiled into the time loops of the models that contain it, regardless of its
     attribute `compiled_separately`. Its functions must be defined in a module with a file. The
-    module must contain the law as a variable or in a tuple, so that the compiling process can
-    import the law.
+    module, or the module of the plug-in that lists the law, must contain the law as a variable, or
+    in a tuple, list, set or dictionary, so that the compiling process can import the law.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
             "import it"
         )
     # Imported here, because commands without plug-ins do not need these checks.
-    from tdint.kernels.building.sources import OUTSIDE
+    from tdint.kernels.building.sources import OUTSIDE, module_of_law
     from tdint.model.law_checks import verify_declaration
 
     with faults_of(where):
@@ -104,7 +105,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     # The compiling process imports the law from the module in `OUTSIDE`. The number of the
     # law is its index in `_LAWS`.
     compiled_with_building = replace(law, compiled_separately=False)
-    OUTSIDE[law.name] = module_name
+    OUTSIDE[law.name] = module_of_law(law, (module_name, origin.module))
     CODES[law.name] = len(_LAWS)
     _LAWS.append(compiled_with_building)
     origin.keep_code("law", law)
@@ -151,7 +152,7 @@ class Law:
         A law of a plug-in is pickled with the path and the SHA-256 of the plug-in, so that the
         other process can load it.
         """
-        plugin = home_of(self.name, "LAWS")
+        plugin = home_of(LAWS.get(self.name), "LAWS")
         if plugin:
             path, digest = plugin
             return _restore_law, (self.name, self.parameters, CODES[self.name], path, digest)
@@ -177,10 +178,13 @@ def _restore_law(
     Raises
     ------
     UsageError
-        The plug-in is missing or has changed, or the law does not have the number `code` in this
-        process, because plug-ins were loaded in another order.
+        The plug-in is missing or has changed; this process uses another version of the law; or the
+        law does not have the number `code` in this process, because plug-ins were loaded in another
+        order.
     """
-    if name not in LAWS:
+    if name in LAWS:
+        require_version(LAWS[name], "LAWS", file, digest)
+    else:
         module = module_of(same_file(file, digest))
         for law in declared(module, "LAWS", DriftLaw, file):
             register_law(law, Origin(file, module.__name__))

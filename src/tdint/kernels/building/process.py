@@ -124,7 +124,8 @@ class Compilation:
            are searched, from the last to the first. The result is the first position that is found
            in an external file, or otherwise the first position in any source file.
         3. If no position is found and there are external files, the position is an external file
-           without a line: the file of the kernel, or otherwise the file of the last law.
+           without a line: the file of the kernel, or otherwise the file of the last law. The
+           position is omitted if the message contains the name of an external file.
 
         Parameters
         ----------
@@ -179,8 +180,8 @@ class Compilation:
                 (f"{file}:{line}" for file, line in [*external_positions, *positions]), ""
             )
         # Case 3: the last file is the file of the kernel, if the kernel is not part of tdint.
-        if not position and external_files:
-            position = str(external_files[-1])
+        if not position and not any(str(file) in message for file in external_files):
+            position = str(external_files[-1]) if external_files else ""
         return f"{position}: {message}" if position else message
 
 

@@ -11,11 +11,16 @@ import ast
 import hashlib
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, ValuesView
 from functools import cache
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from tdint.kernels.building.compilable import Variant
+
+if TYPE_CHECKING:
+    from tdint.kernels.laws.law import DriftLaw
 
 _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
@@ -184,6 +189,46 @@ def code_of(named: Iterable[str]) -> dict[str, str]:
         SHA-256 of each file, sorted by file name.
     """
     return dict(sorted(item for name in set(named) for item in CODE.get(name, {}).items()))
+
+
+def laws_in(module: ModuleType) -> Iterator[DriftLaw]:
+    """Yield the drift laws in the global variables of a module.
+
+    A variable can be a law, or a tuple, list, set or dictionary that contains laws as elements or
+    values. The variable LAWS, which lists the laws of a plug-in, is searched first, because another
+    variable can contain a law that was changed for LAWS and has the same name.
+    """
+    from tdint.kernels.laws.law import DriftLaw  # most processes do not need this import
+
+    variables = dict(vars(module))
+    for value in (variables.pop("LAWS", None), *variables.values()):
+        values = value.values() if isinstance(value, dict) else value
+        # Iterators are not searched: this would consume their elements.
+        is_searched = isinstance(values, tuple | list | set | frozenset | ValuesView)
+        for law in values if is_searched else (value,):
+            if isinstance(law, DriftLaw):
+                yield law
+
+
+def module_of_law(law: DriftLaw, modules: Iterable[str]) -> str:
+    """Return the name of the first module that contains a law, for the dictionary OUTSIDE.
+
+    Without such a module, the first name is returned, and the law cannot be compiled.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        Law of a plug-in.
+    modules : iterable of str
+        Names of modules, or empty names: the module of the functions of the law, which depends on
+        the fewest other modules, and the module of the plug-in that lists the law.
+    """
+    first, *others = modules
+    for name in (first, *others):
+        module = sys.modules.get(name)
+        if module and getattr(module, "__file__", None) and law in laws_in(module):
+            return name
+    return first
 
 
 @cache
