@@ -316,6 +316,28 @@ def test_rate_opposite_to_branch_changes_sign_at_start_or_not_at_all():
         assert find_sign_change(r0, -1.0, 1.0) == 0.0
         assert find_sign_change(r0, -1.0, -1.0) == 0.0
         assert find_sign_change(r0, 1.0, -1.0) == NONE
+    # From rest, the rate is negative in the complete step.
+    assert find_sign_change(0.0, 0.0, -1e-7) == 0.0
+
+
+def test_force_is_nan_after_too_many_changes_of_branch():
+    """A law with 40 branches of equal length: a path over up to 16 ends has a force, a longer path
+    has none."""
+
+    def switch(law_parameters, law_state, i, block, event):
+        upper = law_state[block + rows.UPPER, i] + FY / K
+        branch_following.set_branch(law_state, i, block, 0.5 * K, -math.inf, upper, 0.0)
+
+    walk = branch_follower(switch)
+    law_parameters = law_table("linear")
+    state = law_state_table(law_parameters)
+    branch_following.set_branch(state, 0, 0, K, -math.inf, FY / K, 0.0)
+    for ends in (16, 17):
+        tangent = walk(law_parameters, state, 0, 0, rows.SECOND_TRIAL, (ends + 0.5) * FY / K)
+        expected = FY * (1.0 + 0.5 * (ends - 0.5)) if ends == 16 else math.nan
+        force = state[rows.SECOND_TRIAL + rows.FORCE, 0]
+        assert force == pytest.approx(expected, rel=1e-12, nan_ok=True)
+        assert math.isnan(tangent) == (ends == 17)
 
 
 def event_of_one_story(d0, d3, w0, w1, sign, ignored=0.0):

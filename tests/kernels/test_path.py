@@ -5,6 +5,8 @@ The functions are executed without compilation. In compiled form, they are part 
 moment4, whose energies follow from these integrals.
 """
 
+import math
+
 import numpy as np
 import pytest
 from scipy.integrate import simpson
@@ -14,6 +16,7 @@ from law_paths import FY, K, law_table
 from tdint.kernels import layout as rows
 from tdint.kernels.laws import LAWS as COMPILED
 from tdint.kernels.laws.compiled_separately import law_state_table
+from tdint.kernels.stories import path as path_module
 from tdint.kernels.stories.law_state import (
     commit,
     hysteretic_energy,
@@ -293,3 +296,11 @@ def test_gauss_points_of_a_polynomial_with_unused_coefficients():
         for unused in range(4):
             values = law_table("polynomial", *coefficients, *[0.0] * unused)
             assert points(values, np.zeros((1, 2)), 0, DY) == len(coefficients) + 1.0
+
+
+@pytest.mark.parametrize("number", [0.0, -3.0, math.nan, 2.5, 1e9])
+def test_number_of_gauss_points_of_a_plugin_law(monkeypatch, number):
+    """The function `points` of a plug-in can return any number. At least one point is used."""
+    monkeypatch.setattr(path_module, "_points", lambda *arguments: number)
+    expected = {2.5: 2.5, 1e9: path_module._MAX_POINTS}.get(number, 1.0)
+    assert path_module.required_points(None, None, 0, 1.0) == expected

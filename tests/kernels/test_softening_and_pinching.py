@@ -440,3 +440,15 @@ def test_bounds_do_not_affect_common_stories():
     for ductility in (1.5, 6.0, 300.0):
         path = imposed(Law("peak-oriented", (1.0, 0.05, 0.4)), [0.0, ductility, ductility - 0.001])
         assert (path.shear[1] - path.shear[2]) / 0.001 == pytest.approx(ductility**-0.4, rel=1e-9)
+
+
+def test_trilinear_force_depends_continuously_on_small_pinching_factors():
+    """With a pinching factor near 0, the line from the zero crossing with the unloading stiffness
+    ends at the start of the second part of the reloading, up to rounding errors."""
+    generator = np.random.default_rng(3)
+    drifts = generator.uniform(-12.0, 12.0, 60)
+    expected = imposed(trilinear(pinching=1e-9), drifts).shear
+    for pinching in (1e-12, 1e-14, 1e-16):
+        assert imposed(trilinear(pinching=pinching), drifts).shear == pytest.approx(
+            expected, abs=1e-5
+        )

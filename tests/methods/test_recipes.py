@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 import readmes
 import tdint
+from building_cases import noise
 from registered import compiled_truth, forgotten, plain  # noqa: F401 (fixtures)
 from tdint import plugin
 from tdint.analysis.assessment.order import check_law, check_method
@@ -189,3 +190,35 @@ def test_check_suggests_public_name_of_import(tmp_path):
     assert result.exit_code == 2
     assert f"{gone}:1: ModuleNotFoundError: " in result.output
     assert "from tdint.plugin import Memory, Scene" in result.output
+
+
+@pytest.mark.usefixtures("plain", "forgotten")
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "gauss4", "newmark-average"])
+def test_law_with_linear_and_curved_branches(method):
+    """The story moves from a linear to a curved branch in each quarter of a cycle. Errors relative
+    to impulse4 with 64 time steps per sample."""
+    loaded("linear_then_tanh")
+    law = {"type": "linear-then-tanh", "strength": 4.0, "limit": 0.002}
+    model = tdint.load_model(
+        {
+            "units": {"length": "m", "force": "N", "mass": "kg"},
+            "stories": [{"mass": 1.0, "height": 4.0, "stiffness": 1000.0, "law": law}],
+            "damping": "2%",
+        }
+    )
+    motion = noise(samples=61, peak=4.0)
+
+    def displacements(name, steps):
+        dt = motion.dt / steps
+        response = tdint.run(model, motion, method=name, dt=dt, history=True, check=False)
+        assert math.isfinite(response.stories.peak_shear[0])
+        return response.history.displacement[::steps, 0]
+
+    expected = displacements("impulse4", 64)
+    coarse, fine = (
+        np.max(np.abs(displacements(method, steps) - expected)) / np.max(np.abs(expected))
+        for steps in (2, 8)
+    )
+    assert fine < 0.25 * coarse
+    limits = {"impulse4": 2e-4, "moment4": 1e-4, "gauss4": 1e-2, "newmark-average": 4e-2}
+    assert coarse < limits[method]

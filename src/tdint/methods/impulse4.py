@@ -526,7 +526,13 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, event)
             law_state[rows.UPPER, story] if event == rows.ABOVE else law_state[rows.LOWER, story],
         )
         switch(law_parameters, law_state, story, 0, event)
-        advance_outlined(law_parameters, law_state, story, 0, drift)
+        if not HAS_CURVED_LAW or law_state[rows.SLOPE, story] < math.inf:
+            advance_outlined(law_parameters, law_state, story, 0, drift)
+        else:
+            # The new branch is curved (a law of a plug-in with linear and curved branches):
+            # evaluate the law at the drift.
+            restoring_force_outlined(law_parameters, law_state, story, 0, rows.FIRST_TRIAL, drift)
+            commit(law_parameters, law_state, story, 0, rows.FIRST_TRIAL)
     jump = law_state[rows.FORCE, story] - force
     if jump != 0.0:
         state[rows.ACCELERATION, story] -= jump * linear_terms[rows.INVERSE_MASS, story]

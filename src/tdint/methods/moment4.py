@@ -147,7 +147,7 @@ def step(
         return code
     # Update the peaks at branch changes and reversals, then the state to the end of the step.
     if HAS_NONLINEAR_FORCE:
-        update_peaks_at_corners(scene, h, load, memory)
+        update_peaks_at_corners(coefficients, scene, h, load, memory)
     update_state(coefficients, scene, h, memory)
     return code if finite(state, linear_terms.shape[1] - 1) else rows.NOT_FINITE
 

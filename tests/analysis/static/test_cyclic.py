@@ -238,6 +238,14 @@ def test_cyclic_test_of_story_is_independent_of_other_stories():
     assert (drift.max(), drift.min()) == pytest.approx((DY, -2.0 * DY))
 
 
+def test_tangent_at_first_drift_of_a_path():
+    """The path starts at zero drift, so the first drift can already be on the second branch."""
+    law = Law("bilinear", (K * DY, 0.05))
+    path = follow_path(assemble(model([story(1.0, K, law)])), 1, np.array([3.0 * DY, 4.0 * DY]))
+    assert path.tangent == pytest.approx([0.05 * K, 0.05 * K])
+    assert path.shear == pytest.approx(K * DY * np.array([1.1, 1.15]))
+
+
 def test_number_of_points_is_limited(monkeypatch):
     """Three amplitudes of two cycles with four quarters of five points have 120 points."""
     building = model([story(1.0, 2.0)])

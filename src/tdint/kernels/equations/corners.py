@@ -15,8 +15,7 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW
-from tdint.kernels.laws.selection import HAS_CURVED_LAW
+from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, R
 from tdint.kernels.linear_terms import FORCES, add_modal_force, force_value, power_damper
 from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
 from tdint.kernels.stepping import Integrals, PathSegment
@@ -289,7 +288,7 @@ def _store_nodes(scratch, n):
 
 
 @outlined
-def _store_forces(scene, h, memory, i, count):
+def _store_forces(coefficients, scene, h, memory, i, count):
     """Compute the force of story `i` at all nodes, including P-delta and without dampers, N.
 
     The nodes k are times within the step. They are stored as fractions t of the step in column n
@@ -317,14 +316,13 @@ def _store_forces(scene, h, memory, i, count):
 
            f_p + slope (d - p(t))
 
-    3. The law is curved (row SLOPE is infinite). The law is not evaluated. The force is a parabola
+    3. The law is curved. The law is not evaluated. The force is a parabola
        in s = t - 1/2 with the initial value f0 and with the mean F0 and the first moment F1 of the
        law over the step:
 
            F0 + s F1 + (6 s^2 - 1/2) (f0 - F0 + F1 / 2)
 
-       F0 and F1 are the rows PATH without P-delta and dampers. The numerical dissipation in the
-       first moment is not subtracted.
+       F0 and F1 are the rows PATH without P-delta, dampers and numerical dissipation.
 
     In type 2, the branches before and after a corner have different slopes. The force at a corner
     (even k) is first computed with the slope before the corner, which the preceding midpoint has
@@ -334,6 +332,9 @@ def _store_forces(scene, h, memory, i, count):
 
     Parameters
     ----------
+    coefficients : ndarray
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -355,11 +356,11 @@ def _store_forces(scene, h, memory, i, count):
     story_path = _story_path(linear_terms, law_state, scratch, i)
     geometric = linear_terms[rows.GEOMETRIC, i]
     leaves_branch = scratch[ROW.LEAVES_BRANCH, i] != 0.0
-    is_curved = HAS_CURVED_LAW and not law_state[rows.SLOPE, i] < math.inf
+    is_curved = leaves_branch and not path.is_piecewise_linear(scene.law_parameters, i)
     mean = moment = 0.0
     if is_curved:
-        # `mean` and `moment` are F0 and F1 of the law, without P-delta and dampers, which are
-        # included in the rows PATH and subtracted here.
+        # `mean` and `moment` are F0 and F1 of the law. P-delta, dampers and the numerical
+        # dissipation r (k + g) bend, which the rows PATH include, are subtracted here.
         mean = scratch[ROW.PATH + path.MEAN, i] - geometric * (
             story_path.start + 0.5 * story_path.rise - story_path.bend / 12.0
         )
@@ -368,6 +369,8 @@ def _store_forces(scene, h, memory, i, count):
         moment -= (
             linear_terms[rows.STORY_DAMPER, i] / h * story_path.bend + scratch[ROW.DASHPOT + 1, i]
         )
+        stiffness = scene.law_parameters[rows.STIFFNESS, i] + geometric
+        moment -= coefficients[R] * stiffness * story_path.bend
     elif leaves_branch:
         path.copy(law_state, i, 0, rows.SECOND_TRIAL)
     previous_t = previous_distance = previous_direction = 0.0
@@ -692,9 +695,9 @@ def _may_exceed_peaks(scene, h, load, memory):
     # shears; only their absolute values are used.
     for i in range(n - 1, -1, -1):
         # `deviation` is the bound of the deviation of the story force from a straight line, N. It
-        # is 0 for a story that remains on its branch, and for a curved law (SLOPE is infinite).
+        # is 0 for a story that remains on its branch, and for a curved law.
         deviation = 0.0
-        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
+        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and path.is_piecewise_linear(law_parameters, i):
             any_leaves = True
             rise = _story_value(linear_terms, scratch, ROW.RISE, i)
             bend = _story_value(linear_terms, scratch, ROW.BEND, i)
@@ -723,7 +726,7 @@ def _may_exceed_peaks(scene, h, load, memory):
 
 
 @inline
-def update_peaks_at_corners(scene, h, load, memory):
+def update_peaks_at_corners(coefficients, scene, h, load, memory):
     """Update the peaks within a step if a story changes its branch or reverses in the step.
 
     The times of these branch changes and reversals are called corners. The peaks of story forces,
@@ -733,6 +736,9 @@ def update_peaks_at_corners(scene, h, load, memory):
 
     Parameters
     ----------
+    coefficients : ndarray
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -743,19 +749,19 @@ def update_peaks_at_corners(scene, h, load, memory):
         State, law states, scratch array and status of the step.
     """
     if memory.scratch[ROW.LEAVES_BRANCH, scene.linear_terms.shape[1] - 1] != 0.0:
-        _update_peaks_at_corners(scene, h, load, memory)
+        _update_peaks_at_corners(coefficients, scene, h, load, memory)
 
 
 @outlined
-def _update_peaks_at_corners(scene, h, load, memory):
+def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     """Find the corners of the stories, and update the peaks at and between the corners.
 
     A corner is a branch change or a reversal of a story within the step. Stories that remain on a
-    linear branch (row LEAVES_BRANCH is 0) have no corners. Stories with curved laws (row SLOPE is
-    infinite) are skipped. The peaks of story forces, accelerations and total shears are raised in
-    the rows of the scratch array from ROW.PEAKS on. After a step that sets STEP_PEAKS, the observer
-    of the response (`tdint.kernels.time_loop.observer`) merges these rows into the peaks of the
-    run, and copies the merged peaks back. Before this function raises them, the rows therefore
+    linear branch (row LEAVES_BRANCH is 0) have no corners. Stories with curved laws are
+    skipped. The peaks of story forces, accelerations and total shears are raised in the rows of the
+    scratch array from ROW.PEAKS on. After a step that sets STEP_PEAKS, the observer of the response
+    (`tdint.kernels.time_loop.observer`) merges these rows into the peaks of the run, and copies the
+    merged peaks back. Before this function raises them, the rows therefore
     contain the peaks of the run at the last such step, or zeros. These values may be lower than the
     present peaks. The test `_may_exceed_peaks` is then True in more steps than necessary.
 
@@ -775,6 +781,9 @@ def _update_peaks_at_corners(scene, h, load, memory):
 
     Parameters
     ----------
+    coefficients : ndarray
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -793,7 +802,8 @@ def _update_peaks_at_corners(scene, h, load, memory):
     # list to the functions; it contains no integrals here.
     scratch[ROW.CORNERS, 0] = 0.0
     for i in range(n):
-        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
+        is_linear = path.is_piecewise_linear(scene.law_parameters, i)
+        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and is_linear:
             # Store the corners of the story, and raise the peak of its force. `complete` is its
             # parabola of drift over the complete step.
             complete = _story_path(scene.linear_terms, law_state, scratch, i)
@@ -809,7 +819,7 @@ def _update_peaks_at_corners(scene, h, load, memory):
     if scratch[ROW.CORNERS, 0] == 0.0:
         return
     step_status[rows.STEP_PEAKS] = step_status[rows.RUN_PEAKS] = ROW.PEAKS
-    _update_peaks_between_corners(scene, h, load, memory)
+    _update_peaks_between_corners(coefficients, scene, h, load, memory)
 
 
 @inline
@@ -861,7 +871,7 @@ def _store_first_response(h, memory, i, count):
 
 
 @outlined
-def _update_peaks_between_corners(scene, h, load, memory):
+def _update_peaks_between_corners(coefficients, scene, h, load, memory):
     """Update the peaks of accelerations and total shears at the corners and between them.
 
     A corner is the time of a branch change or of a reversal of a story within the step. The
@@ -880,6 +890,9 @@ def _update_peaks_between_corners(scene, h, load, memory):
 
     Parameters
     ----------
+    coefficients : ndarray
+        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
+        tolerance of the residuals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
@@ -899,7 +912,7 @@ def _update_peaks_between_corners(scene, h, load, memory):
             for i in range(n):
                 _integrate_accelerations(h, load, memory, i, count)
         for i in range(n):
-            _store_forces(scene, h, memory, i, count)
+            _store_forces(coefficients, scene, h, memory, i, count)
         for k in range(count):
             _store_accelerations(scene, h, load, scratch, k)
     for i in range(n):

@@ -48,6 +48,7 @@ from tdint.kernels.stories.path import (
     follow,
     has_certain_reversal,
     integrate_on_branch,
+    is_piecewise_linear,
     locate_reversals,
     remains_on_branch,
 )
@@ -496,9 +497,11 @@ def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is
         scratch[ROW.LEAVES_BRANCH, scene.linear_terms.shape[1] - 1] = 1.0
         if is_deciding:
             # An extremum of the parabola within the step can be an error of the approximation of
-            # the drift (`_has_no_reversal`). Curved laws (SLOPE is infinite) always follow the
+            # the drift (`_has_no_reversal`). Curved laws always follow the
             # parabola, including its extremum.
-            may_be_steady = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
+            may_be_steady = 2.0 * abs(rise) < abs(bend) and is_piecewise_linear(
+                scene.law_parameters, i
+            )
             scratch[ROW.NO_REVERSAL, i] = (
                 1.0
                 if may_be_steady and _has_no_reversal(coefficients, scene, h, memory, i)

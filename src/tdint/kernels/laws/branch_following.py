@@ -16,8 +16,8 @@ from tdint.kernels.compiling import inline, outlined, specialized
 from tdint.kernels.laws.law import LawFunctions
 
 _MAX_BRANCHES = 16
-"""Maximum number of branches on a monotonic path. No law has as many branches between two
-reversals."""
+"""Maximum number of changes of branch on a monotonic path. The laws of tdint have fewer branches
+between two reversals. The force of a plug-in law with more is nan."""
 
 
 @inline
@@ -399,7 +399,8 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         The state in block `previous` is copied to block `trial`. If the path starts with a
         reversal, the branch changes immediately. At each limit of a branch on the path, the state
         is moved to the limit and the branch changes. The result is the stiffness of the last
-        branch.
+        branch. If the path has more than _MAX_BRANCHES changes of branch, force and tangent are
+        nan, so that the step fails.
 
         Parameters
         ----------
@@ -422,8 +423,8 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
         # Advance to each limit that the path exceeds, and change the branch at the limit. The
-        # maximum number of branches prevents an endless loop. The laws of tdint do not reach it.
-        for _ in range(_MAX_BRANCHES):
+        # maximum number prevents an endless loop. The laws of tdint do not reach it.
+        for _ in range(_MAX_BRANCHES + 1):
             if drift > law_state[trial + rows.UPPER, i]:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.UPPER, i])
                 switch(law_parameters, law_state, i, trial, rows.ABOVE)
@@ -431,9 +432,11 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.LOWER, i])
                 switch(law_parameters, law_state, i, trial, rows.BELOW)
             else:
-                break
-        advance(law_parameters, law_state, i, trial, drift)
-        return law_state[trial + rows.SLOPE, i]
+                advance(law_parameters, law_state, i, trial, drift)
+                return law_state[trial + rows.SLOPE, i]
+        law_state[trial + rows.DRIFT, i] = drift
+        law_state[trial + rows.FORCE, i] = math.nan
+        return math.nan
 
     return follow
 

@@ -376,8 +376,10 @@ def _functions() -> LawFunctions:
         # If this point is not on the second part, the unloading line ends at the backbone curve. It
         # meets the constant part, at the ultimate force, unless it meets the hardening line before
         # the ultimate drift. The hardening line does not fall: the ultimate force is at least the
-        # yield force (`_fault`).
-        if end_drift > target or end_drift < max(pinching_end, zero_drift):
+        # yield force (`_fault`). With a very small pinching factor, the point is the start of the
+        # second part. The tolerance keeps it on the second part in spite of rounding errors.
+        second_start = max(pinching_end, zero_drift) - _REACHED_TOLERANCE * target
+        if end_drift > target or end_drift < second_start:
             hardening_slope = hardening(law_parameters, i)
             end_drift = zero_drift + law_parameters[_ULTIMATE_FORCE, i] / slope
             if slope > hardening_slope:

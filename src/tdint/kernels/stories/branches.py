@@ -415,9 +415,9 @@ def find_sign_change(r0, r1, r2):
     A rate that is not positive at the start (r0 <= 0) has two possible causes, which the sign of r1
     distinguishes:
 
-    - For r1 < 0, the story moves against the direction of the branch from the start. The result is
-      0.
-    - For r1 >= 0, the step starts at the previous reversal. Its location is inexact, so that the
+    - For r1 <= 0, the story moves against the direction of the branch from the start, or from rest
+      (r0 = r1 = 0). The result is 0.
+    - For r1 > 0, the step starts at the previous reversal. Its location is inexact, so that the
       rate at the start is slightly negative instead of zero, and then becomes positive. The result
       is `NONE`. If the rate becomes negative again within the step, this reversal is not located.
       The branch then normally changes at the start of the next step.
@@ -431,10 +431,10 @@ def find_sign_change(r0, r1, r2):
         negative.
     """
     if r0 <= 0.0:
-        # For r1 >= 0, the larger root of r(s) is a second reversal. Locating this reversal was
+        # For r1 > 0, the larger root of r(s) is a second reversal. Locating this reversal was
         # tested: for steps of up to five sampling intervals of the record, no error decreases by
         # more than 0.4 % (tests/README.md, "Location of branch changes").
-        return 0.0 if r1 < 0.0 else NONE
+        return 0.0 if r1 <= 0.0 else NONE
     a = r0 - 2.0 * r1 + r2
     b = r1 - r0
     discriminant = b * b - a * r0

@@ -316,9 +316,9 @@ RESULT_COLUMNS = 4
 def follow(law_parameters, i, drifts, law_state, result):
     """Compute forces and energies of story `i` along a path of drifts, for example a cyclic test.
 
-    The story first moves from zero drift to the first drift of the path. Each drift is committed,
-    as a time step commits the drift at its end. Columns of the result: SHEAR (force, N), TANGENT
-    (N/m), STRAIN_ENERGY and HYSTERETIC_ENERGY (stored and dissipated, J).
+    The story starts at zero drift and moves to the first drift of the path. Each drift is
+    committed, as a time step commits the drift at its end. Columns of the result: SHEAR (force, N),
+    TANGENT (N/m), STRAIN_ENERGY and HYSTERETIC_ENERGY (stored and dissipated, J).
 
     Parameters
     ----------
@@ -338,9 +338,7 @@ def follow(law_parameters, i, drifts, law_state, result):
     int
         Always 0, because a path of drifts cannot fail.
     """
-    # Move to the first drift and commit the state. For row 0, the loop then evaluates a path of
-    # zero length, from the first drift to the same drift.
-    start(law_parameters, law_state, i, drifts[0])
+    start(law_parameters, law_state, i, 0.0)
     for row in range(drifts.size):
         result[row, TANGENT] = restoring_force(
             law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drifts[row]

@@ -29,6 +29,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.laws.branch_following import copy_extra_rows
 from tdint.kernels.laws.selection import (
+    CURVED_LAWS,
     DISSIPATING_LAWS,
     HAS_CURVED_LAW,
     case_with_4_arguments,
@@ -57,7 +58,8 @@ _AFTER_REVERSAL = 6  # first row of the same results for the part of the path af
 _SHIFTED = 12  # first row of the same results after a reversal at a slightly shifted drift
 PATH_ROWS = 18
 
-_MAX_BRANCHES = 16  # maximum number of branches up to a reversal; every law has fewer
+# Maximum number of changes of branch up to a reversal; the laws of tdint have fewer
+_MAX_BRANCHES = 16
 # Fraction of the step. Tolerance of the time of a reversal; rounding errors are about 1e-15.
 _ROOT = 1e-12
 _MAX_ROOT_ITERATIONS = 60  # bisection alone would need 40 iterations
@@ -135,8 +137,9 @@ _points = select_function("points", case_with_4_arguments, _default_points)
 def required_points(law_parameters, law_state, i, drift_change):
     """Return the number of Gauss points that the law of story `i` requires on a path.
 
-    The law specifies the number (`_points`). It is limited to _MAX_POINTS because a diverging
-    Newton iteration can produce an unrealistic change of drift.
+    The law specifies the number (`_points`). It is at least 1, also if the function of a plug-in
+    returns less or nan. It is limited to _MAX_POINTS because a diverging Newton iteration can
+    produce an unrealistic change of drift.
 
     Parameters
     ----------
@@ -153,7 +156,7 @@ def required_points(law_parameters, law_state, i, drift_change):
     float
         Minimum number of points; not necessarily an integer.
     """
-    return min(_points(law_parameters, law_state, i, drift_change), _MAX_POINTS)
+    return min(max(1.0, _points(law_parameters, law_state, i, drift_change)), _MAX_POINTS)
 
 
 @inline
@@ -451,7 +454,7 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     ----------
     law_parameters, law_state : ndarray
         Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-        The committed row SLOPE is infinite for a curved law.
+        The committed state is read.
     i : int
         Index of the story.
     rise, bend : float
@@ -469,7 +472,7 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     story_path = PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(scratch, out)
     _clear(results, i)
-    if not HAS_CURVED_LAW or law_state[rows.SLOPE, i] < math.inf:
+    if is_piecewise_linear(law_parameters, i):
         _integrate_piecewise_linear(
             law_parameters,
             law_state,
@@ -504,11 +507,11 @@ def commit_path_end(law_parameters, law_state, i, rise):
     rise : float
         Change of drift along the path, m.
     """
-    # Piecewise-linear law (SLOPE is finite): FIRST_TRIAL already contains the state at the end.
-    if not HAS_CURVED_LAW or law_state[rows.SLOPE, i] < math.inf:
+    # Piecewise-linear law: FIRST_TRIAL already contains the state at the end.
+    if is_piecewise_linear(law_parameters, i):
         copy(law_state, i, rows.FIRST_TRIAL, 0)
         return
-    # Curved law (SLOPE is infinite): move to the end of the path. A hysteretic law starts from the
+    # Curved law: move to the end of the path. A hysteretic law starts from the
     # last Gauss point; `follow` has stored this state in FIRST_TRIAL (`_integrate_hysteretic`). An
     # elastic law starts from the committed state (0), because its force depends on the drift only.
     previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING_LAWS else 0
@@ -519,6 +522,23 @@ def commit_path_end(law_parameters, law_state, i, rise):
     # and adds no energy.
     accumulate_dissipation(law_parameters, law_state, i, previous, rows.SECOND_TRIAL)
     commit_without_dissipation(law_parameters, law_state, i, rows.SECOND_TRIAL)
+
+
+@inline
+def is_piecewise_linear(law_parameters, i):
+    """Return True if all branches of the law of story `i` are linear.
+
+    A law that is declared as curved can also have linear branches (a finite SLOPE in its state).
+    Its path is integrated like the path of a curved law, because it can end on a curved branch.
+
+    Parameters
+    ----------
+    law_parameters : ndarray
+        Parameters of the hysteretic laws: one row per parameter, one column per story.
+    i : int
+        Index of the story.
+    """
+    return not HAS_CURVED_LAW or law_parameters[rows.CODE, i] not in CURVED_LAWS
 
 
 @inline
@@ -791,12 +811,15 @@ def along_branches(add_part, process_end):
         if law_state[block + rows.RATE_SIGN, i] * side < 0.0:
             switch(law_parameters, law_state, i, block, rows.REVERSED)
         t_now = segment.begin
-        for branch_count in range(_MAX_BRANCHES):
+        for branch_count in range(_MAX_BRANCHES + 1):
             limit = (
                 law_state[block + rows.UPPER, i] if side > 0.0 else law_state[block + rows.LOWER, i]
             )
-            # After the maximum number of branches, the last branch is followed to the end.
-            leaves_branch = side * (target - limit) > 0.0 and branch_count < _MAX_BRANCHES - 1
+            leaves_branch = side * (target - limit) > 0.0
+            if leaves_branch and branch_count == _MAX_BRANCHES:
+                # A law of a plug-in has more branches. The results are nan, so that the step fails.
+                law_state[block + rows.FORCE, i] = math.nan
+                leaves_branch = False
             t_end = segment.end
             if leaves_branch:
                 t_end = min(t_now + time_to(limit, segment, t_now, side), segment.end)
