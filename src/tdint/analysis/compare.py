@@ -785,8 +785,9 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
     """Return the shift of the recordings (s) that maximizes the sum of the floors' correlations.
 
     The shift is first determined as a whole number of samples by cross-correlation, up to 10 s in
-    both directions. It is then refined to fractions of a sample. A positive shift moves the
-    recordings to later times.
+    both directions. It is then refined by up to one sample in both directions. A positive shift
+    moves the recordings to later times. The shift is 0 if no floor has both a computed and a
+    recorded motion, so that no correlation is defined.
 
     Parameters
     ----------
@@ -811,6 +812,8 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
                 np.concatenate([correlations[padded_size - max_lag :], correlations[: max_lag + 1]])
                 / scale
             )
+    if not correlation_sum.any():
+        return 0.0
     best_lag = int(np.argmax(correlation_sum)) - max_lag
 
     def negative_sum(lag: float) -> float:
@@ -849,7 +852,8 @@ def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> 
     comparison : Comparison
         Computed and recorded response.
     requirements : sequence of (str, float)
-        Names of compared values, such as `correlation`, with their limits.
+        Names of compared values (`correlation`, `peak_ratio` or `rms_difference`) with their
+        limits, as from `parse_requirement`, which accepts only positive limits.
     """
     messages = []
     for floor in comparison.floors:
@@ -858,8 +862,10 @@ def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> 
             value = float(getattr(floor, name))
             if is_met(value, limit):
                 continue
-            # A ratio must be between the limit and its inverse. The value is written with enough
-            # digits to differ from the nearer of the two.
+            # Only `peak_ratio` has two bounds, the limit and its inverse; `low` and `high` appear
+            # only in its condition. The value is written with enough digits to differ from the
+            # nearer of the limit and its inverse. For the other names this is at most more digits
+            # than necessary.
             low, high = min(limit, 1.0 / limit), max(limit, 1.0 / limit)
             nearest_limit = 1.0 / limit if abs(value - 1.0 / limit) < abs(value - limit) else limit
             messages.append(

@@ -234,6 +234,8 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
     spectral_fits.sort(key=lambda candidate: float(candidate[0]))
     best = None
     for _, start in spectral_fits[:_CONTINUED_FITS]:
+        # Each fit has its own time shift, if the shift is automatic, and the smallest difference
+        # with its shift decides. The result is not used with a shift.
         problem.determine_shift(start)
         # At d standard errors from the minimum, a sum of n squares exceeds its minimum by the
         # fraction d^2 / n.
@@ -279,6 +281,13 @@ class _Problem:
 
     Logarithms are used because the values are positive and have different magnitudes.
 
+    Parameters
+    ----------
+    model : Model
+        Model of the building, with the values that are not fitted.
+    progress : callable
+        Function that is called before each run with the number of this run, from 1.
+
     Attributes
     ----------
     event : Event
@@ -296,13 +305,15 @@ class _Problem:
         free_values: Sequence[_FreeValue],
         progress: Callable[[int], None],
     ) -> None:
-        # The method `exact` is the fastest and has no discretization error; None selects the
-        # default.
         self._model = model
         self.event = event
         self.free_values = free_values
         self._progress = progress
+        # The method `exact` is the fastest for linear buildings and has no discretization error.
+        # None selects the default method.
         self._method = "exact" if compare.is_linear(model) else None
+        # Time by which the recordings are moved to later times, s. An automatic shift is 0 until
+        # `determine_shift` computes it.
         requested_shift = event.recording.shift
         self._shift = 0.0 if requested_shift == AUTO else float(requested_shift)
         self._has_automatic_shift = requested_shift == AUTO
@@ -351,9 +362,12 @@ class _Problem:
         the square of `_FAILED_DIFFERENCE`.
         """
         computed = self.computed(logarithms)
+        motions = computed or [np.zeros(self.event.count) for _ in self.event.floors]
+        floors = compare.compared_floors(self.event, motions, self._shift)
         if computed is None:
-            return np.full(self.event.count, _FAILED_DIFFERENCE / math.sqrt(self.event.count))
-        floors = compare.compared_floors(self.event, computed, self._shift)
+            # The number of differences is that of a run with a result: derivatives subtract both.
+            size = sum(floor.time.size for floor in floors)
+            return np.full(size, _FAILED_DIFFERENCE / math.sqrt(size))
         scales = [
             math.sqrt(len(floors)) * (float(np.linalg.norm(floor.recorded)) or 1.0)
             for floor in floors
@@ -521,9 +535,10 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
 def _standard_errors(solution: object) -> Array:
     """Return the relative standard errors of the fitted values, shape (values,).
 
-    These are the standard errors of the logarithms of the values. They are computed from the
-    covariance matrix variance (J^T J)^-1, where J is the Jacobian of the residuals at the minimum.
-    The standard error of a value that the residuals do not determine is inf.
+    These are the standard errors of the logarithms of the values: the square roots of the diagonal
+    of their covariance matrix s^2 (J^T J)^-1. J is the Jacobian of the residuals at the minimum,
+    and s^2 is the variance of the residuals. The standard error of a value that the residuals do
+    not determine is inf.
 
     Parameters
     ----------
@@ -532,6 +547,9 @@ def _standard_errors(solution: object) -> Array:
     """
     jacobian: Array = solution.jac  # type: ignore[attr-defined]
     residual_count, value_count = jacobian.shape
+    # If there are fewer residuals than values, rows of zeros make J a square matrix. They do not
+    # change J^T J, and the decomposition then contains all directions of the values.
+    jacobian = np.pad(jacobian, ((0, max(0, value_count - residual_count)), (0, 0)))
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
     # The recording does not determine directions with singular values at the level of rounding.
     is_determined = singular_values > 1e-10 * singular_values[0]

@@ -31,6 +31,13 @@ installed = pytest.mark.skipif(
 NOTHING = Errors(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
+def part_of_archive():
+    """Return the first half of an archive, as from a process that ends while it writes."""
+    stream = io.BytesIO()
+    np.savez(stream, displacement=np.arange(1000.0))
+    return stream.getvalue()[: stream.tell() // 2]
+
+
 def dashpots():
     """Return a building with dashpots that are not proportional to the stiffness, and one linear
     story among bilinear stories."""
@@ -266,6 +273,7 @@ def test_unsupported_building_is_omitted_for_openseespy(building, reason):
         ((opensees_worker.NOT_LOADED, b""), "it cannot be loaded (no libblas)"),
         ((-11, b""), "its process ended with code -11"),
         ((0, b"nonsense"), "its process ended with code 0"),
+        ((-9, part_of_archive()), "its process ended with code -9"),
         (None, "did not start or did not end"),
     ],
 )
@@ -363,6 +371,17 @@ def test_program_of_plugin_is_charted(leapfrog):
     assert (coarse.dt, coarse.steps, coarse.outcome, len(coarse.times)) == (0.0025, 1200, "done", 2)
     assert coarse.errors.displacement / fine.errors.displacement == pytest.approx(2.0, abs=0.1)
     assert math.isnan(coarse.errors.velocity)
+
+
+def test_progress_of_plugin_programs_is_fraction_of_their_number(leapfrog, monkeypatch):
+    """A program that fails counts also."""
+    problem = pose(ten_linear(), noise(samples=301))
+    chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)
+    functions = tuple((name, lambda problem: problem.nothing) for name in "abcd")
+    monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", functions)
+    reported = []
+    with_plugins(problem, chart, repeats=1, progress=lambda *report: reported.append(report))
+    assert reported == [("leapfrog", fraction) for fraction in (0.0, 0.25, 0.5, 0.75)]
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ from tdint.analysis.fit import (
     _STIFFNESS,
     _damping,
     _Problem,
+    _standard_errors,
     _start_values,
     fit,
 )
@@ -230,6 +231,15 @@ def test_clock_shift_does_not_depend_on_amplitude(recorded_model):
     assert compare(
         recorded_model.model, recorded_model.event(FLOORS + "shift: auto\n")
     ).shift == pytest.approx(-7 * DT, abs=1e-3)
+
+
+def test_clock_shift_of_silent_sensor_is_zero(recorded_model):
+    """A sensor without motion has no correlation with any shift."""
+    recorded_model.usual(floor_3_m_s2=np.zeros(SIZE))
+    text = f"base: {sensor('base_m_s2')}\nfloors: {{3: {sensor('floor_3_m_s2')}}}\nshift: auto\n"
+    found = compare(recorded_model.model, recorded_model.event(text))
+    assert found.shift == 0.0
+    assert math.isnan(found.floors[0].correlation)
 
 
 def test_recordings_without_common_clock_start_together(recorded_model, tmp_path):
@@ -605,19 +615,35 @@ def test_mean_of_sensors_covers_common_time_range(shortest):
     np.testing.assert_allclose(mean.samples, 3.0 * motion[35:45])
 
 
-def test_failed_run_has_fixed_residuals():
-    """The residuals of a failed run have a fixed size in both measures, for any number of floors
-    and samples."""
-    event = SimpleNamespace(count=77, floors=(1, 2))
-    problem = SimpleNamespace(event=event, computed=lambda logarithms: None)
-    temporal, spectral = (
-        _Problem.history_differences(problem, None),
-        _Problem.spectral_differences(problem, None),
+@pytest.mark.parametrize("more", ["", "window: [2, 20]\n"])
+def test_failed_run_has_fixed_residuals(recorded_model, monkeypatch, more):
+    """The residuals of a failed run have a fixed size in both measures. Their number is that of a
+    run with a result, because derivatives of the residuals may compare the two."""
+    recorded_model.usual()
+    problem = _Problem(
+        recorded_model.model, recorded_model.event(FLOORS + more), [], lambda runs: None
     )
-    assert temporal.shape == (77,)
+    shapes = [
+        differences([]).shape
+        for differences in (problem.history_differences, problem.spectral_differences)
+    ]
+    monkeypatch.setattr(problem, "computed", lambda logarithms: None)
+    temporal, spectral = problem.history_differences([]), problem.spectral_differences([])
+    assert [temporal.shape, spectral.shape] == shapes
     assert math.sqrt(np.sum(temporal**2)) == pytest.approx(10.0)
     assert math.sqrt(np.mean(spectral**2)) == pytest.approx(10.0)
-    assert spectral.size % 2 == 0
+
+
+def test_values_without_enough_residuals_are_not_determined():
+    """Two residuals determine the first of four values, and the sum of the third and the fourth."""
+    jacobian = np.array([[2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
+    errors = _standard_errors(SimpleNamespace(jac=jacobian, cost=0.5))
+    np.testing.assert_allclose(errors, [0.5, math.inf, math.inf, math.inf])
+    # More residuals that are zero do not change the covariance matrix of determined values.
+    more = np.vstack([jacobian[:, [0, 2]], np.zeros((1, 2))])
+    np.testing.assert_allclose(
+        _standard_errors(SimpleNamespace(jac=more, cost=0.5)), [0.5, 1.0], rtol=1e-12
+    )
 
 
 def test_rayleigh_coefficients_are_fitted_within_factor_of_1000():

@@ -20,7 +20,7 @@ from building_cases import (
 from facts import states
 from random_buildings import checked_building
 from step_checks import broken
-from tdint import prepare, run, run_sequence
+from tdint import make_record, prepare, run, run_sequence
 from tdint.analysis.run import step_choice
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import common, finer, story_errors
@@ -442,6 +442,21 @@ def test_building_at_rest_has_zero_error():
     assert all(
         not np.any(found) and not np.any(true) for _, found, true in pairs(response, response)
     )
+
+
+def test_error_of_story_that_moves_only_in_additional_run_is_infinite():
+    """The central difference moves no floor in its first time step, because the ground acceleration
+    starts at 0, and one more floor in each further step. The relative error of a drift of 0 is
+    infinite, so that a time step is chosen with which all floors move."""
+    ground = make_record(np.array([0.0, 1.0]), dt=0.01, units="m/s^2")
+    building = model([story(1e3, 1e6)] * 2)
+    options = {"method": "central-difference", "dt": 0.01, "duration": 0.01}
+    response = run(building, ground, **options)
+    assert response.check.errors.peak_drift.min() > 0.0
+    assert response.check.drift_error == np.inf
+    response = run(building, ground, **options, tolerance=0.5)
+    assert response.stories.peak_drift.min() > 0.0 and response.dt < 0.01
+    assert 0.0 < response.check.drift_error <= 0.5
 
 
 def test_failed_additional_run_leaves_errors_unknown(monkeypatch):

@@ -512,8 +512,10 @@ def check_method(integrator: Integrator) -> MethodCheck:
         properties are nan, and the faults describe the failure.
     """
     yielding: dict[str, str] = {}
-    # The following lines validate the step. Mark it, so that a run does not validate it again.
-    VALIDATED_STEPS.add(integrator.family.step)
+    # The following lines validate the step. Mark it as validated, so that the compiled runs of this
+    # check do not validate it again. The mark is removed if the check finds a fault.
+    step = integrator.family.step
+    VALIDATED_STEPS.add(step)
     try:
         integrate_in_python("linear", integrator, 1)
         yielding = {} if integrator.family.linear_only else faults_with_yielding(integrator)
@@ -521,6 +523,8 @@ def check_method(integrator: Integrator) -> MethodCheck:
             observed_order(integrator, order_problem(load)) for load in ("free", "harmonic")
         ]
     except AnalysisError as error:
+        VALIDATED_STEPS.discard(step)
+        # Faults with yielding stories usually cause this error too, so they replace its message.
         faults_found = tuple(yielding.values()) or (str(error),)
         return MethodCheck(integrator, math.nan, math.nan, math.nan, faults_found)
     # The order of the method is the lowest order of all quantities and loads.
@@ -540,9 +544,11 @@ def check_method(integrator: Integrator) -> MethodCheck:
         yielding.pop("order", None)  # Avoid reporting the same fault twice.
     if limit_fault := false_limit(integrator, limit):
         faults.append(limit_fault)
-    # A method with a stability limit has no measured radius and should declare none (nan).
+    # A method with a stability limit has no measured radius (nan), and must declare nan. If only
+    # one of the two radii is nan, their difference is nan and the comparison is False.
     declared = integrator.rho_inf
-    if not (math.isnan(declared) and math.isnan(radius)) and not abs(declared - radius) <= _RADIUS:
+    both_undefined = math.isnan(declared) and math.isnan(radius)
+    if not (both_undefined or abs(declared - radius) <= _RADIUS):
         measured = (
             "the method has a stability limit, so that no spectral radius can be measured"
             if math.isnan(radius)
@@ -553,6 +559,8 @@ def check_method(integrator: Integrator) -> MethodCheck:
             f"{measured}"
         )
     faults += yielding.values()
+    if faults:
+        VALIDATED_STEPS.discard(step)
     return MethodCheck(integrator, order, limit, radius, tuple(faults))
 
 

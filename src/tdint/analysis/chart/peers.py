@@ -12,6 +12,8 @@ import math
 import os
 import subprocess
 import sys
+import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
@@ -405,7 +407,8 @@ def _run_worker(
     try:
         with np.load(io.BytesIO(process.stdout), allow_pickle=False) as content:
             return dict(content), ""
-    except (ValueError, OSError, EOFError):
+    # The standard output is no complete archive if the process crashed before or while it wrote.
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error):
         return {}, f"its process ended with code {process.returncode}"
 
 
@@ -744,7 +747,8 @@ def with_plugins(
     repeats : int
         Number of times that each function is timed.
     progress : callable
-        Callback for progress reports.
+        Function that receives, before each peer is run, the name of its plug-in and the fraction of
+        the peers that are completed.
 
     Returns
     -------
@@ -755,8 +759,11 @@ def with_plugins(
     """
     points: list[Point] = []
     notes: list[str] = []
-    for plugin, name, function in peers():
-        progress(plugin, len(points) / (len(points) + 1.0))
+    functions = peers()
+    for completed, (plugin, name, function) in enumerate(functions):
+        progress(plugin, completed / len(functions))
+        # A name such as `leapfrog:parts=4` contains parameters after the colon. Points whose names
+        # differ only in their parameters belong to one line of the chart.
         point_name, line = f"{plugin}/{name}", f"{plugin}/{name.partition(':')[0]}"
         try:
             points.append(

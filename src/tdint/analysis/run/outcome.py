@@ -300,7 +300,7 @@ class ErrorEstimate:
         the time steps of the pair.
     drift_error : float or None
         Maximum ratio of the estimated error of a peak drift to that drift; None without an
-        estimate.
+        estimate; inf if a story has a drift in the additional run only.
     drift_story : int or None
         Story with this maximum, from 1.
     method : str
@@ -333,8 +333,10 @@ class ErrorEstimate:
             Other attributes by name.
         """
         drift = stories.peak_drift
-        # A story without drift has the relative error 0.
-        relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
+        # A story without drift has the relative error 0 if it does not move in the additional run
+        # either, otherwise inf.
+        without_drift = np.where(errors.peak_drift > 0.0, np.inf, 0.0)
+        relative = np.divide(errors.peak_drift, drift, out=without_drift, where=drift > 0.0)
         worst = int(np.argmax(relative))
         return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
 

@@ -323,11 +323,13 @@ class TargetSpectrum:
         Raises
         ------
         UsageError
-            A period is outside the range of the spectrum.
+            A period is nan or outside the range of the spectrum.
         """
         low, high = 0.0 if self.curve else float(self.periods[0]), float(self.periods[-1])
         periods = np.atleast_1d(np.asarray(periods, float))
-        if np.min(periods) < low * (1.0 - 1e-9) or np.max(periods) > high * (1.0 + 1e-9):
+        # The condition is False for nan.
+        is_within = (periods >= low * (1.0 - 1e-9)) & (periods <= high * (1.0 + 1e-9))
+        if not is_within.all():
             raise UsageError(
                 f"{self.source}: periods must be within the spectrum, {low:g} to {high:g} s, got "
                 f"{np.min(periods):.6g} to {np.max(periods):.6g} s"
