@@ -225,3 +225,49 @@ def test_maximum_force_beyond_capping_is_capping_force(method):
     assert stories.peak_shear[0] == pytest.approx(
         1.2 * 4e5, rel=1e-12 if method == "moment4" else 1e-8
     )
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+def test_peak_shear_of_law_that_stiffens_in_one_direction(method):
+    """Free vibration of f = a d + b d^2 + c d^3 from a negative drift. The story is stiffer at
+    positive drifts, where the shear has its peak, while the peak drift is the initial drift. The
+    energy at both turning points is equal."""
+    a, b, c = 100.0, 200.0, 400.0 / 3.0
+    energy = np.array([c / 4.0, b / 3.0, a / 2.0, 0.0, 0.0])
+    roots = np.roots(energy - np.array([0.0, 0.0, 0.0, 0.0, np.polyval(energy, -1.2)]))
+    turning = max(root.real for root in roots if abs(root.imag) < 1e-9)
+    expected = np.polyval([c, b, a, 0.0], turning)
+    building = load_model(
+        {
+            "units": {"length": "m", "force": "N", "mass": "kg"},
+            "stories": [
+                {"mass": 1, "height": 3, "law": {"type": "polynomial", "coefficients": [a, b, c]}}
+            ],
+            "initial": {"displacement": [-1.2]},
+        }
+    )
+    for dt, limit in ((0.02, 1e-3), (0.005, 1e-5)):
+        peaks = run(building, method=method, dt=dt, duration=0.5, check=False).stories
+        assert peaks.peak_shear[0] == pytest.approx(expected, rel=limit)
+        assert peaks.peak_drift[0] == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.04])
+def test_peak_total_shear_under_force_on_floor(dt):
+    """A slow building under a faster harmonic force: the acceleration nearly follows the force, so
+    the total shear is a small difference of two large terms."""
+    building = load_model(
+        {
+            "units": {"length": "m", "force": "N", "mass": "kg"},
+            "stories": [{"mass": 1.0, "height": 3.0, "stiffness": (2.0 * np.pi / 10.0) ** 2}],
+            "damping": 0.3,
+            "excitation": {
+                "forces": [{"floor": 1, "amplitude": 10, "omega": 12.566, "phase": "cos"}]
+            },
+        }
+    )
+    expected, found = (
+        run(building, method="impulse4", dt=step, duration=3.0, check=False).stories
+        for step in (0.001, dt)
+    )
+    assert found.peak_total_shear[0] == pytest.approx(expected.peak_total_shear[0], rel=2.5e-3)

@@ -80,6 +80,7 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.laws.selection import HAS_STIFFENING_LAW, STIFFENING_LAWS
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, force_value
 from tdint.kernels.stepping import Ends
 
@@ -197,6 +198,24 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
 
 
 @inline
+def limit_stiffness(law_parameters, i):
+    """Return an upper limit of the tangent stiffness of story `i`, N/m.
+
+    It is the initial stiffness, or infinity for a law that can be stiffer than initially.
+
+    Parameters
+    ----------
+    law_parameters : ndarray
+        Parameters of the hysteretic laws: one row per parameter, one column per story.
+    i : int
+        Index of the story.
+    """
+    if HAS_STIFFENING_LAW and law_parameters[rows.CODE, i] in STIFFENING_LAWS:
+        return math.inf
+    return law_parameters[rows.STIFFNESS, i]
+
+
+@inline
 def story_reach(span, story, shear, stiffness):
     """Return upper bounds of the drift (m) and of the shear (N) of a story within a step.
 
@@ -212,13 +231,10 @@ def story_reach(span, story, shear, stiffness):
     displacements within the step (`span.on_path`).
 
     The bound of the shear covers a reversal within the step, and assumes that the force changes by
-    at most the initial stiffness times the distance of the drifts between the reversal and the end
-    of the step. A law with a larger stiffness can exceed the bound. For the gap law this has no
-    effect, because its force is elastic and symmetric: a new peak shear requires a new peak drift,
-    and the bound of the drift shows it. For unsymmetric laws that stiffen (`polynomial` with even
-    powers, `multilinear-pinching` with a steeper line), a reversal with a new peak shear may not be
-    searched. The bound also does not cover a force that rises and softens within the step without a
-    reversal.
+    at most the upper limit of the stiffness times the distance of the drifts between the reversal
+    and the end of the step. For a law that can stiffen, this limit and the bound are infinite, so
+    that each reversal is searched. The bound does not cover a force that rises and softens within
+    the step without a reversal.
 
     A polynomial does not exceed its Bezier points. Without the effect of the drift acceleration a1
     at the end, the Bezier points of the drift are at most e away from an endpoint value. The
@@ -236,8 +252,8 @@ def story_reach(span, story, shear, stiffness):
     shear : float
         Restoring force of the story at the end of the step, N.
     stiffness : float
-        Initial stiffness of the story, N/m. It converts a change of drift to an upper limit of the
-        change of shear, for laws that are not stiffer than initially.
+        Upper limit of the tangent stiffness (`limit_stiffness`), N/m. It converts a change of drift
+        to an upper limit of the change of shear.
 
     Returns
     -------
@@ -250,7 +266,9 @@ def story_reach(span, story, shear, stiffness):
     # `excursion` is a bound of the distance of the drift from its value at the end, m.
     excursion = abs(story.u1 - story.u0) + excess
     excursion = excursion if span.on_path or story.v0 * story.v1 < 0.0 else 0.0
-    return max(abs(story.u0), abs(story.u1)) + excess, abs(shear) + stiffness * excursion
+    # The condition prevents the product of an infinite stiffness and 0.
+    shear_change = stiffness * excursion if excursion > 0.0 else 0.0
+    return max(abs(story.u0), abs(story.u1)) + excess, abs(shear) + shear_change
 
 
 @inline
@@ -258,8 +276,8 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
     """Return True if a drift or shear may exceed its recorded peak in a step.
 
     The bounds of `story_reach` are increased by the effect of the drift acceleration at the end of
-    the step: `excess` for the drift, and the initial stiffness times `excess` for the shear.
-    `story_reach` describes for which laws the bound of the shear is valid.
+    the step: `excess` for the drift, and the initial stiffness times `excess` for the shear. If the
+    story can be stiffer, the bound of the shear is already infinite for each reversal.
 
     Parameters
     ----------
@@ -510,12 +528,12 @@ def find_interstep_peaks(
         # Search the drift for an extremum inside the step.
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
-            stiffness = scene.law_parameters[rows.STIFFNESS, i]  # initial stiffness, positive
+            stiffness = limit_stiffness(scene.law_parameters, i)
             # `drift_margin` (m) and `shear_margin` (N) are the differences of the recorded peaks
             # and the absolute values at the end of the step. The drift has no new peak if its
             # distance from the value at the end, at most `drift_excursion`, does not exceed
-            # `drift_margin`. The same applies to the shear: the change of shear is limited by the
-            # initial stiffness times `drift_excursion` (`story_reach` describes the exceptions).
+            # `drift_margin`. The same applies to the shear: the change of shear is limited by
+            # `stiffness`, which is infinite for a law that can stiffen, times `drift_excursion`.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = _displacement_excursion(span, story)
@@ -850,17 +868,17 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     shear is minus this sum; the sign has no effect on the peak. As ag is linear within the step, ag
     changes only A0 and A1, not B and D.
 
-    Bm and Dm are bulge and tilt of the motion a (or of the sum of m a); Bp and Dp are bulge and
-    tilt of the sum of the forces p. The tilt of the motion is not reliable if it is large. Bm and
-    Dm are therefore multiplied by a weight w, which decreases from 1 to 0 with increasing |Dm|:
+    Bt and Dt are bulge and tilt of the motion a (or of the sum of m a) minus those of the sum of
+    the forces p. The tilt is not reliable if it is large. Both are therefore multiplied by a weight
+    w, which decreases from 1 to 0 with increasing |Dt|:
 
-        B = w Bm - Bp,   D = w Dm - Dp
-        w = 1                   for |Dm| <= |Bm|
-        w = 2 - |Dm / Bm|       for |Bm| < |Dm| < 2 |Bm|
+        B = w Bt,   D = w Dt
+        w = 1                   for |Dt| <= |Bt|
+        w = 2 - |Dt / Bt|       for |Bt| < |Dt| < 2 |Bt|
 
-    Bp and Dp are not multiplied by w, because the forces are known functions of time. For
-    |Dm| >= 2 |Bm|, the interior of the step is not searched. An extremum inside the step is then
-    not recorded, even if it is due to the forces.
+    For |Dt| >= 2 |Bt|, the interior of the step is not searched. The forces have the same weight
+    as the motion: a cubic with the complete tilt of the forces, but not of the accelerations that
+    they cause, would have a too large extremum.
 
     An extremum inside the step is unreliable ("unresolved motion") if (|B| + |D|) / 3 exceeds
     |A0| + |A1| (`_is_near_line` is False), or if velocities and accelerations of two successive
@@ -880,20 +898,21 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     peak_row, i : int
         Row and column of the regular peak. The possible peak is PEAK_ROWS rows after it.
     forces : tuple of float
-        Sum of the forces on floors at the start and at the end of the step, its bulge Bp and its
-        tilt Dp (`_add_floor_forces`), N; zeros for an acceleration.
+        Sum of the forces on floors at the start and at the end of the step, its bulge and its tilt
+        (`_add_floor_forces`), N; zeros for an acceleration.
     """
     peak = peaks[peak_row, i]
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
-    # For |Dm| >= 2 |Bm|, the interior is not searched. The caller records the endpoints.
+    bulge -= forces[2]
+    tilt -= forces[3]
+    # For |Dt| >= 2 |Bt|, the interior is not searched. The caller records the endpoints.
     is_candidate = abs(tilt) < _MAX_TILT_RATIO * abs(bulge)
     if is_candidate:
         weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
-        # `bulge` and `tilt` change from Bm and Dm of the motion to B and D of the quantity.
-        bulge = bulge * weight - forces[2]
-        tilt = tilt * weight - forces[3]
+        bulge *= weight
+        tilt *= weight
     # The quantity does not exceed the largest of its endpoint values and interior Bezier points.
     # Search an extremum only if an interior Bezier point exceeds the peak.
     if is_candidate and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:

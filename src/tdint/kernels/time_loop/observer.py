@@ -23,6 +23,7 @@ from tdint.kernels.linear_terms import (
 from tdint.kernels.peaks_between_steps import (
     acceleration_bulge,
     find_interstep_peaks,
+    limit_stiffness,
     may_exceed_acceleration_peak,
     may_exceed_floor_peaks,
     may_exceed_story_peaks,
@@ -241,7 +242,7 @@ def observe(scene, span, slope, memory, seen):
             0.0,
             0.0,
         )
-        reach_above = story_reach(span, story_ends, shear, law_parameters[rows.STIFFNESS, i])
+        reach_above = story_reach(span, story_ends, shear, limit_stiffness(law_parameters, i))
         a_above, link_above = a, link
         # Compare bounds of the absolute acceleration and of the total shear with their peaks.
         # Without forces on floors, the total shear is minus the sum of mass times absolute
