@@ -31,6 +31,7 @@ from tdint.model.plugins import (
     home_of,
     installed,
     module_of,
+    require_version,
     same_file,
 )
 from tdint.tabular import ResultList
@@ -382,7 +383,8 @@ def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[st
         Its arguments: the specification and, for a plug-in, file and SHA-256 of the plug-in.
     """
     # `home` contains the file of the plug-in and its SHA-256; it is None for a built-in method.
-    home = home_of(integrator.method.name, "METHODS")
+    name = integrator.method.name
+    home = None if is_ours(name) else home_of(_known().get(name), "METHODS")
     return (_parse_again, (integrator.label, *home)) if home else (parse, (integrator.label,))
 
 
@@ -390,10 +392,10 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
     """Create an integrator with a plug-in method again, from the data that `_reduce` has pickled.
 
     The integrator may be from another process. If this process has no method with the same name,
-    the plug-in is loaded, provided that its file is unchanged. If the file has changed or cannot be
-    loaded, the result contains an `_Unknown` method, which raises the error when it is used. If
-    this process already has a method with the same name, this method is used; `file` and `digest`
-    are then not used.
+    the plug-in is loaded, provided that its file is unchanged. If this process has a method with
+    the same name, it must be defined by the same version of the plug-in. Otherwise, or if the
+    plug-in cannot be loaded, the result contains an `_Unknown` method, which raises the error when
+    it is used.
 
     Parameters
     ----------
@@ -402,17 +404,20 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
     file, digest : str
         File of the plug-in and its SHA-256 in the process that pickled the integrator.
     """
-    if text.partition(":")[0] not in catalogue():
-        try:
+    method = catalogue().get(text.partition(":")[0])
+    try:
+        if method is None:
             load_plugin(same_file(file, digest))
-        except UsageError as error:
-            return Integrator(cast(Method, _Unknown(text, file, digest, str(error))))
+        else:
+            require_version(method, "METHODS", file, digest)
+    except UsageError as error:
+        return Integrator(cast(Method, _Unknown(text, file, digest, str(error))))
     return parse(text)
 
 
 @dataclass(frozen=True)
 class _Unknown:
-    """Method whose plug-in could not be loaded: each access to an attribute raises UsageError.
+    """Method whose plug-in is not available: each access to an attribute raises UsageError.
 
     An error during unpickling would make a process pool wait forever. The error is therefore
     raised later, when the method is used.
@@ -424,7 +429,7 @@ class _Unknown:
     file, digest : str
         File of the plug-in and its hash.
     message : str
-        Reason why the plug-in could not be loaded.
+        Reason why the plug-in could not be loaded, or why its version in this process differs.
     """
 
     text: str

@@ -26,6 +26,7 @@ from tdint.model.plugins import (
     home_of,
     installed,
     module_of,
+    require_version,
     same_file,
 )
 from tdint.number_parsing import parse_ratio, pluralize
@@ -151,7 +152,7 @@ class Law:
         A law of a plug-in is pickled with the path and the SHA-256 of the plug-in, so that the
         other process can load it.
         """
-        plugin = home_of(self.name, "LAWS")
+        plugin = home_of(LAWS.get(self.name), "LAWS")
         if plugin:
             path, digest = plugin
             return _restore_law, (self.name, self.parameters, CODES[self.name], path, digest)
@@ -177,10 +178,13 @@ def _restore_law(
     Raises
     ------
     UsageError
-        The plug-in is missing or has changed, or the law does not have the number `code` in this
-        process, because plug-ins were loaded in another order.
+        The plug-in is missing or has changed; this process uses another version of the law; or the
+        law does not have the number `code` in this process, because plug-ins were loaded in another
+        order.
     """
-    if name not in LAWS:
+    if name in LAWS:
+        require_version(LAWS[name], "LAWS", file, digest)
+    else:
         module = module_of(same_file(file, digest))
         for law in declared(module, "LAWS", DriftLaw, file):
             register_law(law, Origin(file, module.__name__))

@@ -6,6 +6,7 @@ The working directory is not searched, and model files cannot name plug-ins.
 from __future__ import annotations
 
 import ast
+import hashlib
 import importlib.util
 import logging
 import re
@@ -96,7 +97,8 @@ def _module_name(path: Path) -> str:
 def module_of(file: str) -> ModuleType:
     """Return the module of a plug-in, which is executed once per process.
 
-    In `sys.modules`, the name of the module is `tdint_plugin_` followed by the name of the file
+    The module contains its executed source in `__source__` and its SHA-256 in `__digest__`. In
+    `sys.modules`, the name of the module is `tdint_plugin_` followed by the name of the file
     without `.py`. Characters that are not allowed in Python names are replaced by `_`.
 
     Raises
@@ -122,15 +124,24 @@ def module_of(file: str) -> ModuleType:
             )
         return loaded
     spec = importlib.util.spec_from_file_location(name, path.resolve())
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
     module = importlib.util.module_from_spec(spec)
+    # The file is read only once, so that the stored source is the executed source. Python's own
+    # import would read the file again, or execute the cached bytecode of an earlier version that
+    # has the same size and was written in the same second.
+    with faults_of(file):
+        source = path.read_bytes()
+    vars(module)["__source__"] = source
+    vars(module)["__digest__"] = hashlib.sha256(source).hexdigest()
     # The module is in `sys.modules` before it is executed, as in Python's own import, and is
     # removed if it fails.
     sys.modules[name] = module
-    vars(module)["__digest__"] = digest_of(path)
     try:
         with faults_of(file):
-            spec.loader.exec_module(module)
+            exec(compile(source, path.resolve(), "exec", dont_inherit=True), vars(module))
+    except KeyboardInterrupt:
+        del sys.modules[name]
+        raise
     except TdintError as error:
         del sys.modules[name]
         location, _, reason = str(error).partition(": ")
@@ -176,25 +187,66 @@ def private_imports(file: str) -> list[str]:
     return messages
 
 
-def home_of(name: str, attribute: str) -> tuple[str, str] | None:
-    """Return path and SHA-256 of the plug-in that defines a method or law; None if it is built in.
+def home_of(registered: Any, attribute: str) -> tuple[str, str] | None:
+    """Return path and SHA-256 of the plug-in file that defines a method or law.
+
+    The hash is the hash of the executed source. The file may have been edited after its execution.
 
     Parameters
     ----------
-    name : str
-        Name of the method or law.
+    registered : Method, DriftLaw or None
+        Registered method or law.
     attribute : str
-        Name of the variable of plug-ins that lists these objects, for example `LAWS`.
+        Name of the variable of plug-ins that lists these objects, `METHODS` or `LAWS`.
+
+    Returns
+    -------
+    tuple of (str, str) or None
+        None if the object is not defined by a plug-in file, or if `registered` is None.
     """
+    if registered is None:
+        return None
     for module_name, module in list(sys.modules.items()):
         if not (module_name.startswith(_PREFIX) and module.__file__):
             continue
-        # A plug-in may list its objects in a tuple, or contain a single object.
+        # A plug-in may list its objects in a tuple, or contain a single object. A plug-in that was
+        # refused may list another object with the same name. A registered law is a changed copy of
+        # the object in the plug-in (`register_law`) with the same attribute `functions`.
         listed = getattr(module, attribute, ())
-        objects = listed if isinstance(listed, Iterable) else (listed,)
-        if name in [getattr(method_or_law, "name", None) for method_or_law in objects]:
-            return module.__file__, digest_of(Path(module.__file__))
+        for method_or_law in listed if isinstance(listed, Iterable) else (listed,):
+            if getattr(method_or_law, "name", None) == registered.name and (
+                getattr(method_or_law, "functions", method_or_law)
+                is getattr(registered, "functions", registered)
+            ):
+                return module.__file__, vars(module)["__digest__"]
     return None
+
+
+def require_version(registered: Any, attribute: str, file: str, digest: str) -> None:
+    """Raise UsageError if a method or law differs from the version that another process used.
+
+    Parameters
+    ----------
+    registered : Method or DriftLaw
+        Method or law that is registered in this process.
+    attribute : str
+        Name of the variable of plug-ins that lists these objects, `METHODS` or `LAWS`.
+    file, digest : str
+        Path and SHA-256 of the plug-in in the other process. The path may differ in this process.
+
+    Raises
+    ------
+    UsageError
+        The object in this process is not defined by a plug-in with this SHA-256.
+    """
+    home = home_of(registered, attribute)
+    if home is None or home[1] != digest:
+        used = f"{home[0]} with SHA-256 {home[1][:12]}" if home else "other code"
+        raise UsageError(
+            f"the object requires the plug-in {file} with SHA-256 {digest[:12]}, but this process "
+            f"uses {registered.name!r} of {used}; restart Python, and first load the original "
+            "version with tdint.load_plugin"
+        )
 
 
 def same_file(file: str, digest: str) -> str:
@@ -218,9 +270,13 @@ def same_file(file: str, digest: str) -> str:
 
 
 def files_to_send() -> tuple[tuple[str, bytes], ...]:
-    """Return file name and content of each executed plug-in, for processes without these files."""
-    files = [module.__file__ for name, module in sys.modules.items() if name.startswith(_PREFIX)]
-    return tuple((Path(file).name, Path(file).read_bytes()) for file in files if file)
+    """Return file name and executed source of each plug-in, for processes without these files."""
+    modules = [module for name, module in sys.modules.items() if name.startswith(_PREFIX)]
+    return tuple(
+        (Path(module.__file__).name, vars(module)["__source__"])
+        for module in modules
+        if module.__file__
+    )
 
 
 def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
@@ -236,11 +292,11 @@ def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
     """
     files = []
     for name, content in sent:
-        loaded_path = getattr(sys.modules.get(_module_name(Path(name))), "__file__", None)
-        file = Path(loaded_path) if loaded_path else _folder() / name
-        if not loaded_path:
+        loaded = sys.modules.get(_module_name(Path(name)))
+        file = Path(loaded.__file__) if loaded and loaded.__file__ else _folder() / name
+        if loaded is None:
             file.write_bytes(content)
-        elif file.read_bytes() != content:
+        elif vars(loaded)["__source__"] != content:
             raise UsageError(
                 f"{name}: a worker executed another version of this plug-in; restart the workers"
             )
