@@ -335,3 +335,40 @@ def test_rows_are_assigned_to_motions_without_component_column(
     file = tmp_path / "runs.csv"
     file.write_text("\n".join(lines) + "\n")
     assert motions_of(read_table(str(file), "a table of runs")).tolist() == motions
+
+
+@pytest.mark.parametrize("by_type", [False, True])
+def test_collapses_are_kept_if_all_thresholds_are_below_the_range(by_type: bool, tmp_path: Path):
+    """A collapse exceeds the lower limit of the range of demands, even if this limit is above all
+    thresholds."""
+    im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
+    fell = STATUS == "collapsed"
+    low = 0.006
+    is_kept = fell | (low <= DRIFT)
+    request = FragilityRequest("cloud", (0.5 * low,), (low, math.inf))
+    found = fit_table(table(tmp_path, im), request).functions[0]
+    if by_type:
+        states = DamageStates("drift", ("light",), request.thresholds, 0.0, ())
+        demand = np.where(fell, states.medians[-1], DRIFT).ravel()
+        motion = np.arange(DRIFT.size)
+        runs = TypeRuns(states, im.ravel(), demand, fell.ravel(), motion, 0, "pga", "m/s^2")
+        found = fit_states(runs, request)[0]
+    (expected,) = fit_cloud(
+        im[is_kept], np.where(fell, low, DRIFT)[is_kept], request.thresholds, fell[is_kept]
+    )
+    assert (found.runs, found.censored) == (int(is_kept.sum()), int(fell.sum()))
+    assert (found.theta, found.beta) == pytest.approx((expected.theta, expected.beta))
+
+
+def test_a_rule_for_pairs_without_effect_is_reported(tmp_path: Path) -> None:
+    """Capacities without the column pair_demand cannot be combined by another rule."""
+    file = tmp_path / "capacities.csv"
+    file.write_text("capacity,im_name,unit\n1.0,pga,g\n1.4,pga,g\n2.1,pga,g\n")
+    assert not fit_table(str(file), FragilityRequest()).warnings
+    (warning,) = fit_table(str(file), FragilityRequest(pair_demand="mean")).warnings
+    assert "pair_demand" in warning and "mean" in warning
+    rows = [f"{value},pga,g,larger" for value in (1.0, 1.4, 2.1)]
+    file.write_text("\n".join(["capacity,im_name,unit,pair_demand", *rows]) + "\n")
+    assert not fit_table(str(file), FragilityRequest(pair_demand="larger")).warnings
+    with pytest.raises(UsageError, match="pair_demand larger"):
+        fit_table(str(file), FragilityRequest(pair_demand="mean"))

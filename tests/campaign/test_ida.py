@@ -377,3 +377,17 @@ def test_mainshock_has_component_of_record_or_single_component():
         match=r"no component HNZ for the aftershock 0\.m.*components: HNE, HNN; select one",
     ):
         Mainshock((east, north), (0.01,)).before(replace(record, component="HNZ"))
+
+
+@pytest.mark.parametrize("drift", [0.0, -0.1, math.nan])
+def test_collapse_drift_must_be_positive(frame, drift):
+    with pytest.raises(UsageError, match="collapse drift"):
+        ida(frame, [motion()], settings=IdaSettings(collapse_drift=drift, thresholds=()))
+
+
+def test_a_building_of_isolators_has_no_drift_ratio():
+    """A height of an isolator would not help, so that the message does not request it."""
+    isolator = {"mass": 10, "stiffness": 4e4, "height": 3.0, "isolator": True}
+    with pytest.raises(ModelError, match="all stories are isolators") as refused:
+        ida(load_model({"stories": [isolator]}), [motion()])
+    assert "height of story" not in str(refused.value)

@@ -12,6 +12,8 @@ import zlib
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,11 @@ from matplotlib.image import imread
 
 from cli.conftest import Command, change
 from csv_rows import rows
+from tdint.campaign.motions import MotionFactors
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.reading.suites import suite_motions
+from tdint.ground_motion.record import Record
+from tdint.output.report import _scaled_motions
 from tdint.output.spectrum_text import spectrum_text
 
 CONFIGS, RECORDS = (Path(__file__).parents[2] / name for name in ("configs", "records"))
@@ -676,3 +683,39 @@ def test_a_page_prints_complete_numbers_within_its_margins(
         assert len(numbers) > 20 and numbers <= pieces, numbers - pieces
         # Margins of 15 mm, 42 points
         assert all(left > 30.0 and last < A4[0] - 30.0 for _, left, last in lines)
+
+
+def test_runs_without_drift_ratio_state_the_drift(folder: Path, tdint: Command) -> None:
+    """In a suite of buildings with and without story heights, every completed run has a drift."""
+    model = Path("shaken.yaml").read_text()
+    bare = re.sub(r",? *height: [0-9.]+", "", model).replace("name: shaken", "name: bare")
+    assert "height" in model and "height" not in bare
+    Path("bare.yaml").write_text(bare)
+    Path("study.yaml").write_text(
+        "buildings: {models: [shaken.yaml, bare.yaml]}\n"
+        "records: {files: [motion.mseed], units: m/s^2}\n"
+    )
+    tdint("campaign", "study.yaml", "-o", "out", "--report", "page.html", code=0)
+    shown = table_with(page("page.html"), "status")
+    ratio, length = "peak drift ratio (%)", next(name for name in shown[0] if "drift (" in name)
+    for row in shown:
+        assert bool(row[ratio].strip("–- ")) is (row["building"] == "shaken")
+        assert float(row[length]) > 0.0
+
+
+def test_components_that_are_no_pair_remain_single_in_the_suite() -> None:
+    """If the components of a recording have different sampling intervals, both are shown."""
+    samples = np.random.default_rng(0).standard_normal((2, 400))
+
+    def shown(*intervals: float) -> list[object]:
+        records = [
+            Record(row, dt, "", f".S..{name}", name, f"A-{name}.txt")
+            for row, dt, name in zip(samples, intervals, ("X", "Y"), strict=True)
+        ]
+        plan: Any = SimpleNamespace(motions=suite_motions(records))
+        factors = MotionFactors({0: (2.0,), 1: (2.0,)})
+        return [motion for motion, _ in _scaled_motions(plan, factors, paired=True)]
+
+    (pair,) = shown(0.01, 0.01)
+    assert isinstance(pair, Horizontals)
+    assert [type(motion) for motion in shown(0.01, 0.02)] == [Record, Record]

@@ -216,3 +216,16 @@ def test_components_of_different_events_are_no_pair(tmp_path):
     (failure,) = suite.failures
     for part in ("A067.AT2", "A337.AT2", "different events", "Loma Prieta 10/18/1989", "Kobe 1/16"):
         assert part in str(failure)
+
+
+def test_stations_and_channels_in_mseed_are_ascii(tmp_path):
+    """MiniSEED permits only ASCII. The note names the station of the source."""
+    samples = np.random.default_rng(0).standard_normal((3, 100))
+    motions = [
+        Record(row, 0.01, "", f".{name}..Ö", "Ö", f"in/{number}.txt")
+        for number, (row, name) in enumerate(zip(samples, ("Düzce", "Duzce", "東京"), strict=True))
+    ]
+    names, notes = write(tmp_path, motions, "mseed")
+    records = [read_records(tmp_path / name)[0] for name in names]
+    assert [station(record) for record in records] == ["Duzce", "Duzc2", ""]
+    assert [note.split(": ")[1].split()[0] for note in notes] == ["Düzce", "Duzce", "東京"]

@@ -12,7 +12,9 @@ from matplotlib.text import Text
 from tdint.analysis.assessment.order import order
 from tdint.analysis.run.outcome import STORY_QUANTITIES, ErrorHistory
 from tdint.analysis.run.run import run
+from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.analysis.spectra.elastic import spectrum
+from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.campaign.profiles import FloorSuite, Profile
 from tdint.campaign.sensitivity import PEAKS, ParameterEffect
 from tdint.errors import OutputError
@@ -25,7 +27,13 @@ from tdint.output.figures.runs import (
     run_picture,
     sensitivity_picture,
 )
-from tdint.output.figures.spectrum_curves import draw_adrs, draw_tripartite, spectrum_picture
+from tdint.output.figures.spectrum_curves import (
+    draw_adrs,
+    draw_tripartite,
+    drift_spectrum_picture,
+    inelastic_picture,
+    spectrum_picture,
+)
 from tdint.output.figures.style import changed, picture, titled
 from tdint.output.figures.suites import floor_suite_picture, profile_picture
 from tdint.units import parse_output_units
@@ -384,3 +392,29 @@ def test_profiles_of_low_and_tall_buildings_with_an_isolator(floors, height):
     assert (drift in shown.splitlines()) is bool(height)
     assert ("drift (% of height)" in shown) is bool(height)
     assert "absolute floor" in shown
+
+
+def test_equal_heights_have_no_axis():
+    """With a large exponent, the height hardly depends on the period, and no axis of heights is
+    possible."""
+    periods = np.array([0.5, 1.0, 2.0])
+    for exponent, count in ((0.75, 1), (1e17, 0)):
+        found = drift_spectrum(
+            motion(), periods, 0.05, stories=2, height_period=HeightPeriod(0.0731, exponent)
+        )
+        assert rendered_texts(drift_spectrum_picture([found])).count("height (m)") == count
+
+
+def test_every_column_of_ductilities_has_the_line_of_first_yield():
+    records = motion(), motion("HNN")
+    spectra = [
+        spectrum
+        for record in records
+        for spectrum in constant_strength(record, np.array([0.5, 1.0, 2.0]), [0.1])
+    ]
+    figure = inelastic_picture(spectra)
+    lines = [
+        sum(np.array_equal(line.get_ydata(), [1.0, 1.0]) for line in axes.get_lines())
+        for axes in figure.axes
+    ]
+    assert lines == [1, 1, 0, 0]

@@ -668,11 +668,15 @@ def _prepare(
     ModelError
         A story has no height.
     """
-    collapse_drift = settings.collapse_drift or model.collapse_drift
+    collapse_drift = (
+        model.collapse_drift if settings.collapse_drift is None else settings.collapse_drift
+    )
+    if not collapse_drift > 0.0:
+        raise UsageError(f"the collapse drift must be positive, got {collapse_drift:g}")
     if not 0.0 < settings.precision <= 0.5:
         raise UsageError(
             "the precision of a capacity must be above 0 and at most 50 %, got "
-            f"{settings.precision:g}"
+            f"{100.0 * settings.precision:g} %"
         )
     thresholds = settings.thresholds
     if thresholds is None:
@@ -703,19 +707,23 @@ def _default_thresholds(model: Model, collapse_drift: float) -> tuple[float, ...
 
 
 def _check_heights(model: Model) -> None:
-    """Raise ModelError if a story has no drift ratio because its height is unknown.
+    """Raise ModelError if a story that is not an isolator has no height, or if all stories are
+    isolators.
 
-    An isolator has no drift ratio and needs no height, but at least one story must have a drift
-    ratio.
+    The study requires the drift ratio of at least one story. An isolator has no drift ratio, so its
+    height is not needed.
     """
+    if all(story.isolator for story in model.stories):
+        raise ModelError(
+            f"{model.source}: an incremental dynamic analysis requires drift ratios, but all "
+            "stories are isolators, which have no drift ratio; add a story with a height that is "
+            "not an isolator"
+        )
     stories_without_height = [
         number
         for number, story in enumerate(model.stories, start=1)
         if story.height is None and not story.isolator
     ]
-    # If all stories are isolators, no story has a drift ratio: request the height of story 1.
-    if all(story.isolator for story in model.stories):
-        stories_without_height = [1]
     if stories_without_height:
         raise ModelError(
             f"{model.source}: an incremental dynamic analysis requires drift ratios; add the "

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -99,8 +100,8 @@ def motion_contents(
             notes += mseed_notes
             if stations[station] != station:
                 notes.append(
-                    f"MiniSEED has {_STATION} characters for a station: {station} is written as "
-                    f"{stations[station]}"
+                    f"MiniSEED has {_STATION} ASCII characters for a station: {station} is written "
+                    f"as {stations[station] or 'an empty code'}"
                 )
     return contents, tuple(dict.fromkeys(notes))
 
@@ -184,12 +185,19 @@ def _csv_header(record: Record) -> bytes:
 
 
 def _short_stations(stations: Sequence[str]) -> dict[str, str]:
-    """Return a code for each station, which is unique and has at most five characters, as MiniSEED
-    requires. The keys of the result are the names of the stations."""
+    """Return a unique code for each station with at most five ASCII characters, as MiniSEED
+    requires. The keys of the result are the names of the stations.
+
+    A name that meets these requirements is its own code. Otherwise the code consists of the first
+    letters and digits of the name, without accents; it is empty if the name has none in ASCII.
+    """
     codes: dict[str, str] = {}
     for station in dict.fromkeys(stations):
-        letters_and_digits = re.sub(r"[\W_]+", "", station)
-        code = letters_and_digits[:_STATION] if len(station) > _STATION else station
+        # NFKD separates a letter from its accent; `re.ASCII` then removes the accent.
+        decomposed = unicodedata.normalize("NFKD", station)
+        letters_and_digits = re.sub(r"[\W_]+", "", decomposed, flags=re.ASCII)
+        is_valid = len(station) <= _STATION and station.isascii()
+        code = station if is_valid else letters_and_digits[:_STATION]
         # If the code is already used, replace its end by a number.
         number = 1
         while code in codes.values():
@@ -213,7 +221,8 @@ def _channels(names: Sequence[str]) -> list[str]:
         # The second letter of a code is the type of the instrument. It is replaced by N, the letter
         # of accelerometers, because the file contains accelerations.
         code = _OTHER_INSTRUMENT.sub(r"\1N\2", code)
-        codes.append(code if len(code) <= _CHANNEL and code.isalnum() else "")
+        is_valid = len(code) <= _CHANNEL and code.isalnum() and code.isascii()
+        codes.append(code if is_valid else "")
     if len(codes) == 1:
         return codes
     # The code of an unsuitable component name is empty, and an empty code is not at right angles to

@@ -19,7 +19,7 @@ from tdint.campaign.motions import MotionFactors
 from tdint.campaign.pairs import PairRule, describe_demand
 from tdint.campaign.scaling import Scaling
 from tdint.errors import RecordError
-from tdint.ground_motion.horizontals import find_horizontals
+from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
@@ -543,10 +543,14 @@ def _statistics_chapter(profile: Profile, units: OutputUnits) -> Chapter:
 
 
 def _runs_chapter(store: Store) -> Chapter:
-    """Return the chapter that lists the runs in the order of decreasing drift.
+    """Return the chapter that lists the individual runs of a campaign.
 
-    The list shows which ground motions dominate the mean and which caused collapse.
+    Collapsed and failed runs are first. The completed runs follow in the order of decreasing drift
+    ratio, and finally the completed runs without a drift ratio, in the order of decreasing drift.
+    The list shows which ground motions dominate the mean and which
+    caused collapse.
     """
+    # `u.status = 'done'` is 0 or 1, so that the completed runs are last.
     query = (
         "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_m, "
         "u.peak_drift_story, (SELECT max(s.ductility) FROM story_rows s WHERE (s.building, "
@@ -559,10 +563,16 @@ def _runs_chapter(store: Store) -> Chapter:
     columns = ("building", "record", "component", *numbers, "status")
     meanings = {name: {"meaning": "", "unit": "1"} for name in numbers}
     meanings["peak_drift_m"] = {"unit": "m"}
-    table = Table(columns, rows[:_MAX_MOTIONS], meanings)
-    # If any story has a height, the drift ratio is shown and the drift is omitted.
-    has_ratios = any(row[columns.index("peak_drift_ratio")] is not None for row in rows)
-    omitted = ["peak_drift_m" if has_ratios else "peak_drift_ratio"]
+    shown_rows = rows[:_MAX_MOTIONS]
+    table = Table(columns, shown_rows, meanings)
+    # The drift ratio is shown if any run has it. The drift is shown as a length only if a run has
+    # no drift ratio, because the stories of its building have no heights.
+    ratio, length = columns.index("peak_drift_ratio"), columns.index("peak_drift_m")
+    omitted = []
+    if all(row[ratio] is None for row in shown_rows):
+        omitted.append("peak_drift_ratio")
+    elif all(row[ratio] is not None or row[length] is None for row in shown_rows):
+        omitted.append("peak_drift_m")
     # The name of a single building is omitted.
     if len({row[columns.index("building")] for row in rows}) <= 1:
         omitted.append("building")
@@ -806,32 +816,38 @@ def _scaled_motions(
     Parameters
     ----------
     plan : Plan
-        Ground motions of the campaign.
+        Campaign. Each item of `plan.motions` is one component; its attribute `ground_motion` is the
+        object that was read: a single record, or the pair that contains the component.
     levels : MotionFactors
-        Factors of each ground motion.
+        Factors of each component, by its index in `plan.motions`.
     paired : bool
-        True to return the components of a pair together, also if the runs use single components.
+        True to join the two components of a recording to a pair if they were read as single
+        records.
 
     Returns
     -------
     list of (Record or Horizontals, tuple of float)
         Single components or pairs, each with its scale factors.
     """
-    # The keys of `first_of_second` are indices of second components, and the values are indices of
-    # their first components.
-    first_of_second = PairRule.from_motions(plan.motions, None).partners if paired else {}
-    second_of_first = {first: second for second, first in first_of_second.items()}
-    # The key of a ground motion is the identity of `whole`, the object that was read from a file,
-    # because both components of a pair in one file have the same object.
+    # `partners` contains the index of the first component by the index of the second component.
+    # None is the default rule for the demands of pairs, which has no effect on the partners.
+    partners = PairRule.from_motions(plan.motions, None).partners if paired else {}
+    # `pairs` contains the joined pairs by the index of their first component. Components that do
+    # not fit together, for example with different sampling intervals, remain single motions.
+    pairs: dict[int, Horizontals] = {}
+    for second, first in partners.items():
+        recorded = [plan.motions[first].ground_motion, plan.motions[second].ground_motion]
+        records = [motion for motion in recorded if isinstance(motion, Record)]
+        if len(records) == 2:
+            with suppress(RecordError):
+                pairs[first] = find_horizontals(records)
+    # The two components of a pair that was read from one file have the same `ground_motion`. Its
+    # identity is the key, so that the pair is in the result once.
     motions: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
     for index, item in enumerate(plan.motions):
-        motion = item.ground_motion
-        if index in first_of_second and isinstance(motion, Record):
-            continue  # the second component of a pair that the list already contains
-        if index in second_of_first and isinstance(motion, Record):
-            components = [motion, plan.motions[second_of_first[index]].record]
-            with suppress(RecordError):  # the files are not a pair: the component remains single
-                motion = find_horizontals(components)
+        if partners.get(index) in pairs:
+            continue  # the second component of a joined pair
+        motion = pairs.get(index, item.ground_motion)
         motions[id(item.ground_motion)] = motion, tuple(levels.by_motion[index])
     return list(motions.values())
 

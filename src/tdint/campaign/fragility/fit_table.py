@@ -389,6 +389,14 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     ModelError
         The table contains invalid values.
     """
+    # The capacities were computed with the rule for pairs of components that the table states. They
+    # cannot be used for another rule.
+    pair_demand = table.only("pair_demand") if table.has("pair_demand") else ""
+    if pair_demand and request.pair_demand not in (None, pair_demand):
+        raise UsageError(
+            f"{table.source}: its capacities were computed with pair_demand {pair_demand}; run "
+            f"`tdint ida` again with --pair-demand {request.pair_demand}"
+        )
     # A row without a capacity contains no information, not even that the building did not collapse.
     # It is omitted with a warning.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
@@ -415,19 +423,16 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     warnings = []
     if omitted:
         warnings = [f"{table.source}: omitted {pluralize(omitted, 'row')} without a capacity"]
-    # The capacities were computed with the rule for pairs of components that the table states. They
-    # cannot be used for another rule.
-    if table.has("pair_demand"):
-        pair_demand = table.only("pair_demand")
-        if request.pair_demand not in (None, pair_demand):
-            raise UsageError(
-                f"{table.source}: its capacities were computed with pair_demand {pair_demand}; run "
-                f"`tdint ida` again with --pair-demand {request.pair_demand}"
-            )
+    if pair_demand:
         fits = [
             replace(item, pair_demand=pair_demand) if isinstance(item, Fragility) else item
             for item in fits
         ]
+    elif request.pair_demand:
+        warnings.append(
+            f"{table.source}: --pair-demand {request.pair_demand} has no effect, because the table "
+            "has no column pair_demand and contains only capacities"
+        )
     return FragilityResult.of(fits, *warnings)
 
 
@@ -551,9 +556,11 @@ def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> 
     )
     if fit == CLOUD:
         # A collapse exceeds every threshold. Its demand is not used, because the drift at which the
-        # run was stopped depends on the method.
+        # run was stopped depends on the method. It is replaced by the largest threshold, or by the
+        # lower limit of the requested range if this is larger: `_cloud` omits smaller demands.
         is_used = runs.result
-        drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[is_used]
+        collapse_demand = max(*request.thresholds, request.edp_range[0])
+        drift = np.where(runs.collapsed, collapse_demand, runs.drift)[is_used]
         im, collapsed, motion = runs.im[is_used], runs.collapsed[is_used], runs.motion[is_used]
         result = _cloud(table, request, im, drift, collapsed, runs.names, motion)
         functions = tuple(replace(item, failed=failed_count) for item in result.functions)

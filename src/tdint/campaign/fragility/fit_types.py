@@ -449,11 +449,13 @@ def _type_cloud(
     list of Fragility or AnalysisError
         Function of each state. If the line cannot be fitted, the same error for each state.
     """
-    # A demand of zero has no logarithm, and demands below the range are elastic.
+    # Omit demands of zero, which have no logarithm, and demands below the range, which are elastic.
+    # A collapse exceeds every demand, so it is kept even if the heaviest state is below the range.
     low, high = request.edp_range
-    is_kept = is_used & (runs.demand >= low) & (runs.demand > 0.0)
+    all_demands = np.where(runs.fallen, np.maximum(runs.demand, low), runs.demand)
+    is_kept = is_used & (all_demands >= low) & (all_demands > 0.0)
     im, fallen = runs.im[is_kept], runs.fallen[is_kept]
-    demand = np.minimum(runs.demand, high)[is_kept]
+    demand = np.minimum(all_demands, high)[is_kept]
     lightest, heaviest = 0.0, math.inf
     if not request.thresholds:
         lightest, heaviest = runs.states.medians[0], runs.states.medians[-1]

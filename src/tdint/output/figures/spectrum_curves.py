@@ -774,7 +774,9 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         upper = figure.axes[0]
         upper.set_yscale("log")
         upper.autoscale(axis="y")
-        upper.axhline(1.0, color=LIGHT, linewidth=0.8)
+        # The ductility panels of all columns share this axis; each needs its own line.
+        for axes in upper.get_shared_y_axes().get_siblings(upper):
+            axes.axhline(1.0, color=LIGHT, linewidth=0.8)
         plain_numbers(upper.yaxis)
     description = f"bilinear, hardening {spectra[0].hardening:g}"
     if not has_several_values:
@@ -872,7 +874,7 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None
     """Add an axis of building heights on top of a panel over the period.
 
     The building height is a power of the period, which follows from the heights of the shortest and
-    the longest period.
+    the longest period. Without at least two different periods and heights, no axis is added.
 
     Parameters
     ----------
@@ -884,10 +886,10 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None
         Unit of the heights.
     """
     first, last = spectrum.periods.argmin(), spectrum.periods.argmax()
-    if spectrum.periods[first] == spectrum.periods[last]:
-        return
     periods = spectrum.periods[[first, last]].tolist()
     heights = units.of(spectrum.heights[[first, last]], "m").tolist()
+    if periods[0] == periods[1] or heights[0] == heights[1]:
+        return
     power = math.log(heights[1] / heights[0]) / math.log(periods[1] / periods[0])
     scale = axes.secondary_xaxis(
         "top",
