@@ -539,7 +539,8 @@ def test_a_run_removes_only_files_of_an_earlier_run(study: Path, tdint: Command)
     assert set(remaining) == {"stories.csv", "summary.json", *edited}
     assert {name: remaining[name] for name in edited} == edited
     (study / "out" / "summary.json").write_bytes(b"[")  # invalid summary without a list of files
-    tdint(*call, code=0)
+    messages = tdint(*call, code=0).stderr
+    assert states(messages, "history.csv, response.png ... not removed, ... does not list")
     assert {name: files_in(study / "out")[name] for name in edited} == edited
 
 

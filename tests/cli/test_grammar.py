@@ -557,3 +557,10 @@ def test_replaced_options_are_refused_with_their_replacement(name, tdint):
 )
 def test_the_replacement_of_a_former_option_is_a_valid_style(replacement, example):
     assert parse_style(shlex.split(example)[0]) != ON_SCREEN
+
+
+def test_compare_reads_standard_input_only_once(tdint):
+    options = ("--fit", "damping", "--blind", "-")
+    for model, recorded in (("-", "a.yaml"), ("a.yaml", "-")):
+        message = "--recorded and --blind"
+        tdint.refused(message, "compare", model, "--recorded", recorded, *options, stdin=b"")

@@ -132,6 +132,7 @@ def test_a_model_on_standard_output_has_no_ground_motion(folder: Path, tdint: Co
             "define the period",
         ),
         (("init", "--period", 0), 2, "--period"),
+        (("init", "--weights", f"{'9' * 5000}x3900"), 2, "invalid weight"),
         (("init", "forced.yaml"), 6, "forced.yaml: the file exists"),
         (("check",), 2, "no model file is specified"),
         (

@@ -261,6 +261,20 @@ def test_single_components_are_reported_once_with_remedy(files, names):
     assert combine_single_components(failures[:1]) == failures[:1]
 
 
+@pytest.mark.parametrize(
+    ("files", "names"),
+    [
+        # Files in several directories have the same names.
+        (("a/r_000.csv", "a/r_090.csv", "b/r_000.csv", "b/r_090.csv"), "{}000.csv,{}090.csv"),
+        (("a1.txt", "a10.txt", "b1.txt", "b10.txt"), "{}1.txt,{}10.txt"),
+    ],
+)
+def test_proposed_patterns_are_different_and_keep_numbers(files, names):
+    failures = [SingleHorizontal(file, "") for file in files]
+    assert f"--pairs '{names}'" in str(combine_single_components(failures)[0])
+    assert PairNames.parse(names).motion(files[0]) == PairNames.parse(names).motion(files[1])
+
+
 def test_different_file_names_give_no_pattern():
     failures = [SingleHorizontal(file, "") for file in ("kobe.txt", "northridge.txt")]
     assert "--pairs" not in str(combine_single_components(failures)[0])

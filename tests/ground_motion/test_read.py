@@ -11,6 +11,7 @@ import pytest
 
 from ground_motion.files import START, counts, need_obspy_data, refused, trace, wave, write
 from tdint.errors import RecordError
+from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.reading import contents
 from tdint.ground_motion.reading.contents import OBSPY_FORMATS, plugins
 from tdint.ground_motion.reading.read import read_record, read_records
@@ -126,6 +127,8 @@ print([name for name in sys.modules if name.startswith("tdint.ground_motion.form
         (tmp_path / "c").write_bytes(b"".join(part.read_bytes() for part in parts))
         (record,) = read_records(tmp_path / "c")
         assert record.component == "HNE"
+        layout = TextLayout(step=record.dt)  # the log has another sampling interval
+        assert read_records(tmp_path / "c", layout=layout)[0].dt == record.dt
 
 
 class TestKnet:

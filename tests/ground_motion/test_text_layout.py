@@ -185,6 +185,15 @@ class TestColumn:
         )
         assert (record.component, record.dt, record.pga) == ("p8", 0.02, pytest.approx(0.02))
 
+    @pytest.mark.parametrize("last", ["dt = 0.02", "units = gal"])
+    def test_declaration_after_names_is_not_a_line_of_names(self, file, last):
+        """A declaration has as many words as the table has columns."""
+        columns = (times(), *COLUMNS[:2])
+        record, _ = read(file, table(["# a table", last], *columns), "gal", skip_lines=1)
+        assert (record.component, record.dt) == ("2", 0.02)
+        content = table(["not a declaration", last], *columns)
+        fails("line 1: 'not a declaration' is neither", file, content, "gal", column="2")
+
 
 class TestSkippedLines:
     def test_skipped_lines_are_not_interpreted(self, file):

@@ -200,6 +200,26 @@ def test_rows_of_inventory(tmp_path):
     assert feet[0].facts.height == pytest.approx(12.0 * 0.3048, rel=1e-14)
 
 
+def test_digest_depends_on_names_and_borders_of_columns(tmp_path):
+    """Equal cells in another column, or divided at another place, are another inventory."""
+    digests = set()
+    for optional, cells in (
+        ("height,DampingRatio", ("12,0.3", "12,0.3")),
+        ("DampingRatio,height", ("0.3,12", "0.3,12")),
+        ("height,note", ("0.3,12", "0.3,12")),
+        ("DampingRatio,note", ("0.3,12", "0.3,12")),
+        ("note,remark", ("a,b", "b,c")),
+        ("note,remark", ("a,bb", "b,c")),
+    ):
+        lines = [f"{name},3,1990,C1,600,{text}" for name, text in zip("ab", cells, strict=True)]
+        rows, _ = inventory(tmp_path, *lines, header=f"{HEADER},{optional}")
+        digests.add((optional, rows.digest(carried=False), rows.digest(carried=True)))
+    defining = {optional: digest for optional, digest, _ in digests}
+    assert defining["height,DampingRatio"] == defining["DampingRatio,height"]
+    assert defining["height,note"] != defining["DampingRatio,note"]
+    assert len({digest for *_, digest in digests}) == 6
+
+
 CELLS = {
     "id": st.sampled_from(["a", "b", "c", "d", " e ", ""]),
     "NumberOfStories": st.sampled_from(["1", "3", "2.5", "51", "3.0", "", "x"]),

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from building_cases import FIVE_PERCENT, model, story
+from facts import states
 from tdint.arrays import cached_property
 from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, RayleighRatio
 from tdint.model.modes import FreeVibration
+from tdint.model.plausibility import negative_damping
 
 
 @pytest.mark.parametrize("stories", [101, 3000])
@@ -28,6 +30,20 @@ def test_single_frequencies_of_uniform_building(stories):
             * math.sin((2 * mode - 1) * math.pi / (2 * (2 * stories + 1)))
         )
         assert vibration.frequency(mode) == pytest.approx(exact, rel=1e-12)
+
+
+def test_negative_damping_ratio_is_returned():
+    """Ratios of two modes that differ much give Rayleigh damping with a negative coefficient."""
+    stories = [story(2e5, 3e8)] * 4
+    building = assemble(model(stories, damping=RayleighRatio((0.05, 0.001), (1, 2))))
+    modes, damping = building.modes(), building.damping_matrix()
+    a0 = 2.0 * np.linalg.solve([[1.0 / w, w] for w in modes.omega[:2]], [0.05, 0.001])
+    ratios = 0.5 * (a0[0] / modes.omega + a0[1] * modes.omega)
+    assert ratios.min() < -0.001
+    np.testing.assert_allclose(modes.own_damping(damping), ratios, rtol=1e-9)
+    assert modes.damping_ratios(damping) is None
+    assert states(*negative_damping(building), "mode 3, 4")
+    assert negative_damping(assemble(model(stories, damping=FIVE_PERCENT))) == []
 
 
 def test_rayleigh_damping_solves_only_for_its_modes(monkeypatch):

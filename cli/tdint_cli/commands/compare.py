@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import check_outputs, write_files
+from tdint.files import STDIN, check_outputs, write_files
 from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint.output import figures
 from tdint_cli import options
@@ -155,12 +155,13 @@ class Request:
 def command(request: Request) -> None:
     """Compare the computed response of a building with its recorded response.
 
-    MODEL.yaml is a model file; its ground motion is the mean of the recordings at the base instead
-    of the record of the model. Several sensors of a floor are averaged. The offset of each
-    recording is removed (of an acceleration its median, of a displacement its value before the
-    shaking). The same zero-phase filters limit recorded and computed response to the band. CSV, one
-    row per floor: correlation, computed maximum divided by recorded maximum, rms difference divided
-    by the rms of the recording. -o also writes spectra of the absolute floor accelerations.
+    MODEL.yaml is a model file. Its record is replaced by the mean of the recordings at the base.
+    Several sensors of a floor are averaged. --fit fits the model to --recorded only; --blind adds
+    recordings that are not used in the fit. The offset of each recording is removed (of an
+    acceleration its median, of a displacement its value before the shaking). The same zero-phase
+    filters limit recorded and computed response to the band. CSV, one row per floor: correlation,
+    computed maximum divided by recorded maximum, rms difference divided by the rms of the
+    recording. -o also writes spectra of the absolute floor accelerations.
     """
     from tdint.analysis.compare import Event, compare, unmet
     from tdint.analysis.fit import fit
@@ -169,17 +170,23 @@ def command(request: Request) -> None:
     from tdint.output.tables.buildings import comparison_table
 
     # Check the options and the output files before any computation.
-    if request.model == "-" and request.recorded == "-":
-        raise UsageError("standard input is used for the model; specify the recordings as a file")
+    files = [request.recorded, *(request.blind or ())]
+    if [request.model, *files].count(STDIN) > 1:
+        raise UsageError(
+            f"standard input ({STDIN}) can be only one of MODEL.yaml, --recorded and --blind; "
+            "specify the others as files"
+        )
     if request.picture:
         check_picture(request.picture)
     check_outputs(request.outputs, overwrite=request.overwrite)
     model = load_model(request.model)
     units = request.output_units or model.output_units
     model = replace(model, output_units=units)
-    files = [request.recorded, *(request.blind or ())]
     recordings = [load_recording(file, len(model.stories)) for file in files]
     events = [Event.of(recording) for recording in recordings]
+    # The fit uses only the first event, that of --recorded. It selects its own method and time
+    # step, so that the discretization error does not affect the fitted values; --method and --dt
+    # apply to the comparison.
     fitted = fit(model, events[0], request.fit) if request.fit else None
     used_model = fitted.model if fitted else model
     comparisons = [

@@ -524,11 +524,12 @@ def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
             f"{imprecise} of {len(capacities)} capacities are known less precisely than "
             f"{100.0 * precision:g} % (--precision)"
         )
+    # The energy error of a stable run is finite: a run with a nan has the status "diverged".
     unbalanced = sum(abs(run.energy_error) > _MAX_ENERGY_ERROR for run in runs if run.stable)
     if unbalanced:
         warnings.append(
-            f"the energy balance error of {unbalanced} of {len(runs)} runs exceeds 1 %; use a "
-            "smaller time step (--dt)"
+            f"the energy balance error of {unbalanced} of {len(runs)} runs exceeds "
+            f"{100.0 * _MAX_ENERGY_ERROR:g} %; use a smaller time step (--dt)"
         )
     return warnings
 

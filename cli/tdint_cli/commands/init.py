@@ -47,10 +47,12 @@ def _weights(text: str) -> tuple[float, ...]:
     weights: list[float] = []
     for word in text.split(","):
         count, x, number = word.strip().rpartition("x")
-        # A weight without a count is the weight of one floor. Zero marks an invalid count.
+        # A weight without a count is the weight of one floor. Zero marks an invalid count. A float
+        # is compared, because Python limits the number of digits of an integer.
         floors = 1
         if x:
-            floors = int(count) if count.isascii() and count.isdecimal() else 0
+            is_count = count.isascii() and count.isdecimal() and float(count) <= _MAX_STORIES
+            floors = int(float(count)) if is_count else 0
         try:
             weight = float(number)
         except ValueError:

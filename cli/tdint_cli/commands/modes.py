@@ -72,9 +72,11 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     building = assemble(loaded)
     modes = building.modes()
     matrix = building.damping_matrix()
-    table = tables.buildings.mode_table(modes, modes.own_damping(matrix), shapes)
+    ratios = modes.own_damping(matrix)
+    table = tables.buildings.mode_table(modes, ratios, shapes)
     notes = []
-    if modes.damping_ratios(matrix) is None:
+    # `damping_ratios` also returns None for a negative ratio, which `warn_of` has reported.
+    if modes.damping_ratios(matrix) is None and ratios.min() >= 0.0:
         notes.append("damping couples the modes; each damping ratio is for the uncoupled mode")
     if building.isolators:
         notes.append(
@@ -96,7 +98,7 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
         sentences = [f"{text[0].upper()}{text[1:]}." for text in (*notes, *record_notes)]
         page_text = PageText(sentences=sentences, head=loaded.page_head, inputs=files_read())
         # The shapes are in the figure: omit their columns.
-        page_table = tables.buildings.mode_table(modes, modes.own_damping(matrix))
+        page_table = tables.buildings.mode_table(modes, ratios)
         return mode_page(loaded, page_table, draw, page_text, page_units, record)
 
     outputs.deliver(table, draw, page=page)

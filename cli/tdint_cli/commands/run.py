@@ -646,16 +646,24 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
         stale=earlier_files,
         last=(folder / SUMMARY, summary_bytes),
     )
-    # `write_files` removes files of an earlier run only if they are unchanged: report changed runs.
+    # `write_files` removes a file of an earlier run only if its content is unchanged. Report the
+    # other files with a name of a result that do not belong to this run.
     remaining = [
-        file.name
+        file
         for file in possible_files
         if file not in files and file.name != SUMMARY and is_there(file)
     ]
-    if remaining:
+    changed = [file.name for file in remaining if file in earlier_files]
+    foreign = [file.name for file in remaining if file not in earlier_files]
+    if changed:
         note(
-            f"{folder}: {', '.join(remaining)} is not removed, because it was changed after an "
+            f"{folder}: {', '.join(changed)} is not removed, because it was changed after an "
             "earlier run wrote it"
+        )
+    if foreign:
+        note(
+            f"{folder}: {', '.join(foreign)} is not part of the results, and is not removed, "
+            "because the summary of the earlier run does not list it"
         )
 
 

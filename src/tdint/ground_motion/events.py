@@ -110,8 +110,9 @@ def parse_event(text: str) -> Earthquake:
 def event_of(record: Record) -> Earthquake:
     """Return the earthquake of a record from its header.
 
-    If the header of the file does not state a time of day, the time of the first sample is used
-    instead.
+    If the header states no time of day, the time of the first sample is used as the time of the
+    earthquake. It is not used if it contradicts the date of the header by more than a day, because
+    the clock of the recorder is then wrong.
 
     Parameters
     ----------
@@ -124,11 +125,14 @@ def event_of(record: Record) -> Earthquake:
         Earthquake with the known name and time; its attributes are empty if both are unknown.
     """
     event = parse_event(record.event)
+    # Times in ISO 8601 are in the order of their texts. An empty text is an unknown start.
     if event.has_clock or record.start <= _UNKNOWN_UNTIL:
         return event
     start = datetime.fromisoformat(record.start)
     if start.tzinfo is not None:
         start = start.astimezone(UTC).replace(tzinfo=None)
+    if event.time is not None and abs(start.date() - event.time.date()) > SAME_DATE:
+        return event
     return Earthquake(event.name, start, has_clock=True, is_start=True)
 
 

@@ -659,25 +659,29 @@ def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
     Returns
     -------
     list of tuple of two str
-        Patterns in the form of `PairNames`. Each pair matches two files whose names differ in a few
-        characters. A pair is repeated for each two files that it matches.
+        Patterns in the form of `PairNames`, where `{}` is the common part of both names. Each pair
+        matches two different names whose other parts have a few characters. A pair of patterns is
+        repeated for each pair of names that it matches.
     """
     # Names with a common start are neighbors in alphabetical order. Names with a common end are
-    # neighbors in the order of the reversed names.
-    by_start = sorted(Path(file).name for file in files)
+    # neighbors in the order of the reversed names. Equal names in different directories count once.
+    by_start = sorted({Path(file).name for file in files})
     by_end = sorted(by_start, key=lambda name: name[::-1])
     patterns: list[tuple[str, str]] = []
     for first, other in map(sorted, [*pairwise(by_start), *pairwise(by_end)]):
-        # `start` and `end` are the lengths of the common start and of the common end of the names,
-        # which must not overlap.
+        # `start` is the number of equal characters at the start of both names, and `end` at their
+        # end. The two parts must not overlap.
         start = _common_start(first, other)
         end = min(_common_start(first[::-1], other[::-1]), len(first) - start, len(other) - start)
-        # A number is not divided: 000 and 090 are different components, not {}00 and {}90.
-        while start and all(text[start - 1 : start + 1].isdigit() for text in (first, other)):
+        # The common start must not end inside a number of either name: a000 and a090 give {}000 and
+        # {}090, not {}00 and {}90; a1 and a10 give {}1 and {}10.
+        while start and any(_is_in_number(text, start) for text in (first, other)):
             start -= 1
         if max(len(first), len(other)) - start - end > _MAX_DIFFERENCE:
             continue
         suffix = Path(first).suffix
+        # A common start becomes {}: a_N.csv and a_E.csv give {}N.csv and {}E.csv. Otherwise, the
+        # common end without the suffix becomes {}: N_a.csv and E_a.csv give N{}.csv and E{}.csv.
         if start:
             patterns.append((_PLACEHOLDER + first[start:], _PLACEHOLDER + other[start:]))
         elif end > len(suffix):
@@ -688,6 +692,11 @@ def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
                 )
             )
     return patterns
+
+
+def _is_in_number(text: str, index: int) -> bool:
+    """Return True if the characters of a text before and at an index are both digits."""
+    return text[index - 1 : index].isdigit() and text[index : index + 1].isdigit()
 
 
 def _common_start(text: str, other: str) -> int:

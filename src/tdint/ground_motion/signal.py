@@ -23,6 +23,10 @@ _INTERVAL_TOLERANCE = 1e-9
 """Relative difference up to which two sampling intervals are considered equal; it exceeds rounding
 errors."""
 
+_OUTSIDE = 1e-6
+"""Sampling intervals; larger distances from the first or last sample are not rounding errors of
+times."""
+
 
 @dataclass(frozen=True)
 class Signal:
@@ -195,21 +199,30 @@ def at_times(samples: Array, dt: float, first: float, interval: float, count: in
     Returns
     -------
     ndarray, shape (count,)
-        Values of the motion; nan before the first and after the last sample.
+        Values of the motion; nan before the first and after the last sample, except for rounding.
     """
     if not math.isclose(dt, interval, rel_tol=_INTERVAL_TOLERANCE):
         from tdint.ground_motion.processing_steps import resampled
 
         samples, _ = resampled(samples, dt, interval)
-    # The time of the first sample is an integer number of intervals and a fraction.
+    # The time of the first sample is a whole number of intervals (`offset`) and a fraction from
+    # -0.5 to 0.5.
     offset = math.floor(first / interval + 0.5)
     fraction = first / interval - offset
+    # The two intervals may differ by the tolerance. Over `count` intervals the difference of the
+    # times adds up to `count` tolerances, so that a smaller fraction has no meaning.
     if abs(fraction) > _INTERVAL_TOLERANCE * max(1, count):
         # The samples are shifted by the fraction through a change of phase of their Fourier
-        # transform. The added zeros prevent that the end of the motion appears at its start.
+        # transform. Zeros are added, because the transform is periodic: without zeros, the end of
+        # the motion would appear at its start.
         size = 2 * samples.size
         phase = np.exp(-2j * math.pi * fraction * np.fft.rfftfreq(size))
         samples = np.fft.irfft(np.fft.rfft(samples, size) * phase, size)[: samples.size]
+        # Shifted value k is at the requested time offset + k. With a positive fraction, the first
+        # of these times is before the first sample. With a negative fraction, the last of them is
+        # after the last sample.
+        if abs(fraction) > _OUTSIDE:
+            samples[0 if fraction > 0.0 else -1] = np.nan
     result = np.full(count, np.nan)
     begin, end = max(0, offset), min(count, offset + samples.size)
     if begin < end:

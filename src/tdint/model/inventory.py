@@ -415,11 +415,13 @@ class InventoryRows(LazySequence[InventoryRow]):
         """
         position, variation = divmod(number, len(self.changes))
         row_index = int(self.indices[position])
+        # The row is valid, so that the list that receives its errors remains empty.
         row = _Row(self.table, row_index, []).building()
         assert row is not None
         changes, label = self.changes[variation]
         cells = [self.table.columns[column][row_index] for column in self.table.carried]
         if self.near is not None:
+            # Names of all sites; for each row, the index of its nearest site and the distance, m.
             names, sites, distances = self.near
             distance_km = 1e-3 * distances[position]
             cells = [names[sites[position]], f"{distance_km:.6g}", *cells]
@@ -520,8 +522,9 @@ class InventoryRows(LazySequence[InventoryRow]):
         Parameters
         ----------
         carried : bool
-            True for the columns that are copied to results (`_Table.carried`); False for everything
-            that defines the response of the buildings.
+            True for the columns that are copied to results (`_Table.carried`) and the nearest sites
+            (`near`); False for everything that defines the response of the buildings. Coordinates
+            are not included there, because they only assign sites to buildings.
         """
         table = self.table
         defining_values = (
@@ -535,12 +538,15 @@ class InventoryRows(LazySequence[InventoryRow]):
             if carried
             else [index for name, index in table.column_indices.items() if name not in _COORDINATES]
         )
-        # A column is added in parts, so that its text is never in memory as a whole.
+        # The name before each column separates it from the column before. A column is added in
+        # parts, so that its text is never in memory as a whole.
         for column in columns:
+            digest.update(repr(table.table.header[column]).encode())
             for part_number, texts in enumerate(self.texts(column).parts()):
                 separator = "\n" if part_number > 0 else ""
                 digest.update((separator + "\n".join(texts)).encode())
         if carried and self.near is not None:
+            # Names of all sites; for each row, the index and the distance of the nearest site.
             names, sites, distances = self.near
             digest.update(repr(names).encode() + sites.tobytes() + distances.tobytes())
         return digest.hexdigest()

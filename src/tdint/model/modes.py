@@ -79,16 +79,20 @@ class Modes(Tabular):
     def own_damping(self, damping: Array) -> Array:
         """Return the damping ratio of each mode, shape (n,), and neglect the coupling of modes.
 
-        The ratios follow from the diagonal of the modal damping matrix.
+        The ratio of a mode is its term on the diagonal of the modal damping matrix, divided by
+        twice its circular frequency. It can be negative, for example in modes above two modes with
+        specified ratios of Rayleigh damping.
 
         Parameters
         ----------
         damping : ndarray, shape (n, n)
             Damping matrix, N s/m.
         """
-        return np.asarray(
-            np.maximum(np.diagonal(self.modal_damping(damping)), 0.0) / (2.0 * self.omega)
-        )
+        diagonal = np.diagonal(self.modal_damping(damping))
+        # A small negative term is a rounding error of an undamped mode.
+        is_rounding = diagonal >= -CLASSICAL * np.max(np.abs(diagonal))
+        diagonal = np.where(is_rounding, np.maximum(diagonal, 0.0), diagonal)
+        return np.asarray(diagonal / (2.0 * self.omega))
 
     def normalized(self, norm: str) -> Array:
         """Return the normalized shapes as columns, shape (n, n).
@@ -97,15 +101,19 @@ class Modes(Tabular):
         ----------
         norm : str
             `roof`: the roof displacement is 1; nan for modes with zero roof displacement.
-            `participation`: the participation factor is 1.
+            `participation`: the participation factor is 1; zeros for modes with a participation
+            factor of 0.
         """
+        # The stored shapes phi have phi^T M phi = 1, so that their participation factors are
+        # phi^T M 1. A shape multiplied by its factor has the participation factor 1.
         if norm == "participation":
             return np.asarray(self.shapes * (self.mass @ self.shapes))
         roof = self.shapes[-1]
         return np.asarray(self.shapes / np.where(roof == 0.0, np.nan, roof))
 
     def damping_ratios(self, damping: Array) -> Array | None:
-        """Return the damping ratio of each mode, shape (n,); None if the damping couples modes.
+        """Return the damping ratio of each mode, shape (n,); None if the damping couples modes or a
+        ratio is negative.
 
         The damping couples modes if the modal damping matrix has off-diagonal terms.
 
@@ -115,6 +123,8 @@ class Modes(Tabular):
             Damping matrix, N s/m.
         """
         modal_damping = self.modal_damping(damping)
+        # A negative term remains in `coupling`, so that the result is None unless it is a rounding
+        # error.
         diagonal = np.maximum(np.diagonal(modal_damping), 0.0)
         coupling = np.abs(modal_damping - np.diag(diagonal))
         # Off-diagonal terms up to these values are rounding errors.

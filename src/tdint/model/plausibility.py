@@ -13,6 +13,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import peak_warnings
+from tdint.kernels import layout as rows
 from tdint.model.building import Building, stiffness_after_yield, unstable_after_yield
 from tdint.model.definition import Model
 from tdint.number_parsing import abbreviate
@@ -141,13 +142,41 @@ UNDAMPED = (
 )
 
 
+def negative_damping(building: Building) -> list[str]:
+    """Return a warning about modes with a negative damping ratio; empty if there are no such modes.
+
+    Rayleigh damping with two specified ratios that differ much has a negative coefficient of the
+    mass or of the stiffness. Other modes can then have negative ratios.
+
+    Parameters
+    ----------
+    building : Building
+        The building.
+    """
+    dampers = building.linear_terms[[rows.STORY_DAMPER, rows.FLOOR_DAMPER]]
+    # Without negative dampers no ratio is negative, and the modes are not computed.
+    if not (dampers < 0.0).any():
+        return []
+    ratios = building.modes().own_damping(building.damping_matrix())
+    modes = (np.flatnonzero(ratios < 0.0) + 1).tolist()
+    if not modes:
+        return []
+    text = abbreviate(list(map(str, modes)), _MAX_LISTED)
+    return [
+        f"negative damping ratio of mode {text} (minimum {ratios.min():.3g}): the vibration of "
+        "these modes grows; choose damping ratios of the two modes of `damping` that differ less, "
+        "or other modes"
+    ]
+
+
 def plausibility_warnings(
     model: Model, building: Building, pga: float = math.nan, *, has_motion: bool = False
 ) -> tuple[str, ...]:
     """Return all warnings about a building and about the peak ground acceleration.
 
     The warnings report unusual values, stories with a P-delta effect above the stiffness after
-    yield, isolators without restoring stiffness, and an undamped model under a ground motion.
+    yield, isolators without restoring stiffness, modes with negative damping, and an undamped model
+    under a ground motion.
 
     Parameters
     ----------
@@ -164,6 +193,8 @@ def plausibility_warnings(
     warnings = unusual_values(model, building, pga)
     if has_motion and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
         warnings.append(UNDAMPED)
+    if not model.plausibility_off:
+        warnings += negative_damping(building)
     # `building.isolators` contains indices from 0; stories are numbered from 1.
     isolators_without_stiffness = [
         index + 1

@@ -397,16 +397,21 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
         declaration nor a line of column names.
     """
     header = read_header(lines, width)
-    # Unknown lines are neither blank, comments, declarations nor recognized names of columns. Only
-    # the last unknown line can name the columns in arbitrary text.
     filled = [index for index, line in enumerate(lines) if line.strip()]
+    # `declared_in` returns None for an unknown line: it is not blank, not a comment, not a
+    # declaration, and does not contain recognized column names.
     unknown = [index for index in filled if declared_in(lines[index]) is None]
-    # The last line names the columns if no other line does.
-    last_line = lines[filled[-1]] if filled and not header.names else ""
+    # If the column names have not been recognized, the last filled line may contain them, unless it
+    # is a declaration such as `dt = 0.01`.
+    is_candidate = bool(filled) and not header.names and not declared_in(lines[filled[-1]])
+    last_line = lines[filled[-1]] if is_candidate else ""
     comment = COMMENT.fullmatch(last_line)
     names = any_names(comment[1] if comment else last_line, width) if last_line else ()
+    # A comment with as many words as columns is usually a sentence. It contains the column names
+    # only if the first name is a time.
     if comment and names and names[0].quantity != TIME:
-        names = ()  # The comment is a sentence with the same number of words as columns.
+        names = ()
+    # A last line that is not a comment was the last unknown line. It now names the columns.
     if not comment and names:
         unknown = unknown[:-1]
     if unknown:

@@ -161,7 +161,7 @@ def archive_files(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
         The archive is corrupt or encrypted, contains more than 2000 files, or its total
         uncompressed size exceeds 256 MiB.
     """
-    return _archive_files(data, source, [MAX_FILE_BYTES], 1)
+    return _archive_files(data, source, budget=[MAX_FILE_BYTES], depth=1)
 
 
 def _archive_files(
@@ -435,7 +435,10 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         # Small differences between the header and the samples are reported as warnings.
         with caught_messages() as differences:
             compared = compare_with_statements(plugin.name, stated_values, traces)
-        for trace in traces:
+        # Text channels, for example the log of a recorder, contain no ground motion, and their
+        # sampling interval has no meaning.
+        numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
+        for trace in numeric:
             layout.check_step(float(trace.stats.delta))
     except Damaged as error:
         raise RecordError(
@@ -447,8 +450,6 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         raise RecordError(
             f"{source}: the file is truncated within its header ({plugin.name})"
         ) from error
-    # Text channels, for example the log of a recorder, contain no ground motion.
-    numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
         raise RecordError(
             f"{source}: the file ({plugin.name}) contains no samples of ground motion"

@@ -31,7 +31,8 @@ from tdint.model.limits import ACCELERATION, DRIFT_RATIO, ISOLATOR, RESIDUAL, Li
 from tdint.units import parse_with_unit
 
 OTHERS = "others"
-_STORY_NUMBERS = re.compile(r"([1-9]\d*)(?:-([1-9]\d*))?")
+# Longer numbers are not matched, because Python limits the number of digits of an integer.
+_STORY_NUMBERS = re.compile(r"([1-9]\d{0,17})(?:-([1-9]\d{0,17}))?")
 _STORY_KEYS = r"^([1-9][0-9]*(-[1-9][0-9]*)?|[a-z][a-z0-9-]*)$"
 _STORY_MAPPING = f"a mapping such as {{1: ..., 2-5: ..., bilinear: ..., {OTHERS}: ...}}"
 
