@@ -305,19 +305,20 @@ def _type_name(argument: Any) -> str:
 
 @contextmanager
 def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> Iterator[None]:
-    """Add the number of the first sample with an invalid value to the UsageError of a check.
+    """Return a context for the check of a value. A UsageError of the check gets a sample number.
 
-    A check in this context concerns one value of a parameter, which several random samples can
-    share.
+    A parameter has a value in each random sample. Several samples can share the checked value. The
+    number of the first such sample is added to the message.
 
     Parameters
     ----------
     numbers : list of float
-        Values of a parameter.
+        Values of the parameter.
     value : float
-        Value to be checked in the context.
+        Item of `numbers` that the body of the context checks. The items are checked in order, so
+        that no item before it is an invalid nan.
     samples : sequence of int
-        Number of the sample of each value.
+        Numbers of the samples, from 0; `samples[i]` has the value `numbers[i]`.
 
     Raises
     ------
@@ -327,7 +328,8 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
     try:
         yield
     except UsageError as error:
-        # nan is not equal to itself, so the second condition finds the sample of an invalid nan.
+        # nan is not equal to itself, so the second condition finds an invalid nan. Every nan is
+        # invalid, and the first nan in `numbers` fails before any later value is checked.
         position = next(
             i
             for i, checked_value in enumerate(numbers)

@@ -785,7 +785,7 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
     """Return the shift of the recordings (s) that maximizes the sum of the floors' correlations.
 
     The shift is first determined as a whole number of samples by cross-correlation, up to 10 s in
-    both directions. It is then refined by up to one sample in both directions. A positive shift
+    both directions. It is then refined to fractions of a sample. A positive shift
     moves the recordings to later times. The shift is 0 if no floor has both a computed and a
     recorded motion, so that no correlation is defined.
 

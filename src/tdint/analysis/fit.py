@@ -234,8 +234,9 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
     spectral_fits.sort(key=lambda candidate: float(candidate[0]))
     best = None
     for _, start in spectral_fits[:_CONTINUED_FITS]:
-        # Each fit has its own time shift, if the shift is automatic, and the smallest difference
-        # with its shift decides. The result is not used with a shift.
+        # An automatic time shift is determined again for each fit. The differences of both fits are
+        # then comparable, because each is the smallest with its shift. Only the fitted values are
+        # used later, and not the shift.
         problem.determine_shift(start)
         # At d standard errors from the minimum, a sum of n squares exceeds its minimum by the
         # fraction d^2 / n.
@@ -286,7 +287,7 @@ class _Problem:
     model : Model
         Model of the building, with the values that are not fitted.
     progress : callable
-        Function that is called before each run with the number of this run, from 1.
+        Function that receives the number of runs at the start of each run, from 1.
 
     Attributes
     ----------
@@ -312,7 +313,7 @@ class _Problem:
         # The method `exact` is the fastest for linear buildings and has no discretization error.
         # None selects the default method.
         self._method = "exact" if compare.is_linear(model) else None
-        # Time by which the recordings are moved to later times, s. An automatic shift is 0 until
+        # Shift of the recordings to later times, s. An automatic shift is 0 until
         # `determine_shift` computes it.
         requested_shift = event.recording.shift
         self._shift = 0.0 if requested_shift == AUTO else float(requested_shift)
@@ -365,7 +366,8 @@ class _Problem:
         motions = computed or [np.zeros(self.event.count) for _ in self.event.floors]
         floors = compare.compared_floors(self.event, motions, self._shift)
         if computed is None:
-            # The number of differences is that of a run with a result: derivatives subtract both.
+            # Derivatives subtract these differences from differences of a run with a result. Both
+            # need the same number of samples.
             size = sum(floor.time.size for floor in floors)
             return np.full(size, _FAILED_DIFFERENCE / math.sqrt(size))
         scales = [

@@ -259,16 +259,24 @@ class _QuadraticProgram:
     def multipliers(self, required_change: Array, damping: Array) -> NDArray[np.float32]:
         """Solve the quadratic program, and return the multipliers of the unscaled rows.
 
-        The change of the motion is the sum of the rows times these multipliers.
+        The change of the motion is the sum of the rows times these multipliers. The multiplier of
+        an upper limit (`is_equality` False) is at most 0, so that it can only reduce an extreme.
 
         Parameters
         ----------
         required_change : ndarray, shape (rows,)
             Required change of the quantity of each row, such as an extreme relative to its target.
+            For an upper limit, the largest change that is allowed.
         damping : ndarray, shape (rows,)
-            Damping of each row.
+            Levenberg-Marquardt damping: number that is added to the diagonal elements of `gram`,
+            which are 1. A larger number leads to a smaller change.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Multipliers.
         """
-        scaled = program(self.gram, required_change * self.scales, self.is_equality, damping)
+        scaled = solve_program(self.gram, required_change * self.scales, self.is_equality, damping)
         return (self.scales * scaled).astype(np.float32)
 
 
@@ -494,12 +502,15 @@ class MatchingProblem:
         ground acceleration by a hat function: 1 at this sample, 0 at all other samples, and linear
         in between. The resulting change of the extreme is
 
-            j < n        the free vibration after n - j sampling intervals, c C - s S with
-                         c + i s = exp((n - j) dt w (-z + i sqrt(1 - z^2))), the circular
-                         frequency w and the damping ratio z
+            j < n        c C - s S: the hat has ended, and the oscillator is in free vibration
             j = n        H0, because the extreme is in the second half of the hat
             j = n + 1    H1, because the extreme is in the first half of the hat
             j > n + 1    0
+
+        The free vibration is the real part of (C + i S) (c + i s). The factor c + i s =
+        exp((n - j) dt w (-z + i sqrt(1 - z^2))) is the decay and the phase after n - j sampling
+        intervals dt, with the circular frequency w and the damping ratio z. The complex amplitude
+        C + i S does not depend on j; it is `vibration_after` in the body.
 
         `_row` computes these derivatives for all samples, with the band-pass filter, as the sum of
         four stored functions (filtered cosine and sine, and the impulse response of the filter at
@@ -595,17 +606,18 @@ class MatchingProblem:
     ) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
         """Return the equations that the next correction of the motion must satisfy.
 
-        There is an equation for each extremum of the responses that must equal the target, and for
-        each extremum that must not exceed the target.
+        The maximum of each oscillator must equal the target (an equality). Other large extremes
+        must not exceed the target (an upper limit); their number is limited, to save memory.
 
         Parameters
         ----------
-        found_extremes : ndarray
-            Extrema of the responses, with the rows OSCILLATOR, TIME and, from VALUE on, the value
-            of each component.
-        maxima : ndarray
-            For each oscillator, in row 1 the column of its maximum in `found_extremes`; negative
-            for an oscillator at rest.
+        found_extremes : ndarray, shape (VALUE + components, extremes)
+            Extremes of the responses, one column for each: the index of the oscillator (row
+            OSCILLATOR), the time in s (row TIME) and, from row VALUE on, the response to each
+            component of the motion, m/s^2. At least one extreme; `check_peaks` ensures this.
+        maxima : ndarray, shape (2, oscillators)
+            Maximum of each oscillator in m/s^2 (row 0, not used here), and its column in
+            `found_extremes` (row 1); negative if the maximum is not one of the extremes.
 
         Returns
         -------
@@ -617,6 +629,8 @@ class MatchingProblem:
             Unit vector of the extremum over the components.
         shortfall : ndarray, shape (equations,)
             1 minus the ratio of the extremum to the target; positive if it is below the target.
+            Its absolute value is limited to `_MAX_RELATIVE_CHANGE`, except for extremes below
+            their upper limit.
         is_equality : ndarray of bool, shape (equations,)
             True for equality with the target, False for an upper limit.
         """
@@ -625,13 +639,15 @@ class MatchingProblem:
         # The maximum at each period must equal the target; other extremes above
         # `_CONTROLLED_FRACTION` times the target must not exceed it.
         is_equality = np.zeros(oscillator.size, bool)
-        has_maximum = maxima[1] >= 0.0  # an oscillator at rest has no maximum
+        has_maximum = maxima[1] >= 0.0
         is_equality[maxima[1, has_maximum].astype(int)] = True
         relative_magnitude = np.where(is_equality, np.inf, magnitude / self.wanted[oscillator])
         sorted_magnitudes = np.sort(relative_magnitude)
-        # `cut` is the level of relative magnitude with `_MAX_EXTREMES` extremes per period above it
-        # and `cut_above` that with `_MAX_EXTREMES_ABOVE`. The first level is limited to the range
-        # from `_CONTROLLED_FRACTION` to 1 (the target), but must not be below the second level.
+        # Upper limits are applied to the extremes with a relative magnitude of at least `cut`. Only
+        # `_MAX_EXTREMES` extremes per period are above the first value of `cut`. It is increased to
+        # `_CONTROLLED_FRACTION`, because smaller extremes need no limit, and reduced to 1 (the
+        # target), because extremes above the target need one. If more than `_MAX_EXTREMES_ABOVE`
+        # extremes per period are above the target, only this number is used (`cut_above`).
         cut, cut_above = (
             sorted_magnitudes[-min(int(count * self.omega.size), relative_magnitude.size)]
             for count in (_MAX_EXTREMES, _MAX_EXTREMES_ABOVE)
@@ -640,7 +656,8 @@ class MatchingProblem:
         controlled = np.flatnonzero(is_equality | (relative_magnitude >= cut))
         oscillator, is_equality = oscillator[controlled], is_equality[controlled]
         shortfall = 1.0 - magnitude[controlled] / self.wanted[oscillator]
-        # Limit the required changes of a round. An extreme below its limit requires no change.
+        # Limit the required change of a round. The shortfall of an extreme below its upper limit is
+        # no required change, but the distance from the limit, and is not changed.
         shortfall = np.where(
             is_equality | (shortfall < 0.0),
             np.clip(shortfall, -_MAX_RELATIVE_CHANGE, _MAX_RELATIVE_CHANGE),
@@ -734,18 +751,25 @@ class MatchingProblem:
     def _state(
         self, samples: Array, row_sum: NDArray[np.float32], is_stepwise: bool
     ) -> _MotionState:
-        """Return a changed motion with its extremes and the measures of its misfit.
+        """Return a changed motion with its extremes and its differences from the target.
+
+        Two numbers describe the difference from the target (`merits`). The misfit is the maximum
+        of |response / target - 1| over the periods. The merit is the sum over the periods of a
+        power of |ln(response / target)|, and a round must reduce it.
 
         Parameters
         ----------
         samples : ndarray, shape (components, n)
             Changed samples, m/s^2.
         row_sum : ndarray, shape (components * n,)
-            Sum of the rows times multipliers that forms the change of the samples from the seed.
+            Change of the samples from the seed, before it is multiplied by the envelope and
+            filtered. It is a sum of rows of quadratic programs, each times its multiplier: of the
+            last round that computed the complete change, and of all later rounds.
         is_stepwise : bool
-            True if a round adds to the change of the previous rounds, False if it computes the
-            complete change again. The sum of the misfits has different exponents (`merits`).
+            True if rounds add to the change of the previous rounds, False if they compute the
+            complete change again. It selects the exponent of the merit: 4 if True, 2 if False.
         """
+        # Only extremes above this fraction of the target can have an equation in the next round.
         found_extremes, maxima = self.extremes(samples, _CONTROLLED_FRACTION * self.wanted)
         merit, misfit = self.merits(maxima, is_stepwise)
         return _MotionState(samples, row_sum, found_extremes, maxima, merit, misfit)
@@ -766,12 +790,16 @@ class MatchingProblem:
         oscillator, when, directions, shortfall, is_equality = self.equations(
             state.extremes, state.maxima
         )
+        # `self.rows` appends the rows of the final velocity and displacement of each component.
+        # Append their required changes, which cancel the changes of the previous rounds.
         rows = self.rows(oscillator, when, directions)
         end_derivatives = self._component_end_derivatives
         change = (state.samples - self.scaled_seed).ravel()
         shortfall = np.concatenate([shortfall, -end_derivatives @ change])
         is_equality = np.concatenate([is_equality, np.ones(len(end_derivatives), bool)])
-        # Scale the rows to unit length, so that the same damping is suitable for all rows.
+        # Scale the rows to unit length, so that the same Levenberg-Marquardt damping is suitable
+        # for all rows. This damping is a number that is added to the diagonal of `gram`.
+        # `shortfall` is not scaled here, because the methods of `_QuadraticProgram` scale it.
         gram = rows.products()
         scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         gram *= scales[:, None] * scales
@@ -910,7 +938,7 @@ def _exchange_equalities(
     # An exchange changes the solution, so the selection is repeated one time.
     for _ in range(2):
         remaining_shortfall = (
-            shortfall - gram @ program(gram, shortfall, is_equality, damping)
+            shortfall - gram @ solve_program(gram, shortfall, is_equality, damping)
         ) / scales
         has_changed = False
         for index in np.flatnonzero(
@@ -932,7 +960,7 @@ def _exchange_equalities(
             return
 
 
-def program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:
+def solve_program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:
     """Solve the quadratic program of a round.
 
     The multipliers l minimize l' (G + diag(damping)) l / 2 - shortfall' l, where G is `gram`.

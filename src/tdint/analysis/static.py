@@ -682,6 +682,13 @@ def _target(size: DriftSize, building: Building) -> float:
 class _Chain:
     """State of all stories along the path of a pushover; `push` advances it.
 
+    Parameters
+    ----------
+    building : Building
+        Building.
+    forces : ndarray, shape (n,)
+        Pattern of the lateral forces on the floors from the bottom, with the sum 1, dimensionless.
+
     Attributes
     ----------
     shear_fraction : ndarray, shape (n,)
@@ -705,6 +712,8 @@ class _Chain:
         self.drift = np.zeros(building.stories)
         self.base_shear = 0.0
         self.maximum_roof_displacement = 0.0
+        # The path starts at rest. `largest` is (base shear, drifts), to compare by the base shear.
+        # The states of the path are (drifts, base shear).
         self.largest = (0.0, self.drift)
         self._states = [(self.drift, 0.0)]
 

@@ -702,7 +702,8 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
     needed: list[tuple[Kernel, Variant]] = []
     for problem in hard:
         prepared = PreparedBuilding.of(problem.model)
-        # gauss4 computes the reference solution of the softening oscillator.
+        # Nonlinear problems also need gauss4: it computes the reference solution of the softening
+        # oscillator. The other nonlinear problems are compared with exact solutions.
         reference = [] if prepared.building.linear else [parse("gauss4")]
         for integrator in [*integrators, *reference]:
             if not integrator.family.linear_only or prepared.building.linear:
@@ -744,6 +745,13 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
         Time step, s.
     count : int
         Number of time steps.
+
+    Returns
+    -------
+    Trial
+        `outcome` is the status of a usual run, which refuses an unstable time step. If it is not
+        `DONE`, the problem is integrated again with unstable steps and gains of energy allowed. All
+        other results (`verdict`, time, steps, ratios, error) belong to the last integration.
     """
     # A method for linear buildings cannot integrate a nonlinear problem, and is not run.
     trial = Trial(problem.name, integrator.label, dt, REFUSED, REFUSED, problem.error_of)
@@ -758,8 +766,8 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
     if case.prepared.instability(integrator, dt) is None:
         ended = error_estimate.attempt(case, steps, history=True)
         outcome = ended.status if isinstance(ended, FailedRun) else DONE
-    # A method that is unstable or fails is run again without the stability check, to show how it
-    # fails.
+    # A method that is unstable or fails is run again with `allow_unstable`, to show how it fails.
+    # This run accepts an unstable time step, and energy that the method produces.
     if outcome != DONE:
         ended = error_estimate.attempt(replace(case, allow_unstable=True), steps, history=True)
     if isinstance(ended, FailedRun):
@@ -772,7 +780,8 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
     ratios = problem.energy(history) / problem.energy_scale
     min_ratio, max_ratio = float(np.min(ratios)), float(np.max(ratios))
     error = problem.error(history)
-    # The worse of the two energy ratios is farther from 1 on a logarithmic scale.
+    # Select the ratio that is farther from 1 on a logarithmic scale. This is the minimum if
+    # 1 / min > max. (The ratios are judged only for motions that start with the ratio 1.)
     worst_ratio = min_ratio if min_ratio * max_ratio < 1.0 else max_ratio
     measure = worst_ratio if problem.by_energy else error
     return replace(

@@ -512,8 +512,8 @@ def check_method(integrator: Integrator) -> MethodCheck:
         properties are nan, and the faults describe the failure.
     """
     yielding: dict[str, str] = {}
-    # The following lines validate the step. Mark it as validated, so that the compiled runs of this
-    # check do not validate it again. The mark is removed if the check finds a fault.
+    # The following lines validate the step. Mark it as validated, because the compiled runs below
+    # need no further validation. The mark is removed if the step or a declaration is wrong.
     step = integrator.family.step
     VALIDATED_STEPS.add(step)
     try:
@@ -524,9 +524,9 @@ def check_method(integrator: Integrator) -> MethodCheck:
         ]
     except AnalysisError as error:
         VALIDATED_STEPS.discard(step)
-        # Faults with yielding stories usually cause this error too, so they replace its message.
-        faults_found = tuple(yielding.values()) or (str(error),)
-        return MethodCheck(integrator, math.nan, math.nan, math.nan, faults_found)
+        # Wrong results with yielding stories usually explain this error and replace its message.
+        messages = tuple(yielding.values()) or (str(error),)
+        return MethodCheck(integrator, math.nan, math.nan, math.nan, messages)
     # The order of the method is the lowest order of all quantities and loads.
     orders = [
         result.order(quantity) for result in observed for quantity in ("displacement", "velocity")
@@ -547,8 +547,8 @@ def check_method(integrator: Integrator) -> MethodCheck:
     # A method with a stability limit has no measured radius (nan), and must declare nan. If only
     # one of the two radii is nan, their difference is nan and the comparison is False.
     declared = integrator.rho_inf
-    both_undefined = math.isnan(declared) and math.isnan(radius)
-    if not (both_undefined or abs(declared - radius) <= _RADIUS):
+    has_no_radius = math.isnan(declared) and math.isnan(radius)
+    if not (has_no_radius or abs(declared - radius) <= _RADIUS):
         measured = (
             "the method has a stability limit, so that no spectral radius can be measured"
             if math.isnan(radius)

@@ -169,15 +169,16 @@ class ExampleRun:
         return {"paper": self.paper, "finer": self.finer}[reference]
 
     def error(self, quantity: str, reference: str = "paper") -> float:
-        """Return the maximum error over all floors and time steps in SI units, relative to an
-        element of `REFERENCES`; nan for an incomplete run.
+        """Return the maximum absolute difference from a reference, in SI units.
+
+        All floors and time steps are compared. The result is nan for an incomplete run.
 
         Parameters
         ----------
         quantity : str
-            Attribute of `ExampleMotion`.
+            `displacement` (m), `velocity` (m/s) or `acceleration` (m/s^2).
         reference : str, default "paper"
-            `paper` or `finer`.
+            Reference, an element of `REFERENCES`: `paper` or `finer`.
         """
         return float(
             np.max(
@@ -214,7 +215,12 @@ _REMARKS = {
 
 @cache
 def examples() -> Mapping[int, Example]:
-    """Return the examples by number."""
+    """Return the examples of the paper on the impulse method (2022) by their number in the paper.
+
+    The polynomial law f = k1 d + k2 d^2 + k3 d^3 has the coefficients (k1, k2, k3) for the drift d.
+    A force on floor i is cosine cos(omega t) + sine sin(omega t): `Force(i, cosine, sine, omega)`.
+    Units are N, m, s and kg.
+    """
     oscillator = simple_model(
         "example 1",
         [simple_story(10.0, Law("polynomial", (200.0, 3.0)), dashpot=5.0)],
@@ -234,36 +240,45 @@ def examples() -> Mapping[int, Example]:
         for floor in (1, 150)
         for force in (Force(floor, 1e3, 0.0, 50.0), Force(floor, 0.0, 500.0, 30.0))
     ]
-    masses = [simple_story(50.0, Law("polynomial", (500.0, 0.2)), dashpot=10.0)] * 150
-    chain = simple_model("example 3", masses, forces=pushes)
+    stories = [simple_story(50.0, Law("polynomial", (500.0, 0.2)), dashpot=10.0)] * 150
+    chain = simple_model("example 3", stories, forces=pushes)
+    # The arguments of `ExampleFigure` are the number of the figure and the floor that it shows.
     return {
         1: Example(
             1,
-            "10 u'' + 5 u' + 200 u + 3 u^2 = 500 cos 25t - 200 sin 10t",
-            oscillator,
-            5.0,
-            0.001,
-            (ExampleFigure(7, 1), ExampleFigure(8, 1, is_error=True)),
-            _REMARKS[1],
+            about="10 u'' + 5 u' + 200 u + 3 u^2 = 500 cos 25t - 200 sin 10t",
+            model=oscillator,
+            duration=5.0,
+            exact_dt=0.001,
+            figures=(ExampleFigure(7, 1), ExampleFigure(8, 1, is_error=True)),
+            remark=_REMARKS[1],
         ),
         2: Example(
             2,
-            "two stories with cubic springs under two harmonic forces (assumed values)",
-            two_stories,
-            10.0,
-            0.001,
-            (ExampleFigure(10, 1), ExampleFigure(11, 2), ExampleFigure(12, 2, is_error=True)),
-            _REMARKS[2],
-            drawn_as=9,
+            about="two stories with cubic springs under two harmonic forces (assumed values)",
+            model=two_stories,
+            duration=10.0,
+            exact_dt=0.001,
+            figures=(
+                ExampleFigure(10, 1),
+                ExampleFigure(11, 2),
+                ExampleFigure(12, 2, is_error=True),
+            ),
+            remark=_REMARKS[2],
+            drawn_as=9,  # number of the figure that shows the building
         ),
         3: Example(
             3,
-            "150 masses of 50 kg in a row, f = 500 d + 0.2 d^2, forces at both ends",
-            chain,
-            10.0,
-            0.002,
-            (ExampleFigure(14, 1), ExampleFigure(15, 150), ExampleFigure(16, 1, is_error=True)),
-            _REMARKS[3],
+            about="150 masses of 50 kg in a row, f = 500 d + 0.2 d^2, forces at both ends",
+            model=chain,
+            duration=10.0,
+            exact_dt=0.002,
+            figures=(
+                ExampleFigure(14, 1),
+                ExampleFigure(15, 150),
+                ExampleFigure(16, 1, is_error=True),
+            ),
+            remark=_REMARKS[3],
             drawn_as=13,
         ),
     }
@@ -312,21 +327,22 @@ def reference(
 
 
 def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
-    """Return the maximum difference of displacements, m, between two references.
+    """Return the maximum difference of displacements, m, between two accurate solutions.
 
-    The first is the finer reference, rk5 with the time step dt / `FINER`. The second is computed by
-    another method with the time step dt / finer.
+    The first solution is computed by rk5 with the time step dt / `FINER` (the reference `finer` of
+    `REFERENCES`). The second is computed by `method` with the time step dt / `finer`. Both are
+    compared at the multiples of dt.
 
     Parameters
     ----------
     example : Example
         The example.
     dt : float
-        Time step at which the references are compared, s.
+        Interval of the times at which the solutions are compared, s.
     method : str
-        Specification of the other method.
+        Specification of the method of the second solution.
     finer : int
-        Number of time steps of the other method in dt.
+        Number of time steps of the second solution in dt; by default that of the first.
     """
     other = reference(example, dt, method, finer)
     return float(np.max(np.abs(reference(example, dt).displacement - other.displacement)))

@@ -471,7 +471,7 @@ def overshoot(
     steps: int = 10,
     damping: float = 0.0,
     law: str = "linear",
-) -> Overshoot: ...
+) -> Overshoot: ...  # One method: one result. The implementation describes the arguments.
 
 
 @overload
@@ -482,7 +482,7 @@ def overshoot(
     steps: int = 10,
     damping: float = 0.0,
     law: str = "linear",
-) -> ResultList[Overshoot]: ...
+) -> ResultList[Overshoot]: ...  # Several methods: a list of results.
 
 
 @map_over_first
@@ -566,7 +566,7 @@ def _growth_powers(method: Integrator, start: str, damping: float) -> list[float
     -------
     list of two floats
         Powers of omega h in the displacement u and in h v, where v is the velocity; -inf if the
-        response is 0 except for rounding.
+        response is 0 except for rounding, nan if it overflows.
     """
     # Maxima of |u| and |h v| for each level of omega h, shape (levels, 2). Each level is multiplied
     # by the 16 factors `_SPREAD`, from 1 to 2, because the response may be zero by chance at a
@@ -579,7 +579,8 @@ def _growth_powers(method: Integrator, start: str, damping: float) -> list[float
     )
     powers = []
     for values in maxima.T:
-        # The power is the slope over the last decade of omega h that is not affected by rounding.
+        # The power is the slope between the last two levels of omega h with a response above the
+        # rounding noise. The ratio of two successive levels is 10.
         above_noise = np.flatnonzero(values > _NOISE[start])
         power = -math.inf
         if above_noise.size >= 2:

@@ -358,7 +358,8 @@ def _run_worker(
     runs : sequence of tuple
         Methods and time steps.
     reference : Reference
-        Reference solution; it scales the tolerance and the tables of curves.
+        Reference solution. Its maximum inertia force scales the tolerance of OpenSees' iterations,
+        and its peak drifts scale the drifts of the force tables that replace curved laws.
     repeats : int
         Number of times that each run is timed.
     share : float
@@ -372,6 +373,7 @@ def _run_worker(
     failure_reason : str
         Reason of the failure; empty if the process succeeds.
     """
+    # The function in `_OPENSEES` receives the first parameter of the method, or nan.
     run_descriptions = [
         {
             "integrator": _OPENSEES[integrator.method.name](
@@ -392,6 +394,7 @@ def _run_worker(
         share=np.array(share),
         **_arrays(problem, reference),
     )
+    # The worker receives the ID of the present process, so that both processes end together.
     command = [sys.executable, "-P", "-m", opensees_worker.__name__, str(os.getpid())]
     try:
         process = subprocess.run(
@@ -762,8 +765,8 @@ def with_plugins(
     functions = peers()
     for completed, (plugin, name, function) in enumerate(functions):
         progress(plugin, completed / len(functions))
-        # A name such as `leapfrog:parts=4` contains parameters after the colon. Points whose names
-        # differ only in their parameters belong to one line of the chart.
+        # The part of a name before a colon is the line of the chart: `leapfrog` contains the point
+        # `leapfrog:parts=4`.
         point_name, line = f"{plugin}/{name}", f"{plugin}/{name.partition(':')[0]}"
         try:
             points.append(

@@ -259,9 +259,13 @@ def pose(
     duration : float, optional
         Duration, s; default is the duration of the model, otherwise of the record.
     dts : tuple of float
-        Time steps, s. The interval of the problem is the sampling interval of the record. Without
-        a record, it is the time step of the model. If the model has no time step, it is the maximum
-        of these steps.
+        Time steps of the runs, s; used only without a record and without a time step in the model.
+
+    Returns
+    -------
+    Problem
+        Its interval is the sampling interval of the record. Without a record, it is the time step
+        of the model, or the maximum of `dts` if the model has no time step.
 
     Raises
     ------

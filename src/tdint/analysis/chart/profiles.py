@@ -553,16 +553,19 @@ def _repeat_contenders(
     repeats: int,
     progress: Progress,
 ) -> None:
-    """Time the points that can be the cheapest for a tolerance again, alternately.
+    """Repeat the timing of all points that can be the cheapest for some tolerance.
+
+    Each repetition times every such point, so that a slow phase of the machine affects all points.
 
     Parameters
     ----------
     posed : Problem
         Building with its excitation.
     points : dict
-        Timed points, by method and time step. They are replaced by points with further times.
+        Points by method and time step, each timed one time. The repeated points are replaced by
+        points with further times.
     repeats : int
-        Number of times per point, the first included.
+        Final number of times of a repeated point, including the first.
     progress : callable
         Callback for progress reports.
     """
@@ -573,7 +576,7 @@ def _repeat_contenders(
             if point in contenders:
                 response = posed.case(integrator).integrate(posed.steps(dt))
                 points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
-        # The timed points were replaced; the new points have one more time than all other points.
+        # Select the replaced points. Each now has `repetition` + 1 times, all other points have 1.
         contenders = [point for point in points.values() if len(point.times) == repetition + 1]
 
 

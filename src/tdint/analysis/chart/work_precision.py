@@ -276,8 +276,8 @@ def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[fl
     """Return the default time steps for a number of methods, s, in descending order.
 
     The steps are eight sampling intervals and repeated halves, down to 1/16 of an interval. For a
-    large building the smallest step is larger, but at most the interval. Steps of 6, 3, 1/3, 1/6
-    and 1/12 intervals are added in between.
+    large building the smallest step is larger, but at most the interval. In between, steps of 6, 3,
+    1/3, 1/6 and 1/12 intervals are added, without those below the smallest halved step.
 
     Parameters
     ----------
@@ -288,13 +288,15 @@ def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[fl
     repeats : int
         Number of times that each run is timed.
     """
+    # Each run is executed `repeats` times for its time, and once before for its errors.
     seconds_at_interval = (
         problem.samples * problem.building.stories * _STORY_STEP * method_count * (repeats + 1)
     )
     halvings = HALVINGS
     # The cost is inversely proportional to the time step. The smallest step is COARSEST /
     # 2**halvings intervals, and all runs with repeatedly halved steps cost together about two times
-    # as much as the run with the smallest step. At least three halvings end at one interval.
+    # as much as the run with the smallest step. The intermediate steps multiply the cost
+    # by `_INTERMEDIATE_RATIO`. At least three halvings end at one interval.
     while (
         halvings > 3
         and seconds_at_interval * 2.0 ** (halvings + 1) / COARSEST * _INTERMEDIATE_RATIO
@@ -547,7 +549,9 @@ def chart(
     )
     integrators = suited(problem, chosen(method))
     steps = dts or default_steps(problem, len(integrators), repeats)
+    # Ignore an item None. `ratio_of` converts any other item or raises an error.
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
+    # Extend the duration to a common multiple of all steps, so that all runs end at the same time.
     problem = ending_together(problem, steps)
     with progress_reporter(progress, 100, "%") as report:
 

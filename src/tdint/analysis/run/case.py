@@ -275,6 +275,9 @@ def named_history(
 ) -> History:
     """Return the response history that a time integration stored in its workspace.
 
+    The workspace contains the complete run, or a chunk of the run. The energy imbalance at each
+    time is divided by the reference energy of the run, the maximum of initial plus input energy.
+
     Parameters
     ----------
     building : Building
@@ -286,8 +289,9 @@ def named_history(
     h : float
         Time step, s.
     max_input_energy : float, optional
-        Maximum input energy of the complete run, J, to which the energy imbalance is related. By
-        default that of the workspace; required if the workspace has only a chunk of the run.
+        Reference energy of the complete run, J. The default is the reference energy that the
+        workspace contains. If the workspace contains a chunk, this is the maximum up to the end of
+        the chunk, so the argument must be specified.
 
     Returns
     -------
@@ -311,8 +315,9 @@ def named_history(
     if max_input_energy is None:
         max_input_energy = space.totals[rows.ENERGY_REFERENCE]
     imbalance = reduce(sub, terms[1:], initial + terms[0])
-    has_input = max_input_energy > 0.0
-    relative = imbalance / max_input_energy if has_input else np.zeros_like(imbalance)
+    # The reference energy is 0 only for a building that remains at rest.
+    has_energy = max_input_energy > 0.0
+    relative = imbalance / max_input_energy if has_energy else np.zeros_like(imbalance)
     return History(
         time=time,
         ground_acceleration=table[:, 0],
@@ -365,7 +370,7 @@ def _total_shear(building: Building, forces: Array, time: Array, table: Array) -
     """Return the shear in each story that balances the forces on all floors above the story.
 
     This shear contains the forces of springs, dampers and P-delta. It is the sum of applied force
-    minus mass times acceleration over these floors.
+    minus mass times absolute acceleration over these floors.
 
     Parameters
     ----------
@@ -383,7 +388,7 @@ def _total_shear(building: Building, forces: Array, time: Array, table: Array) -
     ndarray, shape (rows, n)
         Total shear, N.
     """
-    floor_forces = -building.linear_terms[rows.MASS, :-1] * _ACCELERATION(
+    floor_forces = -building.linear_terms[rows.MASS, :-1] * _absolute_acceleration(
         building, forces, time, table
     )
     for force in forces:
@@ -395,13 +400,13 @@ def _total_shear(building: Building, forces: Array, time: Array, table: Array) -
     return np.asarray(np.cumsum(floor_forces[:, ::-1], axis=1)[:, ::-1])
 
 
-_ACCELERATION = _stored_field(_ACCELERATION_FIELD)
+_absolute_acceleration = _stored_field(_ACCELERATION_FIELD)
 _DRIFT_RATE = _floor_difference(_VELOCITY_FIELD)
 
 HISTORIES: dict[str, FieldFunction] = {
     "displacement": _stored_field(_DISPLACEMENT_FIELD),
     "velocity": _stored_field(_VELOCITY_FIELD),
-    "acceleration": _ACCELERATION,
+    "acceleration": _absolute_acceleration,
     "drift": _floor_difference(_DISPLACEMENT_FIELD),
     "shear": _stored_field(_SHEAR_FIELD),
     "damper_force": lambda building, *table: building.device_force(_DRIFT_RATE(building, *table)),
@@ -926,14 +931,18 @@ class Case:
             dt=steps.h,
             steps=steps.count,
             iterations=int(space.totals[rows.ITERATIONS]),
+            # Number of times that a step was halved, because it did not converge.
             substeps=int(space.totals[rows.HALVINGS]),
             branch_changes=int(space.step_status[rows.BRANCH_CHANGES]),
             solver_time=result.seconds,
             stories=stories,
             energy=energy,
             history=history,
+            # This function repeats the run later, and yields its history in chunks. The imbalances
+            # in a chunk are relative to the reference energy of the complete run.
             history_chunks=partial(self.history_chunks, steps, energy.reference),
             notes=(),
+            # `steps.late` is the time from the requested end to the end of the last step, s.
             interstep_bound=interstep_peak_errors(self.building, space, steps.late, stories),
             residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,

@@ -168,14 +168,25 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     """Return the amplification matrices of the uncoupled oscillators of one building, shape
     (k, m, m).
 
-    Column j of a matrix is the state after one step from the value 1 in row j of the memory.
+    The memory rows of a method are the m rows of its state that a step uses from the previous step,
+    such as displacement and velocity. Column j of a matrix contains the memory rows after one step
+    that starts with the value 1 in memory row j and 0 in all further rows.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Method.
+    building : Building
+        Result of `oscillators`: its k stories are independent oscillators, each of mass 1 kg.
+    h : float
+        Time step, s.
 
     Raises
     ------
     AnalysisError
         The step fails.
     """
-    memory = integrator.family.memory
+    memory_rows = integrator.family.memory
     k = building.stories
     forces = np.zeros((0, 4))  # no forces on floors
     coefficients = integrator.coefficients(building, forces, h)
@@ -185,9 +196,9 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     scene = Scene(
         building.linear_terms, building.modal, building.law_parameters, forces, space.flags
     )
-    result = np.empty((k, len(memory), len(memory)))
+    result = np.empty((k, len(memory_rows), len(memory_rows)))
     state, law_state, stiffness = space.state, space.law_state, building.initial_stiffness
-    for column, row in enumerate(memory):
+    for column, row in enumerate(memory_rows):
         state[:], law_state[:] = 0.0, 0.0
         state[row, :k] = 1.0
         # Set the committed states of the linear springs for this motion. If the acceleration is not
@@ -200,11 +211,12 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
         )
         # A linear spring has no drifts at which its branch changes.
         law_state[rows.UPPER, :-1], law_state[rows.LOWER, :-1] = math.inf, -math.inf
-        if rows.ACCELERATION not in memory:
+        if rows.ACCELERATION not in memory_rows:
             state[rows.ACCELERATION, :-1] = (
                 -stiffness * u - building.linear_terms[rows.STORY_DAMPER, :-1] * v
             )
-        # The step must not execute the start procedure of the method.
+        # The step must not execute the start procedure of the method. `space.memory` are all arrays
+        # that a step changes.
         space.step_status[rows.STEPS_DONE] = _COMPLETED_STEPS
         code = step(coefficients, *scene, h, np.zeros(rows.LOAD_SIZE), *space.memory)
         if code < 0:
@@ -212,7 +224,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
                 f"{integrator.label}: the time step {h:.6g} s of a linear oscillator failed, so "
                 "the stability of the method cannot be measured"
             )
-        result[:, :, column] = state[list(memory), :k].T
+        result[:, :, column] = state[list(memory_rows), :k].T
     return result
 
 

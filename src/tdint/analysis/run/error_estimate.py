@@ -271,8 +271,8 @@ def with_error_estimate(
 ) -> Response:
     """Return a response to `steps` with error estimates from one additional run.
 
-    If the additional run fails or ends at another time, the errors are nan and a note states the
-    reason. For a run that ended with a collapse, the comparison covers the time up to the collapse.
+    If the additional run fails or ends earlier by a collapse, the errors are nan and a note states
+    the reason. If the run ended by a collapse, both runs are compared up to this end.
 
     Parameters
     ----------
@@ -283,7 +283,8 @@ def with_error_estimate(
     response : Response
         Result of the run.
     history_errors : bool, default False
-        Estimate the errors of the history also, if the response has a history.
+        Estimate the errors of the history also: of `response.history` if it was kept, and of the
+        chunks that `response.history_chunks` yields.
 
     Returns
     -------
@@ -294,7 +295,8 @@ def with_error_estimate(
     other = attempt(reference(case), reference_steps(case, steps))
     if isinstance(other, FailedRun):
         return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
-    # Both runs end at the same time, except for rounding, unless one of them collapsed earlier.
+    # The additional run covers the time up to the end of the run. It ends at the same time, except
+    # for rounding, unless it collapses at least one of its steps earlier.
     if abs(other.steps * other.dt - response.steps * response.dt) > 0.5 * other.dt:
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
     check = ErrorEstimate.of(
@@ -304,8 +306,8 @@ def with_error_estimate(
         method=other.method,
         corrected=other.stories,
     )
-    # At a collapse the peaks grow rapidly. The additional run may have ended one time step earlier,
-    # so that its peaks cannot be used as corrected values.
+    # At a collapse the peaks grow rapidly within one step, so that the peaks of the additional run
+    # are not more accurate values of the same peaks.
     if response.collapse is not None and response.collapse.ended:
         note = (
             f"the run ends at {response.collapse.time:.6g} s with the step in which it collapses: "
@@ -434,8 +436,12 @@ def ended_at_rest(response: Response) -> Response:
     """Add the amplitude of the remaining motion to the estimated errors of the residual drifts.
 
     A run until rest reports the drifts at its end as residual drifts. The true residual drifts, at
-    rest, differ from these by up to the amplitude of the remaining motion. A response without error
-    estimates is returned unchanged.
+    rest, differ from these by up to the amplitude of the remaining motion (`residual_oscillation`,
+    m, shape (n,)). The amplitude of a story is approximate and can be too small by accident. It is
+    therefore increased to at least 0.2 (`COMMON`) times the amplitude that the story would have if
+    the ratio of amplitude to peak drift were the same in all stories: the root mean square of these
+    ratios times the peak drift of the story (`common`). A response without error estimates is
+    returned unchanged.
     """
     if response.check is None:
         return response

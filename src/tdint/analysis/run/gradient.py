@@ -149,8 +149,10 @@ def number_at(model: Model, name: str) -> float:
 def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
     """Return two values near the value of a parameter, at which runs are compared with it.
 
-    The values are on both sides of the parameter value, or on the same side if the other side is
-    out of range. Their distance is `SIZE` times the parameter value.
+    The two values are x - d and x + d for the parameter value x. If x - d or x + d is out of range,
+    both values are on the other side: x + d and x + 2 d, or x - d and x - 2 d. The distance d is
+    `SIZE` times |x|. For x = 0 it is `SIZE` for a dimensionless parameter, and `SIZE` times
+    sqrt(stiffness * mass) of the story for a dashpot coefficient.
 
     Parameters
     ----------
@@ -170,8 +172,8 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
     size = SIZE * abs(value)
     changes = [] if name == SCALE else changes_of(model, name)
     if not size:
-        # A value of 0 has no relative change. The change is relative to 1 for a ratio, and to
-        # sqrt(stiffness * mass) of the story for a dashpot.
+        # `force` and `length` are the powers of these dimensions in the unit of the parameter: both
+        # are 0 for a dimensionless parameter.
         bounds = changes[0].bounds if changes else None
         story = model.stories[changes[0].story if changes else 0]
         if changes and changes[0].column == DASHPOT:

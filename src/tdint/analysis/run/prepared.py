@@ -439,7 +439,8 @@ class PreparedBuilding:
         ground : ndarray
             Ground acceleration at the samples, m/s^2.
         firsts : sequence of int
-            Number of steps before each part; 0 for the first part.
+            Number of steps before each part, increasing from 0. Parts that would start at or after
+            the end of the run (`steps.count`) are omitted.
 
         Yields
         ------
@@ -460,8 +461,9 @@ class PreparedBuilding:
             if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
-            # Reset the peaks. Some methods also store peaks in their scratch array; the number of
-            # the first row with these peaks is then not 0.
+            # Reset the peaks. There are two sets of `PEAK_ROWS` rows: peaks at the time steps, and
+            # peaks between them. Some methods also store both sets in their scratch array. The
+            # number of the first row of these sets is then not 0.
             space.peaks[:] = 0.0
             if first_row := int(space.step_status[rows.RUN_PEAKS]):
                 space.scratch[first_row : first_row + 2 * rows.PEAK_ROWS] = 0.0
@@ -761,9 +763,10 @@ class PreparedBuilding:
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
-        """Return a function that calls the compiled time loop with all arguments except the steps.
+        """Return a function that integrates a range of time steps by the compiled time loop.
 
-        The loop continues from the state of the arrays at the time of its call, and changes them.
+        All arguments of the compiled loop except the steps are fixed. The function continues from
+        the state of the arrays at the time of its call, and changes them.
 
         Parameters
         ----------
@@ -774,10 +777,16 @@ class PreparedBuilding:
         ground : ndarray, shape (samples,)
             Ground acceleration at the samples, m/s^2.
         space : Workspace
-            Arrays from `arrays`.
+            Arrays of the time integration, as from the method `arrays`: state, peaks and history.
+
+        Returns
+        -------
+        Loop
+            Function (steps, first, last) that integrates the steps from `first` to `last` - 1,
+            counted from 0. It returns 0, or the negative code of a step that fails.
         """
         building = self.building
-        arrays = (
+        loop_arrays = (
             *(ground, self.coefficients(integrator, h), state_jumps(integrator, h)),
             *Scene(
                 building.linear_terms,
@@ -802,7 +811,7 @@ class PreparedBuilding:
         halvings = HALVINGS if integrator.family.halvable else 0
 
         def integrate_steps(steps: Steps, first: int, last: int) -> int:
-            """Integrate the steps from `first` to `last`; see `Loop`."""
+            """Integrate the steps from `first` to `last` - 1 of `steps`."""
             code: int
             code = integrate.variant(self.variant)(
                 *called,
@@ -817,7 +826,7 @@ class PreparedBuilding:
                     halvings,
                     h,
                 ),
-                *arrays,
+                *loop_arrays,
             )
             return code
 
@@ -857,12 +866,25 @@ def kernels_of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel,
 def _other_kernels(
     prepared: PreparedBuilding, integrator: Integrator
 ) -> list[tuple[Kernel, Variant]]:
-    """Return further kernels of a run, which its time loop does not call, with their variants."""
-    from tdint.kernels.oscillators.elastic import peaks  # few runs need their kernels in advance
+    """Return further kernels that the analysis of a run may call, with their variants.
+
+    The time loop does not call them. They are compiled in the background, together with the kernels
+    of the loop, so that later calls do not have to wait.
+
+    Parameters
+    ----------
+    prepared : PreparedBuilding
+        Building.
+    integrator : Integrator
+        Method of the run.
+    """
+    # `peaks` computes response spectra. Imported here, because few runs are compiled in advance.
+    from tdint.kernels.oscillators.elastic import peaks
 
     others = (peaks, *separate_kernels(prepared.building.law_parameters))
+    # `follow` computes the forces of a story along a path of drifts, for pushover and cyclic tests.
     other_kernels = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
-    # The stability of a method with a stability limit is measured with linear oscillators.
+    # The stability of a method that declares a finite limit is measured with linear oscillators.
     if integrator.stability_limit != math.inf:
         other_kernels.append((integrator.family.step, LINEAR_OSCILLATORS))
     return other_kernels

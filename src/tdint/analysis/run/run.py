@@ -61,7 +61,7 @@ def run(
     tolerance: float | str | None = None,
     until_rest: bool = False,
     gradient: str | Sequence[str] = (),
-) -> ResultList[Response]: ...
+) -> ResultList[Response]: ...  # Several methods: one response for each method and time step.
 
 
 @overload
@@ -78,7 +78,7 @@ def run(
     tolerance: float | str | None = None,
     until_rest: bool = False,
     gradient: str | Sequence[str] = (),
-) -> ResultList[Response]: ...
+) -> ResultList[Response]: ...  # A list or an array of time steps: one response per step.
 
 
 def run(

@@ -311,18 +311,24 @@ def _requested(
     kept: tuple[Any, Any, Any],
     jobs: int | None,
 ) -> tuple[RunsRequest, list[RunSpec], Runs, int, Path | None]:
-    """Check the arguments of `run_many` and return what its loop needs.
+    """Check the arguments of `run_many`, plan its runs, and allocate its result.
+
+    The tuples contain arguments of `run_many`, in this order.
 
     Parameters
     ----------
     inputs : tuple
-        Arguments models, records, scales and zip_records of `run_many`.
+        `models`, `records`; `scales`, factors on the ground motions; and `zip_records`, True if
+        the items of these lists are combined in pairs, False for all combinations.
     analysis : tuple
-        Arguments method, dt, duration and check.
+        `method`, `dt` (s) and `duration` (s), each None for the value of the model; and `check`,
+        True if errors are estimated.
     samples : tuple
-        Arguments vary, product and errors.
+        `vary`, values of parameters by name; `product`, True for all combinations of these values;
+        and `errors`: `raise` or `keep` for samples that are out of range.
     kept : tuple
-        Arguments history, every and out.
+        `history`, names of the histories to keep; `every`, the interval of their rows in steps; and
+        `out`: None, arrays for the histories, or the path of a Parquet file for the table.
     jobs : int or None
         Number of threads; None for the number of processors.
 
@@ -333,7 +339,8 @@ def _requested(
     plan : list of RunSpec
         Runs to integrate; runs with an invalid sample are omitted.
     result : Runs
-        Result with a row for each run, without values.
+        Result with a row for each run. Only the rows of invalid samples are complete: their status
+        is `OUT_OF_RANGE`, and their failure states the reason.
     threads : int
         Number of threads.
     file : Path or None
@@ -367,6 +374,9 @@ def _requested(
     )
     if errors not in ("raise", "keep"):
         raise UsageError(f"errors must be 'raise' or 'keep', got {errors!r:.60}")
+    # `invalid` has the keys (index of the building, sample), because a value can be valid for some
+    # buildings only. `plan_runs` does not check these samples again: `out_of_range`
+    # has checked every pair of building and sample. With `raise`, it checks all samples.
     invalid = request.out_of_range() if errors == "keep" else {}
     plan = plan_runs(request, scales, zip_records, {draw for _, draw in invalid})
     quantities_kept = kept_quantities(history)
@@ -754,27 +764,38 @@ def _differentiated(
     names: Sequence[str],
     threads: int,
 ) -> Gradient:
-    """Return the derivatives of completed runs with respect to parameters of buildings and scales.
+    """Return the derivatives of the results of completed runs with respect to parameters.
+
+    For each run and parameter, two neighboring runs are integrated with another value of only this
+    parameter (`neighbors`). The derivative follows from the three results (`slopes`).
 
     Parameters
     ----------
     request : RunsRequest
         Buildings, ground motions and samples.
     plan : sequence of RunSpec
-        Completed runs.
+        Completed runs. Their attribute `number` is their row in `peaks` and `history`.
     peaks : StoryPeaks
-        Peaks of these runs.
+        Peaks of all runs, shape (all runs, n), including runs that are not in `plan`.
     history : mapping of str to ndarray
-        Kept histories of these runs.
+        Kept histories of all runs, shape (all runs, rows, n).
     every : int
         Number of time steps between two rows of the histories.
     names : sequence of str
-        Parameters.
+        Parameters of the buildings, or `record.scale` (`SCALE`) for the factor on the ground
+        motion, as in `vary` of `run_many`.
     threads : int
         Number of threads.
+
+    Returns
+    -------
+    Gradient
+        Derivatives with a row for each of all runs; nan for runs that are not in `plan`.
     """
-    # Each building has its own parameter values in each sample, and two neighbors for each value.
-    # The keys of both dictionaries are the indices of building and sample.
+    # Derivatives are computed at the values in `numbers`: the value of the sample if a parameter is
+    # varied (never nan), otherwise the value of the model, or 1 for a factor such as
+    # `record.scale`. `near` contains the two neighbors of each value. The keys
+    # of both dictionaries are the indices of building and sample.
     numbers = dict[tuple[int, int], list[float]]()
     near = dict[tuple[int, int], list[tuple[float, float]]]()
     for key in dict.fromkeys((run.model, run.draw) for run in plan):
@@ -791,7 +812,8 @@ def _differentiated(
     result = _empty_result(neighbor_request, neighbor_plan, every, arrays)
     _integrate_all(neighbor_request, result, neighbor_plan, threads)
 
-    # Rows of runs that were not integrated remain nan.
+    # Rows of runs that were not integrated remain nan. `values` has the shape (runs of the plan,
+    # names), `offsets` the shape (runs of the plan, names, 2).
     rows = [run.number for run in plan]
     values = np.array([numbers[run.model, run.draw] for run in plan])
     offsets = np.array([near[run.model, run.draw] for run in plan]) - values[:, :, None]
@@ -807,6 +829,8 @@ def _differentiated(
         derivatives (`slopes`), from its values `base` in the runs and `neighboring` in their
         neighbors.
         """
+        # The neighboring runs are in the order of the runs, then of the names, then of the two
+        # neighbors, as the axes of `offsets`.
         neighbor_values = neighboring.reshape(*offsets.shape, *base.shape[1:])
         return [with_all_rows(array) for array in slopes(base[rows], neighbor_values, offsets)]
 

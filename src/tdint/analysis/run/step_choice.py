@@ -111,11 +111,13 @@ def choose_step(
     level, response = search.within(math.inf)
     assert response.check is not None
     steps = search.steps(level)
-    # The level `power` has the sampling interval as its time step; it may not have been run.
+    # The level `power` has the sampling interval (or the requested time step) as its time step. If
+    # it was run, its number of equation solutions is reported for comparison.
     at_sampling_interval = search.runs.get(search.power)
     choice = StepChoice(
         tolerance=tolerance,
         runs=search.count,
+        # Selected time step, in sampling intervals.
         samples=steps.stride / steps.per_sample if case.record else None,
         solves_at_record=at_sampling_interval.iterations
         if isinstance(at_sampling_interval, Response)
@@ -236,14 +238,26 @@ class _Search:
         return self.runs[level]
 
     def within(self, largest: float) -> tuple[int, Response]:
-        """Find the first level that meets the tolerance with a time step of at most `largest` (s).
+        """Find a level that meets the tolerance with a time step of at most `largest` (s).
+
+        Level 0 is the first time step of the search, `coarsest`; each further level halves it. The
+        search estimates the errors of a level, and predicts the number of levels to skip. The
+        result is the first of the estimated levels that meets the tolerance; a skipped level with a
+        longer step could also meet it. The last level is `_MAX_HALVINGS` levels after the level
+        `power`, which has the sampling interval or the requested time step; but at least the first
+        estimated level.
+
+        Parameters
+        ----------
+        largest : float
+            Maximum time step, s; inf for no maximum.
 
         Returns
         -------
         level : int
-            Number of halvings.
+            Level that meets the tolerance.
         response : Response
-            Response of this level with error estimates.
+            Response with error estimates.
 
         Raises
         ------
@@ -252,7 +266,8 @@ class _Search:
         """
         is_reference = reference(self.case).method == self.case.method
         # A run of the reference method (`impulse4`) is compared with the previous run, which has a
-        # longer time step; a run of another method with an additional run of the reference method.
+        # longer time step; the first level is then at least 1. A run of another method is compared
+        # with an additional run of the reference method; `previous` is then not used.
         first = self._first_level(largest, is_reference)
         last = max(self.power + _MAX_HALVINGS, first)
         previous, level = first - 1, first
@@ -268,7 +283,7 @@ class _Search:
                 return level, response
             if level == last:
                 raise self._failure(response)
-            jump = self._halvings(level, error, is_reference)
+            jump = self._halvings(level, error, is_reference)  # at least 1
             previous, level = level, min(level + jump, last)
 
     def _first_level(self, largest: float, is_reference: bool) -> int:
