@@ -532,7 +532,7 @@ class Batch:
         -------
         Rows
             One row for the run, the rows of its stories if they are stored, and one row per event
-            if the run did not fail.
+            if the run did not fail. Rows of stories contain the peaks over all events.
         """
         case, dt = self._case(run), self.settings.dt
         record = case.record
@@ -567,7 +567,8 @@ class Batch:
             )
             rows_of_events = event_rows(self.number, run, events)
             # The first `fixed` events of the record are not scaled; they only damage the building
-            # before the event of interest. In this case, report the demands of the last event.
+            # before the event of interest. In this case, report the demands of the last event. Only
+            # studies of `tdint ida` have such records, and they do not store rows of stories.
             if record.fixed and len(events) > record.fixed:
                 run_row = _with_demands_of_event(run_row, events[-1])
         stories = [story._replace(scale=run.scale) for story in joined_rows.stories]
@@ -772,6 +773,8 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     # Measure the time of this thread: the time of the process includes chunks of other threads.
     start_time = time.thread_time()
     motions = Motions(chunk.records)
+    # A subject is a building with its time integration method. `Sa(T1)` of all motions is computed
+    # together for the first periods of all buildings.
     subjects = [building_runs.source.subject() for building_runs in chunk.buildings]
     spectral = _first_mode_accelerations(chunk, [subject.period for subject in subjects])
     rows = Rows()

@@ -203,8 +203,11 @@ class ParameterSweep:
         return tuple(varied_models)
 
     def vary_inventory(self, rows: InventoryRows) -> InventoryRows:
-        """Return an inventory with all variations of its buildings. All variations of a building
-        have the same random factors of stiffness and damping, and the same ground motions.
+        """Return an inventory with all variations of its buildings.
+
+        A variation changes the parameters of a building, but not its identifier. The random factors
+        of stiffness and damping and the random ground motions of a grid are derived from the
+        identifier, so that they are equal for all variations of a building.
 
         Parameters
         ----------
@@ -219,7 +222,7 @@ class ParameterSweep:
         return replace(
             rows,
             changes=[
-                (tuple(change.items()), self._label(change, number, None, None))
+                (tuple(change.items()), self._label(change, number, method=None, dt=None))
                 for number, change in enumerate(self.changes(), start=1)
             ],
         )

@@ -277,8 +277,9 @@ class CampaignRuns(Tabular):
         Parameters
         ----------
         limit : float or str, optional
-            Drift limit that is used instead of the limits of the models, or the name of a
-            performance level of the models. By default, all limits of the models.
+            Limit of the drift ratio (dimensionless) that is used instead of the limits of the
+            models, or the name of a performance level of the models. By default, all limits of the
+            models.
 
         Returns
         -------

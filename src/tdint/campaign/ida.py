@@ -167,8 +167,9 @@ class IdaStudy(Tabular):
 
     @property
     def states(self) -> list[IdaStudy]:
-        """One study for each state of damage before the records, beginning with the undamaged
-        state. Each study contains the curves of its state."""
+        """One study for each state of damage before the records. Each study contains the curves of
+        its state. The order is the order of the first curves of the states; `ida` computes the
+        curves of the undamaged state first."""
         damages = dict.fromkeys(curve.damage for curve in self.curves)
         return [
             replace(self, curves=tuple(curve for curve in self.curves if curve.damage == damage))
@@ -195,13 +196,18 @@ class IdaStudy(Tabular):
         return tuple(curves)
 
     def in_units(self, units: OutputUnits) -> IdaStudy:
-        """Return the study with intensities and all dependent values in other units.
+        """Return the study with the intensities in another unit.
+
+        The intensities of the runs and the unit of the measure are changed. Capacities and
+        fractiles are computed from the runs, so that they have the new unit also.
 
         Parameters
         ----------
         units : OutputUnits
             Units of the result.
         """
+        # `factor` is the size of the new unit in SI. It is 1 only for an SI unit; in this case, the
+        # name of the unit does not change.
         unit, factor = units.unit(self.measure.unit)
         if factor == 1.0:
             return self

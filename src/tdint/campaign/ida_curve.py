@@ -167,7 +167,8 @@ class LevelSearch:
         The levels follow the hunt and fill algorithm of Vamvatsikos and Cornell (2004). They
         increase up to the first collapse and then bisect the bracket of the collapse. They decrease
         until a run is below the lowest threshold, fill gaps between drifts, and finally probe above
-        the first collapse for resurrection.
+        the first collapse for resurrection. The number of levels in each direction is limited, also
+        if the building never collapses or always collapses.
 
         Parameters
         ----------
@@ -182,7 +183,8 @@ class LevelSearch:
         # `stable` are the runs without collapse below the first collapse.
         stable, collapse = list(below_collapse(runs)), first_collapse(runs)
         lowest, highest = runs[0].im, runs[-1].im
-        # Maximum factor by which the search increases or decreases the first level
+        # Range of the levels, relative to the first level. A step is allowed while the present
+        # highest (lowest) level is within this range; the last step may leave it.
         hunt_range: float = _HUNT**_MAX_HUNTS
 
         # Hunt: increase the level until collapse, or decrease it until there is no collapse.
@@ -198,7 +200,8 @@ class LevelSearch:
                 return level
         # Decrease the level until a drift is below the lowest threshold. If the drift is
         # proportional to the level, the next drift is 0.8 times the threshold; the level decreases
-        # at least by the ratio of the hunt and at most to a tenth.
+        # at least by the ratio of the hunt and at most to a tenth. The lowest level is multiplied,
+        # not the level of `stable[0]`, so that the level is new if the lowest runs had no result.
         if (
             stable
             and stable[0].drift_ratio >= self.lowest_drift

@@ -243,6 +243,7 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
         raise UsageError(f"{name} cannot be used for scaling: {reason}")
     if base_name in scalable_measures() and base_name not in SPECTRAL and not period:
         return measure_at(base_name, damping, 1.0)  # any period: the measure does not depend on it
+    # The functions of SPECTRAL raise UsageError for a period that is not positive, infinite or nan.
     try:
         return SPECTRAL[base_name](float(period), damping)
     except (KeyError, ValueError):

@@ -314,9 +314,11 @@ class GridSamples:
     settings: GridFile
 
     def draws(self, building: int) -> Sequence[Draw]:
-        """Return the sampled motions of a building, sorted by their numbers. Points are sampled by
-        weight with replacement; then one of the motions of each sampled point is selected with
-        equal probability. All components of this motion have the same sample number."""
+        """Return the sampled motions of a building, sorted by motion number, then by sample number.
+
+        Points are sampled by weight with replacement; then one of the motions of each sampled point
+        is selected with equal probability. All components of this motion have the same sample
+        number, and the scale factor that the grid specifies for the motion at the point."""
         # The seed includes the identifier of the building, so that the samples of a building do not
         # depend on the other buildings of the campaign.
         random = np.random.default_rng([self.settings.seed, *self.rows[building].id.encode()])
@@ -542,7 +544,8 @@ class FactorTable:
         ModelError
             The table has no factor for the motion.
         """
-        # The ground motion of a component is the pair to which it belongs, otherwise the component.
+        # The ground motion of a component of a pair is the pair. The ground motion of a single
+        # record is the record.
         ground_motion = motion.ground_motion
         names = dict.fromkeys([motion.name, Path(motion.name).name, ground_motion.source])
         # A row with an empty component applies to all components.
@@ -657,8 +660,9 @@ class MeasureLevels:
         periods : sequence of float
             First period of each building, s.
         """
-        # `whole` is the pair of a component: the intensity of a pair is computed from both
-        # components. Equal periods of several buildings are evaluated only one time.
+        # The intensity of a pair is computed from both components: `recording` is the pair of a
+        # component, or the single record. Equal periods of several buildings are evaluated only
+        # one time.
         recording = self.motions[motion].ground_motion
         factors_at_period: dict[float, tuple[float, ...]] = {}
         for period in dict.fromkeys(self._measure_periods(periods)):

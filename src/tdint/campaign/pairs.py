@@ -212,12 +212,15 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
     RecordError
         Two such records cannot be a pair, for example because their sampling intervals differ.
     """
-    # Direction 0: not read as a component of a pair.
+    # Name, component and direction of each single record, by its number. The direction 0 denotes a
+    # record that was not read as a component of a pair.
     singles = {
         number: (motion.source, motion.component, 0)
         for number, motion in enumerate(motions)
         if isinstance(motion, Record)
     }
+    # Number of the first component by the number of each single record. For a record without a
+    # partner, both numbers are equal.
     recordings = recording_numbers(singles)
     # Number of the second component by the number of the first component
     second_of_first = {first: number for number, first in recordings.items() if number != first}

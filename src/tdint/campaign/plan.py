@@ -164,16 +164,21 @@ class Plan:
         return int(self._cuts[chunk + 1] - self._cuts[chunk])
 
     def buildings_of(self, chunks: Sequence[int]) -> list[int]:
-        """Return the numbers of the buildings that have runs in the given chunks. A building
-        without runs belongs to the chunk with the next run."""
+        """Return the numbers of the buildings of the given chunks in ascending order.
+
+        A building belongs to each chunk with a run of the building. A building without runs belongs
+        to the chunk of the preceding run; before the first run, to the first chunk. No chunk is
+        empty."""
         # Runs are numbered from 0. `_starts` and `_ends` contain the first run of each building,
         # and its last run plus 1; `_cuts` contains the first run of each chunk, and the end.
-        # Number of the first building of each chunk: the building of its first run.
+        #
+        # Number of the first building of each chunk: the first building with `_ends` above the
+        # first run of the chunk. The first chunk starts with building 0, even without runs.
         first_buildings = np.searchsorted(self._ends, self._cuts[:-1], side="right")
         first_buildings[0] = 0
-        # Number of the last building of each chunk, plus 1. If the runs of a building are divided
-        # between two chunks, it is the last building of the first chunk and the first building of
-        # the second chunk.
+        # Number of the last building of each chunk, plus 1: the first building of the next chunk.
+        # If the runs of that building are divided (its first run is before the next chunk), it
+        # is part of both chunks, and 1 is added.
         next_firsts = first_buildings[1:]
         is_divided = self._starts[next_firsts] < self._cuts[1:-1]
         end_buildings = np.append(next_firsts + is_divided, len(self.buildings))
@@ -286,6 +291,9 @@ class Plan:
         tuple of BuildingRuns
             The buildings with these runs and with the maximum time step that meets the tolerance.
         """
+        # `draws` contains the motions of each building; each item has the number of the motion, its
+        # factor, and the number of the sample. The keys of `factors` are the index of the building
+        # in `slices` and the number of the motion.
         sources = [self.buildings[number] for number, _ in slices]
         draws = [self.assignment.draws(number) for number, _ in slices]
         factors = self._factors(sources, draws)
@@ -294,7 +302,8 @@ class Plan:
             runs = []
             for draw in draws[index]:
                 # If the motions are scaled to levels of an intensity measure, the factor of the
-                # grid or field only determines the direction of the motion (its sign).
+                # grid or field only determines the direction of the motion (its sign). It is not
+                # zero, because the readers of grids and fields refuse zero.
                 factor = (
                     math.copysign(1.0, draw.factor)
                     if self.levels.ignores_motion_factor

@@ -510,8 +510,10 @@ class SuiteRules:
         return self.levels({Run(*run): status for *run, status in rows})
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
-        """Group runs of a building by intensity level, and yield the levels in ascending order of
-        the absolute scale factors.
+        """Group runs of a building by intensity level, and yield the levels in ascending order.
+
+        The scale factors of each motion are ranked by their magnitude (without sign). The smallest
+        factors of all motions are the first level, and so on.
 
         Parameters
         ----------

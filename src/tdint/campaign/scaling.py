@@ -441,7 +441,8 @@ def _minimum_average(fitted: Scaling) -> tuple[float, float]:
     ]
     # `ln_period` and `ln_ratio` are the sorted logarithms of the evaluated periods and of the
     # average divided by the target. Each pass evaluates the new periods, and halves the intervals
-    # that may contain a ratio below the current minimum. The loop ends without such an interval.
+    # that may contain a ratio below the current minimum. The loop ends without such an interval, or
+    # at the maximum number of periods; the intervals are then too short for a relevant change.
     ln_period, ln_ratio = np.empty(0), np.empty(0)
     new_ln_periods = np.log(np.unique([*periods, *corner_periods]))
     while new_ln_periods.size and ln_period.size < _MAX_PERIODS:

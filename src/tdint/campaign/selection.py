@@ -363,14 +363,16 @@ def _within_limits(
             return chosen, limited, factors
         if nearest is None or max_factor < float(np.max(nearest.factors)):
             nearest = scaling
-        # The common factor of the rule multiplies the limited factors of all selected motions. If
-        # the limit already reduces every factor, all limited factors are equal. A lower limit would
-        # only increase the common factor, so the search ends.
+        # If the upper limit is at or below the smallest individual factor, all limited factors are
+        # equal to this limit. A lower limit would only be compensated by a higher common factor. In
+        # this case, the search ends.
         if upper_limit <= float(np.min(fitted.factors)):
             break
-        # The final factors are the limited factors times the common factor, which is similar or
-        # larger in the next selection. The limit is therefore at most `high` divided by the present
-        # common factor, unless the smallest factor is above this value.
+        # The final factors are the limited factors times the common factor of the rule. With the
+        # limit `high` divided by the present common factor, the final factors would be at most
+        # `high` for an equal common factor. The next common factor may be larger, so that the limit
+        # is always reduced by at least 5 % (`_LIMIT_REDUCTION`). A limit below the smallest
+        # individual factor has no use.
         common_factor = max_factor / float(np.max(factors[chosen]))
         upper_limit = max(
             min(high / common_factor, upper_limit * _LIMIT_REDUCTION), float(np.min(fitted.factors))
@@ -671,6 +673,9 @@ def _search(
 ) -> list[int]:
     """Search for the selection of motions with the minimum score.
 
+    A selection with `count` rows must exist, as `_check_pool_size` checks. A row can then always be
+    added to an incomplete selection.
+
     The score is the mean over the periods of (mean deviation)^2, plus half of (standard deviation -
     target)^2. The search adds the best row repeatedly, and then exchanges rows as long as the score
     decreases. It is repeated from many starting points. The first starting point is the best single
@@ -697,7 +702,8 @@ def _search(
     """
     # A fixed seed makes the selection reproducible.
     generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
-    # scores(selection, size) returns the score after each row is added to the selection.
+    # scores(selection, size) returns one score per row: the score of `selection` with this row in
+    # addition, infinite if the row cannot be added. `size` is the number of rows with the addition.
     scores = _Scores(deviations, target_scatter, events, max_per_event).with_row
     start_count = int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))
     for start_number in range(start_count):
@@ -708,13 +714,14 @@ def _search(
             selection = generator.permutation(best_selection)[: count // 2].tolist()
         elif start_number:
             while len(selection) < count:
-                # Rows that cannot be added have an infinite score. With the size 2, the scores do
-                # not include the standard deviation, which is not needed for this check.
+                # Rows that cannot be added have an infinite score. The size 2 saves time: `scores`
+                # then omits the standard deviation, which is always finite.
                 possible_rows = np.flatnonzero(np.isfinite(scores(selection, 2)))
                 selection.append(int(generator.choice(possible_rows)))
         # Complete the selection: add the row that results in the lowest score, repeatedly.
         while len(selection) < count:
             selection.append(int(np.argmin(scores(selection, len(selection) + 1))))
+        # Exchange rows of `selection` in place. The result is its final score.
         score = _exchange_rows(selection, scores)
         if score < best_score:
             best_selection, best_score = sorted(selection), score

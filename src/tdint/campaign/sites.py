@@ -529,7 +529,8 @@ def _field_rows(
         Path and settings of the fields.
     sites : dict of str to int
         Numbers of the sites with a known location. If no file with the locations is specified, the
-        sites of the table are added.
+        sites of the table are added; a table without a column of sites then has a single site with
+        an empty name.
 
     Returns
     -------
@@ -659,10 +660,14 @@ class _RowReader:
         cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
         texts = [cells[index].strip() for index in self.indices]
         event, record, site, component, second_file, value_text = texts
+        # `value` is the scale factor of the record, or the intensity of the scaled record in the
+        # unit of the column (`unit` in SI). Without a value, the record is not scaled.
         value = number(value_text) if value_text else 1.0
         if error := self._row_error(event, record, site, value_text, value):
             return error
-        # Store numbers instead of names, because a row of numbers requires only 24 bytes.
+        # Store numbers instead of names, because a row of numbers requires only 24 bytes. Sites and
+        # records are numbered from 0. Events are numbered from 1, because the number of an event
+        # becomes the sample number of its runs; 0 denotes a run without sampling.
         rows = self.rows
         site_number = rows.sites.setdefault(site, len(rows.sites))
         event_number = rows.events.setdefault(event, len(rows.events) + 1)
@@ -830,13 +835,18 @@ class _FieldRecords:
         return tuple((first_number + index, value) for index, value in enumerate(intensities))
 
     def _read(self, record: str, component: str, second_file: str) -> tuple[SuiteMotion, ...]:
-        """Read a record and return its motions: its components, or a pair.
+        """Read a record and return its motions: its components, or the two components of a pair.
 
         Parameters
         ----------
-        record, component, second_file : str
-            File of the record, its component, and the file of the second component of a pair; the
-            last two may be empty.
+        record : str
+            File of the record.
+        component : str
+            Component to read; empty for the component of the settings. It also selects components
+            of the files of a pair.
+        second_file : str
+            File of the second component of a pair; may be empty. It is used only if the settings
+            combine components to pairs.
 
         Raises
         ------
@@ -852,7 +862,8 @@ class _FieldRecords:
         if not field.pairs:
             suite = read_components([file], choice)
         elif second_file:
-            # The table specifies the pair, so the file names do not matter.
+            # The table specifies the pair: with ONE_MOTION, all files are components of one motion,
+            # regardless of their names.
             suite = read_pairs([file, resolve(second_file, folder)], choice, ONE_MOTION)
         else:
             # If the file contains a single component, the other component is in a file with a

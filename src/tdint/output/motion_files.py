@@ -188,8 +188,8 @@ def _short_stations(stations: Sequence[str]) -> dict[str, str]:
     """Return a unique code for each station with at most five ASCII characters, as MiniSEED
     requires. The keys of the result are the names of the stations.
 
-    A name that meets these requirements is its own code. Otherwise the code consists of the first
-    letters and digits of the name, without accents; it is empty if the name has none in ASCII.
+    A name that meets these requirements is not changed. Any other name is reduced to its first
+    alphanumeric ASCII characters, without accents; the code is empty if no such character exists.
     """
     codes: dict[str, str] = {}
     for station in dict.fromkeys(stations):

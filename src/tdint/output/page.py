@@ -177,13 +177,25 @@ class _Flow:
     """
 
     def __init__(self, scale: float = 1.0, last_chapters: int = 0) -> None:
-        """Start an empty flow at the top of the first page."""
+        """Start an empty flow at the top of the first page.
+
+        Parameters
+        ----------
+        scale : float
+            Factor of the heights of figures, at most 1.
+        last_chapters : int
+            Number of chapters at the end that start on a new page; 0 for no such page break.
+        """
         self.scale = scale
         self.last_chapters = last_chapters
+        # Height of the largest blank area at the end of a completed page, mm
         self.blank = 0.0
-        self.body: list[str] = []
+        self.body: list[str] = []  # HTML elements
+        # Estimated distance from the top of the current page, mm, and from the last page break with
+        # a known position, mm. The start of the first page is known.
         self.position = 0.0
         self.distance = 0.0
+        # Figures that did not fit: attributes of the image, caption, height divided by width
         self.postponed: list[tuple[str, str, float]] = []
 
     @property
@@ -282,20 +294,25 @@ class _Flow:
         last : bool
             True if no content follows, so that the figure cannot be postponed; false by default.
         """
+        # `_FIGURE` (mm) is the space of the caption and the margins, in addition to the image.
         is_first = not any(text.startswith("<figure") for text in self.body)
         max_height = _MAX_FIRST_FIGURE if is_first else _MAX_FIGURE
         full_height = self.scale * min(_WIDTH * ratio, max_height)
         space = _PAGE - self.position - _FIGURE
         fits = full_height <= space
-        # A figure that would be small is postponed, so that following text fills the page. If the
-        # space is small, a page break is better, because the blank area is small also.
+        # A figure that does not fit has three treatments. If the space is small, the figure is
+        # moved to a new page, because the blank area is also small. If the space would reduce the
+        # figure to less than `_MIN_SCALE`, it is postponed, and following text fills the page.
+        # Otherwise the figure is reduced to the space on this page.
         is_small = _MAX_BLANK - _FIGURE <= space < _MIN_SCALE * full_height
         if is_small and not fits and not last:
             self.postponed.append((image, caption, ratio))
             return
+        # `break_class` sets the position to 0 if the figure moves to a new page.
         page_class = "" if fits else self.break_class(_MAX_BLANK)
         height = min(full_height, _PAGE - self.position - _FIGURE)
-        # If the position is uncertain, a tall figure may not fit and cause a large blank area.
+        # Far from the last page break with a known position (`distance`), the position is
+        # uncertain: a tall figure may not fit and cause a large blank area.
         if self.distance >= _KNOWN_DISTANCE and not is_first:
             height = min(height, _MAX_BLANK)
         size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'

@@ -816,7 +816,7 @@ def _scaled_motions(
     Parameters
     ----------
     plan : Plan
-        Campaign. Each item of `plan.motions` is one component; its attribute `ground_motion` is the
+        Campaign. Each item of `plan.motions` is a component; its attribute `ground_motion` is the
         object that was read: a single record, or the pair that contains the component.
     levels : MotionFactors
         Factors of each component, by its index in `plan.motions`.
@@ -842,7 +842,7 @@ def _scaled_motions(
             with suppress(RecordError):
                 pairs[first] = find_horizontals(records)
     # The two components of a pair that was read from one file have the same `ground_motion`. Its
-    # identity is the key, so that the pair is in the result once.
+    # identity is the key, so that the result contains each pair a single time.
     motions: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
     for index, item in enumerate(plan.motions):
         if partners.get(index) in pairs:

@@ -227,7 +227,7 @@ class _RunCollector:
         Parameters
         ----------
         building : BuildingDamage
-            Damage of the building after each run.
+            Demand, status and ground motion of each run of the building, with its damage states.
         im : ndarray, shape (runs,)
             Intensity of each run.
         motion_of_record : mapping of int to int
@@ -247,6 +247,9 @@ class _RunCollector:
             motion_of_record[record] if motion_of_record else sample
             for record, _, sample in damage.keys
         ]
+        # A collapse exceeds all states. The demand at the end of the stopped run has no meaning.
+        # The median threshold of the heaviest state replaces it; the fit treats the demand of a
+        # collapse only as a lower limit.
         demand = np.where(fallen, damage.states.medians[-1], damage.demand)
         columns = (
             (self.im, im),
@@ -429,11 +432,14 @@ def _type_cloud(
     """Fit the functions of all damage states to a line through the logarithms of the demands over
     the intensities.
 
-    The demands of collapses are known only to be above the heaviest state. For the states of a
-    campaign, each run is used with three equally likely thresholds that have their dispersion. A
-    collapse exceeds all of them. Demands above the heaviest state and below the lightest state are
-    censored. For requested thresholds the demands are not censored, so that a function does not
-    depend on the other thresholds.
+    The dispersion of the thresholds of the states is represented by three equally likely values:
+    each run is used three times, with different thresholds. A collapse exceeds all of them.
+
+    Some demands are used only as limits (censored). The demand of a collapse, and demands at or
+    above the upper limit of the range, are lower limits. For the states of a campaign, demands
+    above the heaviest state are also lower limits, and demands below the lightest state are upper
+    limits. For requested thresholds these two rules do not apply. A function then does not depend
+    on the other thresholds.
 
     Parameters
     ----------
@@ -447,10 +453,12 @@ def _type_cloud(
     Returns
     -------
     list of Fragility or AnalysisError
-        Function of each state. If the line cannot be fitted, the same error for each state.
+        Function of each state. Its count `censored` and the points of its figure refer to runs, and
+        contain only collapses and demands at or above the range as censored. If the line cannot be
+        fitted, the result contains the same error for each state.
     """
     # Omit demands of zero, which have no logarithm, and demands below the range, which are elastic.
-    # A collapse exceeds every demand, so it is kept even if the heaviest state is below the range.
+    # A collapse exceeds every demand and is kept, also if the heaviest state is below the range.
     low, high = request.edp_range
     all_demands = np.where(runs.fallen, np.maximum(runs.demand, low), runs.demand)
     is_kept = is_used & (all_demands >= low) & (all_demands > 0.0)
@@ -459,10 +467,12 @@ def _type_cloud(
     lightest, heaviest = 0.0, math.inf
     if not request.thresholds:
         lightest, heaviest = runs.states.medians[0], runs.states.medians[-1]
+    # `is_above_range` is the mask of the censored runs; it does not depend on the thresholds.
     is_above_range = fallen | (demand >= high)
     # Dividing a threshold by a factor is equivalent to multiplying the demand by it: each demand is
-    # used three times, with factors that represent the dispersion of the thresholds. The shape of
-    # `scattered` is (runs, 3).
+    # multiplied by three factors, and the thresholds remain constant. The shape of `scattered` is
+    # (runs, 3). `is_above_states`, of the same shape, is the mask of the censored values in the
+    # fit.
     threshold_factors = np.exp(runs.states.dispersion * _THREE_POINTS)
     factors = np.where(fallen[:, np.newaxis], 1.0, threshold_factors)
     scattered = factors * demand[:, np.newaxis]
@@ -479,7 +489,7 @@ def _type_cloud(
         )
     except AnalysisError as error:
         return [error for _ in runs.states.states]
-    # Figures show the demands, not the three values per demand.
+    # Counts and figures refer to the demands, not to the three values per demand.
     is_below_states = ~is_above_range & (demand < lightest)
     counts: dict[str, Any] = {"runs": im.size, "censored": int(np.sum(is_above_range))}
     points: dict[str, Any] = {

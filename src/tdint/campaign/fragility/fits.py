@@ -459,8 +459,9 @@ class Fragility:
         """Return a copy of the function with the attribute `counted`: the fractions of exceedances
         in bins of the intensity, for a comparison with the function.
 
-        If the runs do not cover the median, the copy states the reason in `extrapolated` and has
-        no covariance (`within`).
+        The runs cover the median if 10 to 90 % of the runs exceed the state and if the median is
+        within the range of their intensities. Otherwise the copy states the reason in
+        `extrapolated`, and its covariance is nan (`within`).
 
         Parameters
         ----------
@@ -500,8 +501,11 @@ class Fragility:
         difference_error = np.sqrt(
             np.maximum(fitted * (1.0 - fitted), 0.0) / motion_counts + fit_error**2
         )
+        # A counted fraction is a multiple of 1 / n for n ground motions, so half a ground motion is
+        # its largest rounding error.
+        half_motion = 0.5 / motion_counts
         counted = Counted(
-            bin_im, bin_runs.astype(float), fraction, fitted, difference_error, 0.5 / motion_counts
+            bin_im, bin_runs.astype(float), fraction, fitted, difference_error, half_motion
         )
         return replace(self, counted=counted).within(
             im, float(np.sum(weight * exceeding) / np.sum(weight))
@@ -686,8 +690,8 @@ def extrapolated(functions: Sequence[Fragility]) -> list[str]:
 def levels_of(im: Array) -> NDArray[np.intp]:
     """Return the index of the level of each intensity, from 0 for the lowest level.
 
-    In ascending order, neighboring intensities belong to the same level if their relative
-    difference is at most `SAME_LEVEL`.
+    In ascending order, neighboring intensities belong to the same level if their logarithms differ
+    by at most `SAME_LEVEL`, which for this small value is their relative difference.
 
     Parameters
     ----------
@@ -797,6 +801,7 @@ def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Arr
         raise AnalysisError(
             f"{reason}: median and dispersion cannot be estimated; add intensity levels"
         )
+    # Exceedances that do not increase with the intensity are detected by the fit (`fit_stripes`).
     if np.min(im_levels[exceeding_counts > 0]) >= np.max(im_levels[other_counts > 0]):
         raise AnalysisError(
             "no record exceeds below some level and all records exceed above it: the dispersion "

@@ -388,8 +388,13 @@ class RunIntensities:
     def __init__(
         self, store: Store, folder: Path, measure: RunMeasure, pair_demand: str | None = None
     ) -> None:
-        """Determine the source of the intensities, which is the levels of the campaign, a column of
-        the store, or measures.csv. Parameters and errors are described in the class."""
+        """Select the source of the intensities: the levels of the campaign, otherwise values of the
+        store (Sa(T1) and PGA), otherwise the file measures.csv.
+
+        The arguments are the store and the directory of the campaign, the intensity measure, and
+        the rule that combines the components of pairs (None: the rule of the campaign). UsageError
+        is raised if no source contains the measure.
+        """
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
         self._record_names = {
@@ -405,8 +410,9 @@ class RunIntensities:
                 for number, (_, _, direction) in records.items()
             }
             rule = replace(rule, recordings=first_components)
-        # `_pairs` is used to group the runs of both components. With the demand SEPARATE each run
-        # would be a group, so another demand is set.
+        # `_pairs` only groups the runs of both components; it combines no demands. A rule with the
+        # demand SEPARATE would not group them, so the demand is replaced. LARGER has no other
+        # effect here.
         self._pairs = replace(rule, demand=LARGER)
         # Negative levels reverse the direction of a motion, so the levels are sorted by their
         # absolute values.
@@ -415,11 +421,12 @@ class RunIntensities:
             sorted(settings["levels"], key=abs) if _has_levels_of(settings, measure) else []
         )
         self.unit = measure.unit
-        # Attribute of `BuildingDamage` with the intensities, if the store contains them.
-        column = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
-        self._stored_name = None if self._levels else column
+        # The store contains only Sa(T1) and PGA. `stored_name` is the attribute of `BuildingDamage`
+        # with their values; None for any other measure.
+        stored_name = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
+        self._stored_name = None if self._levels else stored_name
         self._rows: Iterator[tuple[int, list[str]]] = iter(())
-        if not (self._levels or column):
+        if not (self._levels or stored_name):
             # Other measures are available only in the file of `tdint campaign --im`. Its rows are
             # read together with the buildings.
             if not is_file(self._file):

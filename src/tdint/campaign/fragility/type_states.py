@@ -403,9 +403,16 @@ def damage_of(
     request : DamageRequest or None
         Settings of the campaign file.
     classes : ClassDamage
-        Tables of the settings.
+        Thresholds and loss ratios by building class, read from the CSV files of `request`.
     buildings : Buildings
         Buildings of the campaign.
+
+    Returns
+    -------
+    Damage, optional
+        States of each building type. For each building: its type, its first period (s), and the
+        divisor that converts a peak of a run to the demand of the states, for example the height of
+        the building for the roof drift ratio.
 
     Raises
     ------

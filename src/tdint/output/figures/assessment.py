@@ -375,7 +375,9 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
     lines = []
-    styles = _thinned(line_styles(methods, [0.0] * len(methods)), thin)
+    # All lines have the same damping ratio, 0.0, so that styles differ only by method.
+    damping_ratios = [0.0] * len(methods)
+    styles = _thinned(line_styles(methods, damping_ratios), thin)
     for method, style in zip(methods, styles, strict=True):
         orders = [order for order in measured if order.method == method]
         ratios = np.array([order.frequency_ratio for order in orders])

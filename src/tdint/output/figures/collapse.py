@@ -522,7 +522,8 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
-    """Mark the capacity of each curve, or the last level of a curve without collapse.
+    """Mark the capacity of each curve, or the last level of a curve without collapse. A curve
+    without a run that is free of collapse has no mark, because the capacity has no drift.
 
     Parameters
     ----------
@@ -924,7 +925,11 @@ def _im_label(function: Fragility) -> str:
 
 
 def _label(function: Fragility, beta_total: float | None = None) -> str:
-    """Return the legend entry of a fragility function: demand threshold, median and dispersion.
+    """Return the legend entry of a fragility function: demand threshold, initial damage if known,
+    median theta and dispersion beta.
+
+    The initial damage is the drift ratio that a previous earthquake has caused, in percent
+    ("damaged to 2 %"), or "intact" for zero.
 
     Parameters
     ----------

@@ -803,6 +803,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         axes.axhline(0.0, color=LIGHT, linewidth=0.6)
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
+    # `changed` returns a suffix for a scaled or processed record, such as ` x 1.7 (processed)`.
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
     column[0].set_title(title, parse_math=False)
     # A Husid plot (1969) shows the integral of the squared acceleration divided by its final value.

@@ -497,9 +497,10 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     """Plot peak drifts in percent of the story height, or as lengths if no story has a height.
 
-    Isolators have much larger drifts than stories, and the drift of a story without a height cannot
-    be expressed in percent. Both have a hatched bar with their drift as text, unless the building
-    has only such stories.
+    Isolators and, if drifts are in percent, stories without a height are separate: they have a
+    hatched bar with the drift as text. Isolators have larger drifts than stories, and the drift of
+    a story without a height cannot be expressed in percent. If all stories are
+    isolators, no story is separate.
 
     Parameters
     ----------
@@ -507,11 +508,13 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
         The panel.
     response : Response
         Result of a run. The panel also shows residual drifts, estimated errors, the collapse drift
-        and the drifts of each event of a sequence.
+        and the drifts of the events of a sequence, up to the number of colors.
     units : OutputUnits
         Unit of the drifts as lengths.
     """
     stories = response.stories
+    # The height of an isolator is nan, also if the model specifies a height. `scale` converts
+    # drifts (m) to the unit of the axis.
     has_height = np.isfinite(stories.height)
     in_percent = bool(has_height.any())
     if in_percent:

@@ -762,6 +762,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         ", ".join(filter(None, (label, value if has_several_values else "")))
         for label, value in zip(first_labels, prescribed, strict=True)
     ]
+    # Lines of different components with the same damping ratio and prescribed value are variants of
+    # each other: with a column per component, they have the same color and dashes.
     variants = [
         (spectrum.damping, value) for spectrum, value in zip(spectra, prescribed, strict=True)
     ]
@@ -774,13 +776,12 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         upper = figure.axes[0]
         upper.set_yscale("log")
         upper.autoscale(axis="y")
-        # The ductility panels of all columns share this axis; each needs its own line.
+        # The ductility panels of all columns share this axis, but not its lines.
         for axes in upper.get_shared_y_axes().get_siblings(upper):
             axes.axhline(1.0, color=LIGHT, linewidth=0.8)
         plain_numbers(upper.yaxis)
-    description = f"bilinear, hardening {spectra[0].hardening:g}"
-    if not has_several_values:
-        description = f"{prescribed[0]}, {description}"
+    prescribed_text = "" if has_several_values else f"{prescribed[0]}, "
+    description = f"{prescribed_text}bilinear, hardening {spectra[0].hardening:g}"
     return titled(
         figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, description)
     )

@@ -539,8 +539,9 @@ _MAX_THINNINGS = 3
 def _fit(figure: Figure) -> None:
     """Fit the texts of a narrow figure into the available space.
 
-    Labels and titles are wrapped, and axes get fewer ticks, until tick labels do not overlap. Then
-    the labels of points that have no space are hidden.
+    Labels and titles are wrapped, and axes get fewer ticks, until tick labels do not overlap. The
+    height of the figure is increased if the panels do not fit. Finally, the labels of points that
+    have no space are hidden.
     """
     FigureCanvasAgg(figure)
     for axes in figure.axes:
@@ -556,9 +557,9 @@ def _fit(figure: Figure) -> None:
     for _ in range(_MAX_THINNINGS):
         _grow(figure)
         changed = [_thin(axis) for axis in number_axes]
-        # The layout has now reduced the panels by the space of all other parts, so that labels are
-        # wrapped to the actual size of their panel. A label may be slightly longer than the panel,
-        # because tick labels extend over the panel also.
+        # `_grow` has performed the layout, which reduces the panels by the space of all other
+        # parts. Labels are therefore wrapped to the actual size of their panel. A label may be
+        # slightly longer than the panel, because tick labels extend over the panel also.
         changed += [_wrap(panel.xaxis.label, 1.2 * panel.bbox.width) for panel in panels]
         changed += [_wrap(panel.yaxis.label, 1.1 * panel.bbox.height) for panel in panels]
         if not any(changed):
@@ -618,6 +619,9 @@ are too narrow."""
 
 def _grow(figure: Figure) -> None:
     """Increase the height of a figure, in steps up to `_MAX_GROWTH`, until its panels fit.
+
+    Matplotlib warns if the panels do not fit. The caller has set the filter for the warning to
+    "error", so that Matplotlib raises an exception instead.
 
     Raises
     ------

@@ -382,6 +382,8 @@ def floor_suite_picture(
     units = units.in_figures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
     for suite in suites:
+        # Suites with equal keys have a common panel. An unknown scale factor or level is nan. Two
+        # values nan differ, but their texts are equal.
         key = (suite.floor, repr(suite.scale), repr(suite.level), suite.damping)
         panels.setdefault(key, []).append(suite)
     shown = list(panels.values())[:_MAX_PANELS]
@@ -393,7 +395,8 @@ def floor_suite_picture(
     several_scales = len({repr(suite.scale) for suite in suites}) > 1
     for axes, panel_suites in zip(grid.ravel(), shown, strict=False):
         for suite in panel_suites:
-            line, psa = partial(axes.plot, suite.periods), units.of(suite.psa, "m/s^2")
+            psa = units.of(suite.psa, "m/s^2")
+            line = partial(axes.plot, suite.periods)  # function that plots values over the periods
             _draw_motions(axes, psa, line, plot_styles[suite.building], "envelope")
         _set_axes(axes, units)
         mark_first_periods(axes, periods)

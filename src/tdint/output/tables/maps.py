@@ -176,8 +176,11 @@ def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> I
 def _inventory_names(store: Store) -> tuple[str, ...]:
     """Return the names of the map properties that contain the cells of the inventory.
 
-    They are the names of the columns, with a prefix if another property has the same name.
+    A property is a value that the map states for each building. Each copied column of the inventory
+    is a property with the name of the column. The name has a prefix if a computed property has the
+    same name.
     """
+    # `other_names` are the names of all computed properties.
     demands = [
         f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
     ]

@@ -200,6 +200,9 @@ def write_history(
     factors = None if units == SI else np.array([factor for _, factor in names_and_factors])
     row_format = ",".join(["%.12g"] * len(names_and_factors)) + "\n"
     # `groups` contains the arrays of the columns of each group, shape (steps,) or (steps, stories).
+    # For a group with the quantities a and b of each story, the columns of the file are a and b of
+    # story 1, a and b of story 2, and so on, as in `history_columns`. `stack` therefore adds the
+    # quantity as the last axis, and `reshape` joins the axes of stories and quantities.
     groups = [[column.of(history) for column in group] for _, group in history_groups(has_error)]
     for start in range(0, len(history.time), _ROWS_AT_ONCE):
         row_slice = slice(start, start + _ROWS_AT_ONCE)
