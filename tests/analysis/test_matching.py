@@ -12,7 +12,7 @@ import tdint
 from building_cases import noise
 from tdint.analysis import matching_problem
 from tdint.analysis.matching import _spectra
-from tdint.analysis.matching_problem import MatchingProblem, SparseRows, program
+from tdint.analysis.matching_problem import MatchingProblem, SparseRows, solve_program
 from tdint.analysis.spectra.target import read_target, read_targets
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -99,7 +99,7 @@ def test_quadratic_program_agrees_with_scipy():
     for _ in range(5):
         rows = rng.normal(size=(12, 40))
         gram, short, equal = rows @ rows.T / 40.0, rng.normal(size=12), np.arange(12) < 5
-        found = program(gram, short, equal, np.full(12, 1e-3))
+        found = solve_program(gram, short, equal, np.full(12, 1e-3))
         matrix = gram + 1e-3 * np.eye(12)
         bounds = LinearConstraint(np.eye(12)[~equal], -np.inf, 0.0)
         best = minimize(
