@@ -177,7 +177,7 @@ class Plan:
         first_buildings = np.searchsorted(self._ends, self._cuts[:-1], side="right")
         first_buildings[0] = 0
         # Number of the last building of each chunk, plus 1: the first building of the next chunk.
-        # If the runs of that building are divided (its first run is before the next chunk), it
+        # If that building is divided (its first run is before the next chunk), it
         # is part of both chunks, and 1 is added.
         next_firsts = first_buildings[1:]
         is_divided = self._starts[next_firsts] < self._cuts[1:-1]
