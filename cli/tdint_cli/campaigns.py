@@ -253,9 +253,9 @@ class Profiles:
     def report_results(self) -> list[TdintError]:
         """Report collapsed and failed runs, and compare the mean demands with the limits.
 
-        Means over the motions exclude collapsed and failed runs. Both are reported only after all
-        runs are completed, because a mean over some of the motions could be mistaken for the mean
-        over all motions.
+        Means over the motions exclude collapsed and failed runs. Results are reported only
+        after all runs are completed, because a mean over some of the motions could be mistaken for
+        the mean over all motions.
 
         Returns
         -------
@@ -317,6 +317,8 @@ class Profiles:
         unmet: list[str] = []
         for profile, verdict in self.limits.verdicts(self.units):
             say(self.limits.named(profile, verdict.text))
+            # `met` is neither True nor False for a sentence about isolators without a limit.
+            # `limits.building` returns an empty name if there is only a single profile.
             if verdict.met is False:
                 unmet.append(self.limits.building(profile) or profile.building)
         unmet = list(dict.fromkeys(unmet))
@@ -400,16 +402,18 @@ def execute_campaign(
     shard_buildings = None if shard is None else plan.buildings_of(shard.chunks(plan))
     with locked(folder):
         extra_files = check_names(folder, request)
+        # Refuse tables of other commands in a directory that contains no campaign.
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
         store, store_notes = _open_store(folder, plan, shard_buildings, overwrite=overwrite)
         warn_of_plan(plan)
         note(*plan.notes, *store_notes)
         with store:
+            # Refuse files with the names of results that were not written from this store.
             if not overwrite:
                 store.refuse_foreign(extra_files)
             advance = advance_with_bar(plan, store, engine, shard=shard, max_runs=max_runs)
             profiles = Profiles(store, request)
-            finish(profiles, folder, plan)
+            finish(profiles, folder, plan)  # write all tables, figures and the summary
             if show:
                 emit_table(tables.campaign.runs_table(store).in_units(profiles.units))
             if request.baseline is not None and is_complete(store):
@@ -959,7 +963,8 @@ def _write(
 def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Content]:
     """Return the damage tables as file name and writer; empty if the campaign computes no damage.
 
-    Means over the motions are included only after all runs are done.
+    The tables of building types, of losses and of their exceedance contain means over the motions.
+    They are included only after all runs are completed.
 
     Parameters
     ----------

@@ -34,8 +34,8 @@ class MapRequest:
     def districts(self, store: Store, by: str) -> Callable[[BinaryIO], None]:
         """Return a function that writes the map of districts to a binary stream.
 
-        The columns of the inventory and the polygons are read here, so that errors are reported
-        before any file is written.
+        Polygons, if there are any, are read and compared with the districts before the function is
+        returned, so that errors are reported before any file is written.
 
         Parameters
         ----------
@@ -53,8 +53,9 @@ class MapRequest:
 
         polygons = None
         if self.polygons is not None:
-            # The names of columns are compared regardless of case. The cells of the inventory that
-            # the store keeps for a building are in the order of these columns.
+            # The column `by` exists, because the options have been checked. Upper and lower case of
+            # column names are equivalent. The cells that the store keeps for a building are in the
+            # order of these columns.
             column = [title.lower() for title in store.inventory_columns()].index(by.lower())
             districts = {store.copied_cells(number)[column] for number in store.buildings()}
             polygons = read_polygons(self.polygons, by, sorted(districts))

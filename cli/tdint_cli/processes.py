@@ -73,9 +73,17 @@ class Workers(Generic[Result]):
         ----------
         tasks : sequence of Task
             Tasks to which the function is applied.
+
+        Raises
+        ------
+        Exception
+            Any exception that the function raises for a task. A process that ends without an
+            outcome does not raise; its task has the outcome `Lost`.
         """
         waiting = deque(enumerate(tasks))
         while waiting or any(worker.task_index is not None for worker in self._workers):
+            # If tasks remain, at least one worker is busy after this call. The call raises an
+            # exception if no process can be started.
             self._hand_out(waiting)
             busy = [worker for worker in self._workers if worker.task_index is not None]
             # Wait until a worker sends an outcome, or ends: its sentinel is then ready.

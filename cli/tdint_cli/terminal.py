@@ -470,7 +470,7 @@ def _signals_as_exception(received: list[int]) -> Iterator[None]:
         """Handle a signal: store its number, ignore further signals and raise `Ended`."""
         received.append(number)
         # In a finalizer, Python prints the exception `Ended` instead of raising it. Print nothing:
-        # the watch thread ends the process.
+        # the thread that `end_in_time` has started ends the process.
         sys.unraisablehook = lambda _: None
         for ending in handled:
             signal.signal(ending, signal.SIG_IGN)
@@ -544,19 +544,19 @@ _PATIENCE = 0.3
 
 
 def end_in_time() -> Callable[..., None]:
-    """Watch for signals until this process ends.
+    """Start a thread that ends this process after a signal, and return without waiting.
 
     Returns
     -------
     callable
         Function to call with the exit code after the command has ended and reported its result.
-        Python may then still wait for threads; a further signal ends this wait without a message.
-        After a signal, the function ends the process at once, without waiting and without cleanup
-        of libraries. An interrupted library may fail during its cleanup.
+        After a signal, the function ends the process immediately, without cleanup of libraries,
+        because an interrupted library may fail during its cleanup. Otherwise it returns. Python may
+        then still wait for threads; a signal ends this wait without a message.
     """
     if threading.current_thread() is not threading.main_thread():
         return lambda code=None: None
-    is_reported = threading.Event()
+    is_reported = threading.Event()  # set after the result is reported; signals are then silent
     read_end, write_end = os.pipe()  # Python writes the numbers of received signals to this pipe.
     set_nonblocking(write_end)
 

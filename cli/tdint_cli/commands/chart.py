@@ -408,9 +408,10 @@ def _problems(request: Request) -> list[FieldProblem]:
             analysis=replace(model.analysis, duration=request.duration or model.analysis.duration),
         )
         for record in request.records or (None,):
-            building = request.of(file, record)
-            check_motion(building)
-            models.append(with_motion(model, building))
+            # Options for this model and record, as on the command line of `tdint run`
+            building_request = request.of(file, record)
+            check_motion(building_request)
+            models.append(with_motion(model, building_request))
     # The models already contain their records, so that no further records are specified.
     return crossed(models, ())
 

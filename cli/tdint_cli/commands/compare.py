@@ -174,7 +174,7 @@ def command(request: Request) -> None:
     if [request.model, *files].count(STDIN) > 1:
         raise UsageError(
             f"standard input ({STDIN}) can be only one of MODEL.yaml, --recorded and --blind; "
-            "specify the others as files"
+            "specify the other inputs as files"
         )
     if request.picture:
         check_picture(request.picture)
@@ -184,7 +184,7 @@ def command(request: Request) -> None:
     model = replace(model, output_units=units)
     recordings = [load_recording(file, len(model.stories)) for file in files]
     events = [Event.of(recording) for recording in recordings]
-    # The fit uses only the first event, that of --recorded. It selects its own method and time
+    # The fit uses only the first event (--recorded). It selects its own method and time
     # step, so that the discretization error does not affect the fitted values; --method and --dt
     # apply to the comparison.
     fitted = fit(model, events[0], request.fit) if request.fit else None

@@ -265,6 +265,7 @@ def _fit(request: Request) -> None:
     if not by and study_summary(Path(request.table)):
         functions = [replace(function, is_drift_ratio=True) for function in functions]
     if openquake_files:
+        # OpenQuake files do not use --output-units: write the functions in SI units.
         _write_openquake(request, result.functions, openquake_files)
 
     def draw(functions: Sequence[Fragility]) -> Figure:
@@ -273,6 +274,7 @@ def _fit(request: Request) -> None:
         collapse = figures.collapse
         return collapse.types_picture(functions) if by else collapse.fragility_picture(functions)
 
+    # The functions are already in the output units; without units, they are not converted again.
     replace(outputs, units=None).deliver(
         tables.studies.fragility_table(
             functions,

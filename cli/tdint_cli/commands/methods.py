@@ -29,7 +29,7 @@ def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     CSV on standard output: name, family, parameters with values (defaults, or the values of SPEC)
     and ranges. For these values also the order for a smooth load, implicit or explicit, the maximum
     stable omega dt without damping (none: unconditionally stable) and the spectral radius for omega
-    dt to infinity.
+    dt to infinity. The column source names the publication of the method.
     """
     from tdint.methods.catalogue import chosen
     from tdint.output.tables.methods import method_table, reference_table

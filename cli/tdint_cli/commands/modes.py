@@ -199,7 +199,8 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
 
 
 def _peak_sentence(result: ModalResponse, units: OutputUnits) -> str:
-    """Return a sentence on the base shear and the roof displacement.
+    """Return a sentence on the base shear and the roof displacement; if all modes are included, a
+    second sentence states this.
 
     Parameters
     ----------

@@ -682,6 +682,7 @@ def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -
             click.get_current_context().find_root().command.main(
                 list(arguments), "tdint", obj=Settings(debug=settings.debug, quiet=settings.quiet)
             )
+    # `main` always raises SystemExit, with an integer exit code.
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
     finally:

@@ -588,7 +588,8 @@ def _with_history(response: Response) -> Response:
     assert response.history_chunks is not None
     if response.history is not None:
         return response
-    # Integer division rounds down; with two changes of sign it rounds up.
+    # Integer division rounds down; with two changes of sign it rounds up. A run has at least one
+    # time step, so that `every` is at least 1.
     every = -(-response.steps // _FIGURE_STEPS)
     return replace(response, history=History.joined(response.history_chunks(every)))
 
@@ -617,6 +618,9 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
 
     folder = Path(request.output)
 
+    # Files that this command can write to its directory
+    possible_files = request.in_folder(ALL_FILES)
+
     def summary_bytes(digests: Mapping[Path, str]) -> bytes:
         """Return the summary with the SHA-256 of the files in its directory.
 
@@ -634,12 +638,13 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
             content | {"files": written_files}, request.units_shown, UNITS
         )
 
-    possible_files = request.in_folder(ALL_FILES)
     earlier_files = {
         folder / name: sha
         for name, sha in listed_files(folder / SUMMARY).items()
         if folder / name in possible_files
     }
+    # `stale` are the files that may be removed; `last` is the summary, which is written after all
+    # other files because it contains their SHA-256.
     write_files(
         files,
         overwrite=request.overwrite,

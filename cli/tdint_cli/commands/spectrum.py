@@ -160,9 +160,10 @@ def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
     request : TablesRequest
         The options of the command line.
     table : Path or None
-        File of the table; None without -o.
+        File of the table; None without -o, and with -o DIR if no table is written to a file.
     """
-    # With -o DIR, each record has a figure next to its table, so that a table is required.
+    # With -o DIR, a figure is a file next to the table of its record. Without a table there is no
+    # figure.
     picture = picture_file(request.plot, table) if table or not request.is_folder else None
     if picture:
         check_picture(picture)
@@ -261,13 +262,16 @@ def _write(
         )
         rows = [_without_header(product.text) for product in products[1:]]
         contents[outputs.table] = b"".join([products[0].text, *rows])
-        # The columns of the products are already in the requested units.
+        # The descriptions of the columns are already in the requested units, and are not converted
+        # again.
         converted = {"columns": summary["columns"]}
         contents[outputs.summary] = options.output.summary_bytes(
             summary, request.shown_units, converted=converted
         )
     if outputs.picture:
         results = [result for product in products for result in product.results]
+        # A product contains a figure only with -o DIR. It is then the only product of its table.
+        # Otherwise one figure shows the results of all records.
         contents[outputs.picture] = products[0].picture or _picture(
             request, table_type, results, outputs.picture.suffix
         )

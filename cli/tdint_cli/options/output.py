@@ -167,7 +167,8 @@ def _check_report(
 
 
 def plot(text: str) -> grammar.Declaration:
-    """Declare the option --plot; `text` is its help text."""
+    """Declare the option --plot with the help text `text`, followed by --style, which requires
+    --plot."""
     return option(
         "--plot",
         type=FileName(written=True),
@@ -531,8 +532,8 @@ def summary_bytes(
 def _plain(value: Any) -> Any:
     """Return the value of an option in a form that JSON can represent.
 
-    A number, a text or a list of them is returned unchanged. A value with a special notation, such
-    as a grid of periods, is returned as its text on the command line.
+    None, a boolean, a number or a text is returned unchanged, and a tuple as a list. Any other
+    value, such as a grid of periods, is returned as its text on the command line.
     """
     if isinstance(value, tuple):
         return [_plain(item) for item in value]

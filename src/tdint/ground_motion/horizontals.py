@@ -660,7 +660,7 @@ def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
     -------
     list of tuple of two str
         Patterns in the form of `PairNames`, where `{}` is the common part of both names. Each pair
-        matches two different names whose other parts have a few characters. A pair of patterns is
+        matches two different names, which differ in a few characters. A pair of patterns is
         repeated for each pair of names that it matches.
     """
     # Names with a common start are neighbors in alphabetical order. Names with a common end are

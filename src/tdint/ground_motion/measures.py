@@ -509,8 +509,9 @@ def mean_period(record: Record) -> float:
     Returns
     -------
     float
-        Mean period, s; nan if all amplitudes are zero, if the sampling interval is longer than 2 s,
-        or if the Fourier transform would require too many samples.
+        Mean period, s; nan if no frequency of the transform is in the band, if all amplitudes in
+        the band are zero, if the sampling interval is longer than 2 s, or if the Fourier transform
+        would require too many samples.
     """
     low, high = _MEAN_PERIOD_BAND
     # Zeros are added to a short record, so that the frequency interval is at most 0.05 Hz.

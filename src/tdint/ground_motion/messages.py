@@ -70,7 +70,8 @@ def _postponed_import(name: str) -> Iterator[None]:
 
 @contextmanager
 def caught_messages() -> Iterator[list[str]]:
-    """Collect Python warnings and the text that C code prints to standard error.
+    """Collect Python warnings, errors in Python functions called by C code, and the text that C
+    code prints to standard error.
 
     Warnings and standard error belong to the process: output of other threads during the block is
     also collected.
@@ -78,10 +79,11 @@ def caught_messages() -> Iterator[list[str]]:
     Yields
     ------
     list of str
-        Empty inside the block. After the block, each message once, in the order of appearance,
-        without warnings about code.
+        Empty inside the block. After the block, each message once, without warnings about code:
+        first all warnings, then the errors, then the printed text.
     """
     messages: list[str] = []
+    # `lost` are messages of exceptions that cannot propagate through C code.
     with (
         warnings.catch_warnings(record=True) as caught,
         _callback_errors() as lost,

@@ -463,7 +463,8 @@ def _control_length(data: bytes) -> int | None:
     Returns
     -------
     int or None
-        Length; None if the blockette and a second header are missing.
+        Length; None if the stated length is not permitted, or if the blockette and a second header
+        are missing.
     """
     # Blockettes 5, 8 and 10 state the length as an exponent of 2 in two digits.
     if data[8:11] in (b"005", b"008", b"010") and data[19:21].isdigit():

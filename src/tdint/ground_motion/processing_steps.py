@@ -347,13 +347,14 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
     record : Record
         Record to trim.
     start, end : float or None
-        Times from the first sample, s. Samples at these times are included. None means the first
-        sample for `start` and the last sample for `end`.
+        Times from the first sample, s. `Processing` has checked that `start` is not negative.
+        Samples at these times are included. None means the first sample for `start` and the last
+        sample for `end`.
 
     Raises
     ------
     RecordError
-        The part is outside the record or has fewer than two samples.
+        The part ends after the record, starts at or after its end, or has fewer than two samples.
     """
     start = start or 0.0
     end = record.duration if end is None else end

@@ -346,6 +346,8 @@ def assemble(model: Model) -> Building:
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     linear_terms[rows.MASS, :n] = [story.mass for story in stories]
     linear_terms[rows.INVERSE_MASS, :n] = 1.0 / linear_terms[rows.MASS, :n]
+    # DASHPOT contains only the dashpots of the model. STORY_DAMPER is the sum of all linear dampers
+    # of a story: `add_damping` adds Rayleigh damping to STORY_DAMPER.
     linear_terms[rows.STORY_DAMPER, :n] = linear_terms[rows.DASHPOT, :n] = [
         story.dashpot for story in stories
     ]
@@ -384,6 +386,8 @@ def assemble(model: Model) -> Building:
         linear_terms[rows.GEOMETRIC, :n],
     )
     isolators = tuple(i for i, story in enumerate(stories) if story.isolator)
+    # `modal` contains the damping between several floors, such as modal damping. Each row w adds
+    # w w^T to the damping matrix.
     modal = add_damping(linear_terms, law_parameters[rows.STIFFNESS, :n], model, vibration)
     return Building(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators)
 
@@ -429,8 +433,9 @@ class DrawnBuildings:
     def combine_runs(self, draws: Sequence[int]) -> Building:
         """Return the buildings of several runs as one `Building` with an additional axis of runs.
 
-        Linear terms and law parameters have the shape (rows, runs, n + 1), heights and yield drifts
-        the shape (runs, n).
+        For n stories, linear terms and law parameters have the shape (rows, runs, n + 1), with a
+        last column for a fictitious story above the roof. Heights and yield drifts have the shape
+        (runs, n).
 
         Parameters
         ----------
@@ -572,7 +577,8 @@ def _yield_drifts(
     model, base
         The model that is varied, and its building.
     changed_values : mapping
-        Changed values, as from `_changed_numbers`.
+        Changed values, as from `_changed_numbers`: an array of the values of all samples for
+        each key (index of the story, index of the value in `story_numbers`).
     law_parameters : ndarray
         Parameters of the laws of all samples; first axis: sample.
 
@@ -631,7 +637,8 @@ def _changed_numbers(
             changed[value_index] = np.where(np.isnan(sampled_values), current, changed_value)
             if change.sets_law_parameter:
                 stories_with_set_law.add(change.story)
-    # Some laws define the initial stiffness by their parameters: compute it again.
+    # Some laws define the initial stiffness by their parameters: compute it again. These laws have
+    # no parameter `stiffness` (`changes_of`), so that no sampled value is replaced.
     for i in stories_with_set_law:
         compute_stiffness = LAWS[model.stories[i].law.name].initial_stiffness
         if compute_stiffness:
@@ -790,8 +797,11 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     forces : ndarray, optional
         Table of `force_table`. Default: no forces.
     """
+    # Every kernel contains the linear law. The last column of the table is the fictitious story
+    # above the roof.
     codes = {CODES["linear"], *building.law_parameters[rows.CODE, :-1].tolist()}
-    # The number of a plug-in law distinguishes it from laws of other plug-ins with the same name.
+    # Codes from `OURS` on are laws of plug-ins. The code distinguishes a law from laws of other
+    # plug-ins with the same name.
     names = (
         name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes
     )
@@ -801,8 +811,8 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
     )
-    # Return the same instance for equal variants. Comparisons of variants are then fast, because
-    # they compare the identity first.
+    # Return the same instance for equal variants. Lookups of variants in dictionaries are then
+    # fast, because they compare the identity first.
     return _VARIANTS.setdefault(result, result)
 
 

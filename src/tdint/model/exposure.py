@@ -527,10 +527,11 @@ def _store_element(
     elif name == "area" and parent == "conversions":
         model.area_type = _choice(source, line, attributes.get("type", ""), _AREA_TYPES)
     elif name == "field":
-        # All cost types of OpenQuake use the field `value`. The attribute `type` is the cost type,
-        # which is stored as the name of the field.
-        field_name = attributes.get("oq", "")
-        field_name = attributes.get("type", "") if field_name == "value" else field_name
+        # The element <field oq="area" input="sqm"/> assigns the column sqm to the field area. In
+        # <field oq="value" type="structural" input="cost"/> the name of the field is the cost type,
+        # here structural, because the fields of all cost types are named value.
+        oq_field = attributes.get("oq", "")
+        field_name = attributes.get("type", "") if oq_field == "value" else oq_field
         model.fields[field_name] = attributes.get("input", "")
     elif name == "asset":
         model.assets.append((line, dict(attributes)))

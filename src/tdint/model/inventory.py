@@ -524,7 +524,7 @@ class InventoryRows(LazySequence[InventoryRow]):
         carried : bool
             True for the columns that are copied to results (`_Table.carried`) and the nearest sites
             (`near`); False for everything that defines the response of the buildings. Coordinates
-            are not included there, because they only assign sites to buildings.
+            are then not included, because they only assign sites to buildings.
         """
         table = self.table
         defining_values = (

@@ -464,11 +464,12 @@ def _evaluate(
 
 
 def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Accept the first trial state of a law as its committed state, as `law_state.commit` and
-    `resume` do.
+    """Accept the first trial state of a law as its committed state, as the time loop does.
 
-    The dissipated energy of the step is added first. A law without the function `keep` then starts
-    a new branch.
+    The dissipated energy of the step is added first. The function `keep` of a law copies its
+    additional rows, which include its branch; this function copies the rows that all laws use. A
+    law without `keep` does not store a branch in its trial state: a new branch starts from the
+    committed state.
 
     Parameters
     ----------
@@ -485,6 +486,7 @@ def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arr
         functions.accumulate_dissipation(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
     if functions.keep is not None:
         functions.keep(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
+    # Row 0 (`rows.COMMITTED`) is the first row of the committed state.
     for row in range(rows.COMMON_ROWS):
         law_state[row, 0] = law_state[rows.FIRST_TRIAL + row, 0]
     if functions.keep is None:

@@ -123,8 +123,7 @@ class Modes(Tabular):
             Damping matrix, N s/m.
         """
         modal_damping = self.modal_damping(damping)
-        # A negative term remains in `coupling`, so that the result is None unless it is a rounding
-        # error.
+        # A negative term remains in `coupling`. It is accepted only if it is a rounding error.
         diagonal = np.maximum(np.diagonal(modal_damping), 0.0)
         coupling = np.abs(modal_damping - np.diag(diagonal))
         # Off-diagonal terms up to these values are rounding errors.

@@ -273,19 +273,21 @@ class Lines:
             ) from None
 
     def checked(self, values: array[float], first: int) -> NDArray[np.float64]:
-        """Convert the values of the rows after line `first`, up to the last line read, and check
-        them; return shape (values,).
+        """Return the values of rows as an array, shape (values,), after checks.
 
-        If the file ends without a newline, its last number must not have fewer decimals than the
-        last numbers of the preceding rows. This check applies if all of these have the same number
-        of decimals.
+        The rows are the lines from index `first` to the last line that has been read. If the file
+        ends with the last row and without a newline, its last number may be cut off. It is then
+        refused if it has fewer decimals than the last numbers of the preceding rows, and all of
+        these have the same number of decimals. A final 0 is accepted if another row also ends with
+        0.
 
         Parameters
         ----------
         values : array of float
             Values of all rows.
         first : int
-            Index of the line before the first row.
+            Index of the first row, counted from 0. It is also the number, counted from 1, of the
+            line before the first row, which messages state.
 
         Raises
         ------
@@ -481,7 +483,8 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     Returns
     -------
     tuple of float
-        Sampling interval, s; maximum departure from equal steps, s, or 0 if rounding explains it.
+        Sampling interval, s; maximum departure from equal steps, s. The departure is 0 if it can
+        result from the rounding of the times, or if it is at most 2 % of the interval.
 
     Raises
     ------
@@ -506,14 +509,16 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     rate = round(1.0 / dt) if dt > _SHORTEST else 0
     has_integer_rate = rate and abs(1.0 / rate - dt) <= rounding / (times.size - 1)
     dt = 1.0 / rate if has_integer_rate else float(f"{dt:.12g}")
-    # Rounding of two times changes their interval by up to one unit of the last decimal; a half is
-    # added as a margin. Half of the interval is the limit for times with few decimals.
+    # Rounding of two times changes their interval by up to one unit of the last decimal, plus a
+    # margin of half a unit. Times with few decimals may depart by at most half of the interval. A
+    # departure of `_SLIP` (2 % of the interval) is always accepted.
     allowed = max(min(1.5 * rounding, 0.5 * dt), _SLIP * dt)
     off_interval = np.abs(intervals - dt)
     off_grid = np.abs(times - times[0] - dt * np.arange(times.size))
     departure = float(max(np.max(off_grid), np.max(off_interval)))
     if departure <= allowed * (1.0 + 1e-6):
         return dt, 0.0
+    # The limit also applies to each interval. The caller reports the departure.
     if departure <= slack * duration:
         return dt, departure
     index = int(np.argmax(off_interval))

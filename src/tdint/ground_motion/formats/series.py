@@ -334,12 +334,13 @@ def moment(
     second: float,
     zone: float = 0.0,
 ) -> datetime | None:
-    """Return a time in UTC; None if the numbers are not a valid date.
+    """Return a time in UTC; None if the date, the hour or the minute is not valid.
 
     Parameters
     ----------
     year, month, day, hour, minute, second : float
-        Local time.
+        Local time. Fractions of all numbers except the second are omitted. The second may be any
+        number, also 60 and above; it is added to the time.
     zone : float
         Offset of the local time from UTC, hours, positive to the east. Default 0.
     """

@@ -79,7 +79,8 @@ class ColumnName:
 def column_names(text: str) -> list[ColumnName]:
     """Return the column names in a line; empty if the line is not a line of names.
 
-    Each name must state a ground motion; only the first of several names may be a time.
+    Each name must state a ground motion (`MOTIONS`) or a component of the acceleration. The first
+    of several names may be a time; `_interpret_names` accepts a time only there.
     """
     columns = _interpret_names(_split_names(text))
     if not columns or any(column.quantity == OTHER for column in columns):
@@ -89,7 +90,8 @@ def column_names(text: str) -> list[ColumnName]:
     if not motions or (len(columns) == 1 and columns[0].component):
         return []
     if any(column.quantity == "acceleration" and not column.component for column in motions):
-        # If a column is an acceleration, v and d are the velocity and the displacement.
+        # The names v and d were read as components. If a column is named acceleration without a
+        # component, they are the velocity and the displacement.
         for index, column in enumerate(columns):
             if quantity := _LETTERS.get(column.component.lower()):
                 columns[index] = replace(column, quantity=quantity, component="")
@@ -237,8 +239,8 @@ def _interpret_names(name_texts: list[str]) -> list[ColumnName]:
         quantity, component = _quantity_of_name(name)
         if index == 0 and len(names_and_units) > 1 and name in _TIMES:
             quantity, component = TIME, ""
-        # Any name with a unit of acceleration is a component, except that of the first column,
-        # which may be a time.
+        # Any other name with a unit of acceleration is a component. The first column is excluded,
+        # because it may be a time. `name` is the start of `text` in lower case, without the unit.
         if quantity == OTHER and index > 0 and _ACCELERATION.fullmatch(units):
             quantity, component = "acceleration", text[: len(name)]
         columns.append(ColumnName(quantity, component, units, text, plain=name))

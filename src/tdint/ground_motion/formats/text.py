@@ -323,15 +323,19 @@ def _count_names(line: str) -> int:
 
 
 def _accelerations(names: Names, columns: range) -> list[int]:
-    """Return the indices of the acceleration columns; if there are none, those of the velocity
-    columns, otherwise those of the displacement columns.
+    """Return the indices of the columns that are read as ground motion.
+
+    Without names, these are `columns`. Otherwise, they are the columns named as acceleration; if
+    there are no such columns, the velocity columns, or else the displacement columns. If no name
+    states a quantity, the only column that is not the time is returned; without such a column the
+    list is empty.
 
     Parameters
     ----------
     names : tuple of ColumnName
         Names of all columns; empty if the header does not name them.
     columns : range
-        Indices of the columns without names that may be components.
+        Indices of the columns that may be components; used only if `names` is empty.
 
     Raises
     ------
@@ -373,7 +377,9 @@ def _series(
     names, declared = header.names, header.get("units")
     component = replace(common, samples=columns[index])
     if not names:
-        # A single component keeps the declared channel; several are named by their numbers.
+        # The only component of a table with at most a time column in addition has the declared
+        # channel. Otherwise the channel is the number of the column, counted from 1 with the time
+        # column, as the user selects it by `column`.
         is_single = len(component_columns) == 1 and len(columns) <= 2
         return replace(
             component,
@@ -382,7 +388,9 @@ def _series(
         )
     name = names[index]
     text = name.units or declared
-    # The quantity follows from the name of the column, otherwise from its units.
+    # The quantity follows from the name of the column. If the name does not state it, the units in
+    # the name determine the quantity for the check of the units. The series then has the quantity
+    # "" (not stated by the file), so that the user may specify units of another quantity.
     quantity = name.quantity
     if name.quantity == OTHER:
         motion = motion_units(name.units) if name.units else None
@@ -527,7 +535,11 @@ def _has_empty_cell(line: str) -> bool:
 
 
 def _numbers(line: str) -> list[float]:
-    """Return the numbers of a row; empty if a cell is empty or contains other text."""
+    """Return the numbers of a row; empty if a cell is empty or contains other text.
+
+    This function only counts the cells of the first rows to recognize a table. It accepts nan and
+    1_000, which are refused when the rows are read.
+    """
     separator = next((mark for mark in ";\t," if mark in line.strip()), None)
     # A separator at the end of a row does not start another cell.
     cells = line.strip().removesuffix(separator or " ").split(separator)

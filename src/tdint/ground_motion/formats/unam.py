@@ -127,6 +127,9 @@ def read_unam(lines: Lines) -> list[Series]:
 def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:
     """Return the values of a header key as text, in the order of the channels.
 
+    Empty values are omitted, because a line may have places for unused channels. The caller
+    compares the number of values with the number of channels.
+
     Parameters
     ----------
     pattern : re.Pattern

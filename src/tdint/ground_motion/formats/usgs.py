@@ -194,14 +194,16 @@ def _header_time(
     second: float,
     thousandths: float,
 ) -> datetime | None:
-    """Return a time from the integer header; None if a number is unknown or out of range.
+    """Return a time from the integer header; None if a number is unknown, or if the year, the month
+    or the day is out of range.
 
     Parameters
     ----------
     unknown : float
         Value that marks unknown numbers.
     year, month, day, hour, minute, second, thousandths : float
-        Time in UTC. The day is counted from the first day of the month and may be up to 366.
+        Time in UTC. The day is counted from the first day of the month and may be up to 366. Hour,
+        minute and second may have any value; they are added to the day.
         Unknown thousandths of a second count as 0.
     """
     if unknown in (year, month, day, hour, minute, second) or not 1 <= day <= 366:

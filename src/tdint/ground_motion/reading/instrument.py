@@ -89,7 +89,7 @@ def remove_response(
     """Remove the complete instrument response from counts; return the ground acceleration.
 
     The mean (the zero offset of the recorder) is subtracted first. The spectrum is then divided by
-    the response without a water level, which would change long periods of an accelerometer.
+    the response. No water level is used: it would change long periods of an accelerometer.
 
     In the transition band of the digital filters of the recorder, the spectrum is multiplied by a
     cosine taper, and at higher frequencies by zero. The band is between the frequencies where the
@@ -122,7 +122,7 @@ def remove_response(
     samples, mean_note = without_mean(trace.data)
     dt = float(trace.stats.delta)
     # The Fourier transform has the smallest power of 2 that is at least twice the number of
-    # samples. The added zeros prevent that the end of the motion appears at its start.
+    # samples. Without the added zeros, the end of the motion would appear at its start.
     size = 1 << (2 * samples.size - 1).bit_length()
     try:
         with caught_messages():  # Ignore warnings about the sensitivity of a subset of the stages.

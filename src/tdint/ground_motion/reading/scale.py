@@ -230,7 +230,8 @@ def declared_units(
     stats = trace.stats
     if units_from_reader := stats.get("tdint_units"):
         return Declared(parse_units(units_from_reader), stats.get("tdint_units_from", "file"))
-    # Files exported by tdint state their units by the location code.
+    # Files exported by tdint state their units by the location code. Other networks may use the
+    # same code for other instruments, which their channel codes identify.
     if (
         format_name == "MSEED"
         and stats.location in UNITS_BY_LOCATION
@@ -238,7 +239,8 @@ def declared_units(
     ):
         return Declared(parse_units(UNITS_BY_LOCATION[stats.location]))
     if format_name in _FORMATS_WITH_CALIBRATION:
-        return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
+        units = Units("m/s^2", 1.0, has_factor=False)
+        return Declared(units, "format", float(stats.calib), remove_mean=True)
     if "sac" in stats:
         # Reject SAC files that are not an evenly sampled acceleration according to their header
         # (SAC manual, IDEP).
@@ -330,7 +332,7 @@ def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> ND
     Raises
     ------
     RecordError
-        There are fewer than three samples.
+        There are fewer than three samples (`_MIN_SAMPLES`).
     """
     if samples.size < _MIN_SAMPLES[quantity]:
         raise RecordError(
@@ -386,6 +388,9 @@ _SPECIFY_UNITS = "specify the units, for example `units=g`, cm/s^2 or m/s^2"
 def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]:
     """Return m/s^2 for floating-point MiniSEED of an accelerometer channel, and a warning.
 
+    `to_motion` has refused samples of integer type before, and `check_finite` samples that are not
+    finite.
+
     Parameters
     ----------
     trace : obspy.Trace
@@ -400,6 +405,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     RecordError
         The file has another format or channel, or its numbers are unlikely to be in m/s^2.
     """
+    # The empty text in `tdint_units` means that the user must specify the units.
     if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
         raise RecordError(
             f"{label}: the file does not state the units of its samples; {_SPECIFY_UNITS}"
@@ -408,7 +414,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     if len(code) != 3 or code[1] != _ACCELEROMETER:
         raise RecordError(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is assumed only "
-            f"for accelerometer channels (HN?, BN?), not for "
+            f"for accelerometer channels (?N?, such as HNE), not for "
             f"{code or 'a channel without a code'}; {_SPECIFY_UNITS}"
         )
 
@@ -430,7 +436,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
             f"{why_unlikely}; {_SPECIFY_UNITS}"
         )
-    return Units("m/s^2", 1.0, False), (
+    return Units("m/s^2", 1.0, has_factor=False), (
         "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which states no "
         "units; specify the units to confirm"
     )

@@ -194,6 +194,10 @@ def _candidate_laws(name: Value) -> Mapping[str, DriftLaw]:
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
     """Return the parameters in SI units in the order of the law, with lists flattened.
 
+    A parameter may be in a group, which is a mapping inside the section. Its name is a path with
+    dots, and "" is the complete section. A parameter of several points is a list of pairs. After an
+    error, which is added to the errors of the file, the values of a parameter are nan.
+
     Parameters
     ----------
     section : Section
@@ -298,7 +302,8 @@ def _read_points(
     Parameters
     ----------
     group : Section, float or None
-        Values of the group of the parameter (`_read_group`).
+        Values of the group of the parameter (`_read_group`): a section, or nan after an error that
+        `_read_group` has reported. None for an optional group that the file omits.
     parameter : LawParameter
         Declaration of the points.
     unit : ModelUnits
