@@ -811,8 +811,8 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
     )
-    # Return the same instance for equal variants. Lookups of variants in dictionaries are then
-    # fast, because they compare the identity first.
+    # Return the same instance for equal variants. A lookup in a dictionary compares the identity
+    # first, so that lookups of variants are fast.
     return _VARIANTS.setdefault(result, result)
 
 
