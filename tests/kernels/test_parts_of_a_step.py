@@ -244,7 +244,8 @@ def test_first_motion_between_corners_is_cubic_of_step(monkeypatch):
     scratch[ROW.RISE, :2] = rise = np.array([0.02, 0.05])
     scratch[ROW.A0, :2] = change = np.array([-0.01, 0.03])
     scratch[ROW.CORNERS : ROW.CORNERS + 4, 0] = 3.0, 0.2, 0.2, 0.6
-    corners._update_peaks_between_corners(scene, h, np.zeros(3), space.memory)
+    coefficients = steps.integrator.coefficients(building, scene.forces, h)
+    corners._update_peaks_between_corners(coefficients, scene, h, np.zeros(3), space.memory)
     times = scratch[ROW.NODE_FORCE : ROW.NODE_FORCE + 7, 2]
     assert times == pytest.approx([0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
     for i in range(2):
@@ -348,7 +349,7 @@ def test_corners_are_sorted_and_those_at_the_ends_are_ignored():
 def test_step_with_corners_is_searched_if_bound_exceeds_peak(leaving, link):
     """Accelerations and total shears at both ends, plus the deviation due to the story that leaves
     its branch. Other peaks are far."""
-    steps, h = SingleSteps("moment4"), 0.1
+    steps, h = SingleSteps("moment4", Law("bilinear", (50.0, 0.1))), 0.1
     space, building = steps.space, steps.building
     linear_terms, random = building.linear_terms.copy(), np.random.default_rng(76)
     mass = np.array([2.0, 5.0])

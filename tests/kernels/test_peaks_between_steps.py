@@ -177,7 +177,7 @@ def errors(h):
             u, v, a = np.sin(times), omega * np.cos(times), -(omega**2) * np.sin(times)
             linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, 2))
             law_parameters, law_state, turns = (
-                np.full((3, 2), K),
+                np.array([[0.0, 0.0], [K, K], [0.0, 0.0]]),  # linear stories
                 np.zeros((rows.LAW_STATE_ROWS, 2)),
                 np.zeros((1, 2)),
             )
@@ -253,7 +253,7 @@ def peaks_of_one_floor(h, start, end, recorded):
     span, building, _, law_state, _, _, peaks, _ = arguments(
         Span(h, h, 0.0, 0.0, False, False, False),
         linear_terms,
-        np.full((3, 2), K),
+        np.array([[0.0, 0.0], [K, K], [0.0, 0.0]]),  # linear stories
         old,
         state,
         law_state,

@@ -345,8 +345,8 @@ def test_extremum_of_velocity_is_found():
 
 @pytest.mark.parametrize("fast", [False, True])
 def test_extremum_of_acceleration_is_found(fast):
-    """Of the line and the weighted bulge and tilt; forces on floors are subtracted with their own
-    bulge and tilt, which have the weight 1. The ground acts on the mass."""
+    """The curve is the sum of a line and the weighted bulge and tilt. Bulge and tilt of the forces
+    on floors are subtracted before the weight is computed. The ground acts on the mass."""
     row, of_kind = rows.PEAK_TOTAL_SHEAR, [0, 0, 0]
     random = np.random.default_rng(12)
     for _ in range(400):
@@ -355,15 +355,15 @@ def test_extremum_of_acceleration_is_found(fast):
         bulge = 4.0 * random.normal()
         tilt = 2.5 * random.uniform(-1.0, 1.0) * bulge
         v0 = random.normal() * H
-        v1 = v0 + H * (0.5 * (a0 + a1) + bulge / 6.0)
-        u1 = H * (0.5 * (v0 + v1) + H / 60.0 * (tilt - 5.0 * (a1 - a0)))
+        v1 = v0 + H * (0.5 * (a0 + a1) + (bulge + f2) / 6.0)
+        u1 = H * (0.5 * (v0 + v1) + H / 60.0 * (tilt + f3 - 5.0 * (a1 - a0)))
         a_earlier = 2.0 * a0 - a1 + random.normal()
         ends = Ends(0.0, v0, a0, u1, v1, a1, 2.0 * v0 - v1, a_earlier)
         ratio = abs(tilt / bulge)
         weight = max(0.0, min(2.0 - ratio, 1.0))
         first, last = a0 + mass * ground_0 - f0, a1 + mass * ground_1 - f1
         s = Polynomial([0.0, 1.0])
-        b, d = weight * bulge - f2, weight * tilt - f3
+        b, d = weight * bulge, weight * tilt
         curve = first + (last - first) * s + s * (1.0 - s) * (b + d * (1.0 - 2.0 * s))
         expected = max([abs(first), *np.abs(interior_extrema(curve))])
         resolved = abs(b) + abs(d) <= 3.0 * (abs(first) + abs(last)) and not (

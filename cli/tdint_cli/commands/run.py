@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -746,9 +747,15 @@ def _error_sentences(response: Response, units: OutputUnits, page: bool) -> list
     method = check.method.partition(":")[0]
     runs = "runs" if len(check.time_steps) > 1 else "a run"
     dts = " and ".join(f"{dt:.6g}" for dt in check.time_steps)
+    # If a story moves in the additional run only, the relative error is infinite.
+    error = (
+        f"{100.0 * check.drift_error:.2g} % (story {check.drift_story})"
+        if math.isfinite(check.drift_error)
+        else f"not known, because story {check.drift_story} has no drift in this run"
+    )
     lines.append(
-        f"Maximum estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story "
-        f"{check.drift_story}), from {runs} of {method} with dt {dts} s."
+        f"Maximum estimated error of a peak drift: {error}, from {runs} of {method} with dt "
+        f"{dts} s."
     )
     # The run for the error estimate has a smaller time step, so that its peaks are more accurate.
     # They are reported if they differ in the printed digits.

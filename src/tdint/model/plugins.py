@@ -6,7 +6,6 @@ The working directory is not searched, and model files cannot name plug-ins.
 from __future__ import annotations
 
 import ast
-import hashlib
 import importlib.util
 import logging
 import re
@@ -107,6 +106,9 @@ def module_of(file: str) -> ModuleType:
         The file does not exist or cannot be executed (the message states error and line), or
         another plug-in has the same file name.
     """
+    # Commands without plug-ins do not load this module.
+    import hashlib
+
     path = Path(file)
     if path.suffix != ".py" or not is_file(path):
         raise UsageError(f"{file}: file not found; a plug-in is a Python file, NAME.py")

@@ -344,6 +344,11 @@ def _comparison_error(response: Response) -> str:
     )
     if response.check is None or response.check.drift_error is None:
         return f"the error of the time integration was not estimated; {imbalance}"
+    if not math.isfinite(response.check.drift_error):
+        return (
+            f"the error of the drift of story {response.check.drift_story} is not known, because "
+            f"it moves in the run for the error estimate only; {imbalance}"
+        )
     return (
         "the largest estimated error of a peak drift is "
         f"{number_text(100.0 * response.check.drift_error, 2)} %; {imbalance}"

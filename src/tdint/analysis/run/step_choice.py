@@ -320,6 +320,8 @@ class _Search:
             reached = (
                 f"the estimated error of the peak drift of story {story} is still "
                 f"{100.0 * check.drift_error:.2g} %"
+                if math.isfinite(check.drift_error)
+                else f"story {story} has no drift in this run"
             )
         message = (
             f"{label} does not reach the tolerance of {100.0 * self.tolerance:g} %: with dt = "
