@@ -80,7 +80,6 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.laws.selection import HAS_STIFFENING_LAW, STIFFENING_LAWS
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, force_value
 from tdint.kernels.stepping import Ends
 
@@ -198,21 +197,24 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
 
 
 @inline
-def limit_stiffness(law_parameters, i):
-    """Return an upper limit of the tangent stiffness of story `i`, N/m.
+def limit_stiffness(linear_terms, law_parameters, i):
+    """Return an upper limit of the tangent stiffness of story `i`, N/m, for the search of shears.
 
-    It is the initial stiffness, or infinity for a law that can be stiffer than initially.
+    It is the initial stiffness, or infinity if the story can be stiffer than initially. A symmetric
+    elastic story has its initial stiffness as limit in any case: its peak shear occurs at its peak
+    drift, which is searched separately.
 
     Parameters
     ----------
+    linear_terms : ndarray
+        Linear terms of the building: one row per property, one column per floor. Row STIFFENS is
+        used.
     law_parameters : ndarray
         Parameters of the hysteretic laws: one row per parameter, one column per story.
     i : int
         Index of the story.
     """
-    if HAS_STIFFENING_LAW and law_parameters[rows.CODE, i] in STIFFENING_LAWS:
-        return math.inf
-    return law_parameters[rows.STIFFNESS, i]
+    return math.inf if linear_terms[rows.STIFFENS, i] != 0.0 else law_parameters[rows.STIFFNESS, i]
 
 
 @inline
@@ -232,9 +234,9 @@ def story_reach(span, story, shear, stiffness):
 
     The bound of the shear covers a reversal within the step, and assumes that the force changes by
     at most the upper limit of the stiffness times the distance of the drifts between the reversal
-    and the end of the step. For a law that can stiffen, this limit and the bound are infinite, so
-    that each reversal is searched. The bound does not cover a force that rises and softens within
-    the step without a reversal.
+    and the end of the step. For an unsymmetric story that can stiffen, this limit and the bound are
+    infinite, so that each reversal is searched. The bound does not cover a force that rises and
+    softens within the step without a reversal.
 
     A polynomial does not exceed its Bezier points. Without the effect of the drift acceleration a1
     at the end, the Bezier points of the drift are at most e away from an endpoint value. The
@@ -528,12 +530,12 @@ def find_interstep_peaks(
         # Search the drift for an extremum inside the step.
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
-            stiffness = limit_stiffness(scene.law_parameters, i)
+            stiffness = limit_stiffness(linear_terms, scene.law_parameters, i)
             # `drift_margin` (m) and `shear_margin` (N) are the differences of the recorded peaks
             # and the absolute values at the end of the step. The drift has no new peak if its
             # distance from the value at the end, at most `drift_excursion`, does not exceed
             # `drift_margin`. The same applies to the shear: the change of shear is limited by
-            # `stiffness`, which is infinite for a law that can stiffen, times `drift_excursion`.
+            # `stiffness`, which is infinite for a story that can stiffen, times `drift_excursion`.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = _displacement_excursion(span, story)

@@ -358,6 +358,10 @@ def assemble(model: Model) -> Building:
             linear_terms[rows.POWER_DAMPER, i] = dashpot.coefficient
             linear_terms[rows.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
             linear_terms[rows.THRESHOLD, i] = dashpot.linear_below**2
+        law = LAWS[story.law.name]
+        parameters = story.law.parameters
+        if law.stiffens(parameters) and not law.symmetric(parameters):
+            linear_terms[rows.STIFFENS, i] = 1.0
     # The link of the first story remains 0: it is on the ground, so its force acts on no floor
     # below.
     linear_terms[rows.LINK, 1:n] = 1.0

@@ -164,4 +164,5 @@ LAW = DriftLaw(
     ),
     kinked=True,
     stiffens=lambda values: values[1] > 0.0,
+    symmetric=lambda values: True,
 )

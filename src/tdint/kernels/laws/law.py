@@ -156,6 +156,9 @@ class DriftLaw:
         `tdint.kernels.layout.EXTRA_ROWS`).
     stiffens : callable
         Parameter values -> True if the story can become stiffer than its initial stiffness.
+    symmetric : callable
+        Parameter values -> True if the law is elastic, and forces at opposite drifts are opposite.
+        The peak shear of a story then occurs at its peak drift.
     initial_stiffness : callable, optional
         Parameter values -> initial stiffness, N/m. None if the model file specifies the stiffness
         of the story.
@@ -179,6 +182,7 @@ class DriftLaw:
     compiled_separately: bool = False
     extra_rows: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
+    symmetric: Callable[[Sequence[float]], bool] = lambda values: False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
     fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None

@@ -101,5 +101,6 @@ LAW = DriftLaw(
     stiffens=lambda values: any(
         c > 0.0 or (j % 2 == 1 and c < 0.0) for j, c in enumerate(values[1:], start=1)
     ),
+    symmetric=lambda values: not any(values[1::2]),  # no even powers
     initial_stiffness=lambda values: values[0],
 )

@@ -71,21 +71,10 @@ CURVED_LAWS = _codes(lambda law: law.curved)
 """Numbers of the laws with curved branches."""
 
 
-def _can_stiffen(law: DriftLaw) -> bool:
-    """Return True if stories of a law can be stiffer than initially, for some parameters."""
-    return law.stiffens is not DriftLaw.stiffens
-
-
-STIFFENING_LAWS = _codes(_can_stiffen)
-"""Numbers of the laws that can be stiffer than initially."""
-
 # Kernels are compiled in variants, each for a set of laws. Kernels that run in plain Python contain
 # all laws, including curved laws.
 HAS_CURVED_LAW = not COMPILES or any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
-
-HAS_STIFFENING_LAW = not COMPILES or any(_can_stiffen(LAWS[code]) for code in COMPILED)
-"""True if a law of the variant can be stiffer than initially."""
 
 HAS_CURVED_FORCE = VARIANT.dashpots or HAS_CURVED_LAW
 """True if a story can have a force that is not piecewise linear: a curved law or a power-law

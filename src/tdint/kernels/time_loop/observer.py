@@ -242,7 +242,8 @@ def observe(scene, span, slope, memory, seen):
             0.0,
             0.0,
         )
-        reach_above = story_reach(span, story_ends, shear, limit_stiffness(law_parameters, i))
+        stiffness = limit_stiffness(linear_terms, law_parameters, i)
+        reach_above = story_reach(span, story_ends, shear, stiffness)
         a_above, link_above = a, link
         # Compare bounds of the absolute acceleration and of the total shear with their peaks.
         # Without forces on floors, the total shear is minus the sum of mass times absolute
