@@ -200,21 +200,21 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
 def limit_stiffness(linear_terms, law_parameters, i):
     """Return an upper limit of the tangent stiffness of story `i`, N/m, for the search of shears.
 
-    It is the initial stiffness, or infinity if the story can be stiffer than initially. A symmetric
-    elastic story has its initial stiffness as limit in any case: its peak shear occurs at its peak
-    drift, which is searched separately.
+    It is the initial stiffness, or a practically infinite value if the story can be stiffer than
+    initially. A symmetric elastic story has its initial stiffness as limit in any case: its peak
+    shear occurs at its peak drift, which is searched separately.
 
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building: one row per property, one column per floor. Row STIFFENS is
+        Linear terms of the building: one row per property, one column per floor. Row STIFFENING is
         used.
     law_parameters : ndarray
         Parameters of the hysteretic laws: one row per parameter, one column per story.
     i : int
         Index of the story.
     """
-    return math.inf if linear_terms[rows.STIFFENS, i] != 0.0 else law_parameters[rows.STIFFNESS, i]
+    return law_parameters[rows.STIFFNESS, i] + linear_terms[rows.STIFFENING, i]
 
 
 @inline
@@ -234,7 +234,7 @@ def story_reach(span, story, shear, stiffness):
 
     The bound of the shear covers a reversal within the step, and assumes that the force changes by
     at most the upper limit of the stiffness times the distance of the drifts between the reversal
-    and the end of the step. For an unsymmetric story that can stiffen, this limit and the bound are
+    and the end of the step. For an unsymmetric story that can stiffen, this limit is practically
     infinite, so that each reversal is searched. The bound does not cover a force that rises and
     softens within the step without a reversal.
 
@@ -268,9 +268,7 @@ def story_reach(span, story, shear, stiffness):
     # `excursion` is a bound of the distance of the drift from its value at the end, m.
     excursion = abs(story.u1 - story.u0) + excess
     excursion = excursion if span.on_path or story.v0 * story.v1 < 0.0 else 0.0
-    # The condition prevents the product of an infinite stiffness and 0.
-    shear_change = stiffness * excursion if excursion > 0.0 else 0.0
-    return max(abs(story.u0), abs(story.u1)) + excess, abs(shear) + shear_change
+    return max(abs(story.u0), abs(story.u1)) + excess, abs(shear) + stiffness * excursion
 
 
 @inline
@@ -279,7 +277,7 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
 
     The bounds of `story_reach` are increased by the effect of the drift acceleration at the end of
     the step: `excess` for the drift, and the initial stiffness times `excess` for the shear. If the
-    story can be stiffer, the bound of the shear is already infinite for each reversal.
+    story can be stiffer, the bound of the shear is already practically infinite for each reversal.
 
     Parameters
     ----------
@@ -535,7 +533,7 @@ def find_interstep_peaks(
             # and the absolute values at the end of the step. The drift has no new peak if its
             # distance from the value at the end, at most `drift_excursion`, does not exceed
             # `drift_margin`. The same applies to the shear: the change of shear is limited by
-            # `stiffness`, which is infinite for a story that can stiffen, times `drift_excursion`.
+            # `stiffness` times `drift_excursion`.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = _displacement_excursion(span, story)

@@ -361,7 +361,7 @@ def assemble(model: Model) -> Building:
         law = LAWS[story.law.name]
         parameters = story.law.parameters
         if law.stiffens(parameters) and not law.symmetric(parameters):
-            linear_terms[rows.STIFFENS, i] = 1.0
+            linear_terms[rows.STIFFENING, i] = rows.UNLIMITED
     # The link of the first story remains 0: it is on the ground, so its force acts on no floor
     # below.
     linear_terms[rows.LINK, 1:n] = 1.0
