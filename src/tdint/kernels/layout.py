@@ -49,8 +49,8 @@ POWER_DAMPER = 6
 POWER = 7  # e, half of (exponent of the dashpot - 1)
 THRESHOLD = 8  # v0^2, (m/s)^2
 DASHPOT = 9  # part of STORY_DAMPER that is a linear dashpot of the model, N s/m
-# Added to the initial stiffness in bounds of the shear, N/m: 0, or UNLIMITED if the peak shear of the
-# story can occur at a smaller drift than its peak drift, because the story can be stiffer than
+# Added to the initial stiffness in bounds of the shear, N/m: 0, or UNLIMITED if the peak shear of
+# the story can occur at a smaller drift than its peak drift, because the story can be stiffer than
 # initially and is not symmetric
 STIFFENING = 10
 LINEAR_TERM_ROWS = 11
