@@ -14,8 +14,6 @@ moment4 applies the condition to every correction and has a separate norm and re
 
 from __future__ import annotations
 
-import math
-
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 
@@ -196,7 +194,8 @@ def add_rows(factor, scratch, source, target, row_count, n):
 def is_balanced(is_last, tolerance, step_status, i, residual, scale):
     """Return True if the residual of an equation is within the tolerance.
 
-    The condition is |residual| <= tolerance * scale + RESIDUAL_FLOOR, with a finite residual.
+    The condition is |residual| - tolerance * scale <= RESIDUAL_FLOOR, which is False for an
+    infinite residual.
 
     Parameters
     ----------
@@ -216,8 +215,9 @@ def is_balanced(is_last, tolerance, step_status, i, residual, scale):
     scale : float
         Sum of the absolute values of the terms, in the unit of `residual`.
     """
-    # With an infinite force, residual and scale are infinite, and the first comparison is True.
-    is_small = abs(residual) <= tolerance * scale + RESIDUAL_FLOOR and abs(residual) < math.inf
+    # With an infinite force, residual and scale are infinite. Their difference is then nan, so that
+    # the condition is False.
+    is_small = abs(residual) - tolerance * scale <= RESIDUAL_FLOOR
     # Report the equation with the largest relative residual. "not ... <=" is also True for nan.
     # Therefore, an equation with invalid values is reported. A later equation that is not balanced
     # replaces a stored nan.
