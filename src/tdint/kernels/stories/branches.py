@@ -323,11 +323,11 @@ def _crossing(cubic, limit, tolerance, known_event):
 def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
     """Return True if a cubic exceeds `limit` on a rising part of the step.
 
-    The cubic is monotonic before, between and after its two extrema. A part rises if its last value
-    exceeds its first value; its last value is then compared with the limit. The parts end at the
-    first extremum, at the second extremum and at the end of the step. In addition, a cubic that
-    starts at the limit or above (d0 >= limit) and rises at the start (d1 > d0) exceeds the limit
-    immediately.
+    The two extrema divide the step into three parts. The cubic is monotonic in each part. A part
+    rises if its last value exceeds its first value. The result is True if the last value of a
+    rising part exceeds the limit. It is also True if the cubic starts at the limit or above
+    (d0 >= limit) and rises at the start (d1 > d0). If this rise is smaller than the rounding errors
+    of the value at its end, only the second condition detects it.
 
     Parameters
     ----------
@@ -335,8 +335,10 @@ def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
         First, second and last Bezier point, m; d0 and d3 are the values at both endpoints, and d1 -
         d0 has the sign of the slope at the start.
     value_first, value_second : float
-        Values at the first and second extremum, m. For an extremum outside of the step, it is the
-        value at the nearer endpoint, d0 or d3. Both are d3 for a monotonic cubic.
+        Values at the first and second extremum, m, which are the last values of the first and
+        second part. If an extremum is outside of the step, its value is replaced by the value at
+        the nearer endpoint, d0 or d3; the part before or after it is then empty. If the cubic has
+        no extrema, both values are d3, and the first part is the complete step.
     limit : float
         Limit, m.
     """

@@ -365,17 +365,20 @@ def has_certain_reversal(rise, first_rate, last_rate):
 
 @inline
 def _find_zero(cubic, lower, upper, value_at_upper):
-    """Return the zero of the cubic c0 + c1 t + c2 t^2 + c3 t^3, which is monotonic in an interval.
+    """Return the zero of a cubic in an interval; the cubic must be monotonic in the interval.
 
-    Newton's method is used, with a bisection if it leaves the interval. It ends if a correction is
-    smaller than _ROOT, or after _MAX_ROOT_ITERATIONS iterations.
+    The cubic is c0 + c1 t + c2 t^2 + c3 t^3.
+
+    Newton's method is used. If a Newton iterate is not inside the interval, or if the slope is
+    zero, the midpoint of the interval replaces the iterate (bisection). The iteration ends if a
+    change of t is smaller than _ROOT, or after _MAX_ROOT_ITERATIONS iterations.
 
     Parameters
     ----------
     cubic : tuple of float
-        Coefficients of 1, t, t^2 and t^3.
+        Coefficients c0, c1, c2 and c3 of 1, t, t^2 and t^3.
     lower, upper : float
-        Interval of the zero.
+        Interval of t that contains the zero.
     value_at_upper : float
         Value of the cubic at `upper`; only its sign is used.
     """
@@ -390,6 +393,8 @@ def _find_zero(cubic, lower, upper, value_at_upper):
         else:
             upper = t
         slope = c1 + t * (2.0 * c2 + 3.0 * t * c3)
+        # Without a slope, `new_t` is set to `lower`, which is not inside the interval. The next
+        # line then selects the midpoint.
         new_t = t - value / slope if slope != 0.0 else lower
         new_t = new_t if lower < new_t < upper else 0.5 * (lower + upper)
         if abs(new_t - t) < _ROOT:
@@ -611,29 +616,30 @@ def time_of_extremum(segment):
 
 @inline
 def _add(results, i, weight, t, force, tangent):
-    """Add one integration point to mean and moment of the force and to their derivatives.
+    """Add an integration point to mean and moment of the force and to their four derivatives.
 
-    The integrals over the step, with t from 0 to 1, are approximated by sums over points:
+    With the weight w, the force f and the tangent stiffness k at the point, the function adds
 
-        mean   = int f dt              = sum of weight f
-        moment = 12 int (t - 1/2) f dt = sum of 12 weight (t - 1/2) f
+        to the mean      int f dt                 w f
+        to the moment    12 int (t - 1/2) f dt    12 w (t - 1/2) f
 
-    The drift d0 + rise t + bend (t^2 - t) / 2 changes by t per unit of rise and by (t^2 - t) / 2
-    per unit of bend. The derivatives of f are these changes times the tangent stiffness.
+    and to their derivatives with respect to the coefficients rise and bend the same expressions,
+    with df/d(rise) = k t or df/d(bend) = k (t^2 - t) / 2 instead of f. These are k times the
+    derivatives of the drift d0 + rise t + bend (t^2 - t) / 2.
 
     Parameters
     ----------
     results : Integrals
-        Table, and the first of its six rows that receive the sums: MEAN, MOMENT (N), their
-        derivatives with respect to the rise and to the bend (N/m).
+        Table, and the first of its six rows, to be increased: MEAN and MOMENT (N), and
+        MEAN_BY_RISE, MEAN_BY_BEND, MOMENT_BY_RISE and MOMENT_BY_BEND (N/m).
     i : int
         Index of the story.
     weight : float
-        Integration weight; the weights of all points on the path have the sum 1.
+        Integration weight w; the weights of all points on the complete path have the sum 1.
     t : float
         Time of the point, as a fraction of the step.
     force, tangent : float
-        Force, N, and tangent stiffness, N/m, at the point.
+        Force f, N, and tangent stiffness k, N/m, at the point.
     """
     scratch, out = results
     by_bend = 0.5 * (t * t - t)
@@ -648,10 +654,11 @@ def _add(results, i, weight, t, force, tangent):
 
 @inline
 def _add_after_reversal(results, i, reversal_time, shift):
-    """Add the integrals over the path after a reversal to those over the path before it.
+    """Add mean, moment and their derivatives after a reversal to the sums before the reversal.
 
-    The integrals are mean = int f dt and moment = 12 int (t - 1/2) f dt of the story force f over
-    the step, with t from 0 to 1. The drift is d(t) = d0 + rise t + bend (t^2 - t) / 2. The forces
+    Mean and moment are the integrals mean = int f dt and moment = 12 int (t - 1/2) f dt of the
+    story force f, with t from 0 to 1 over the step. Their derivatives are with respect to the
+    coefficients rise and bend of the drift d(t) = d0 + rise t + bend (t^2 - t) / 2. The forces
     after the reversal at t = t_r depend on the drift d_r = d(t_r) at the reversal, which changes by
     t_r per unit of rise and by (t_r^2 - t_r) / 2 per unit of bend. This contribution to the
     derivatives is computed with a difference quotient. With the part M(d_r) of the mean after a
@@ -766,16 +773,20 @@ def along_branches(add_part, process_end):
     Parameters
     ----------
     add_part : function
-        (law_state, i, block, segment, results). Called for the part of the path on each branch.
+        (law_state, i, block, segment, results). Called once for each branch on the path. `segment`
+        is the part of the path on this branch. The state in `block` is on this branch.
     process_end : function
-        (results, i, t, force). Called at the end of each branch, with its time and force (N).
+        (results, i, t, force). Called each time the drift passes the limit of a branch, with the
+        time t (fraction of the step) and the force (N) at the limit. It is not called at the end of
+        the path. It is also not called for the replacement of the first branch, if this branch is
+        valid only for the opposite direction.
 
     Returns
     -------
     function
         (law_parameters, law_state, i, block, segment, side, target, results). The law state in
         `block` moves along `segment` in the direction `side` (0 for no movement) to the drift
-        `target`, m.
+        `target`, m. `results` (table, first row) is only passed to `add_part` and `process_end`.
     """
 
     @outlined
@@ -802,7 +813,8 @@ def along_branches(add_part, process_end):
         target : float
             Drift at the end of the part, m.
         results : Integrals
-            Scratch rows that are passed to `add_part` and `process_end`.
+            Table and the first of its rows that `add_part` and `process_end` change. This function
+            only passes them on.
         """
         if side == 0.0:
             add_part(law_state, i, block, segment, results)
@@ -817,7 +829,9 @@ def along_branches(add_part, process_end):
             )
             leaves_branch = side * (target - limit) > 0.0
             if leaves_branch and branch_count == _MAX_BRANCHES:
-                # A law of a plug-in has more branches. The results are nan, so that the step fails.
+                # The state has already left _MAX_BRANCHES branches, which is only possible for the
+                # law of a plug-in. The loop must end: a force nan makes all results nan, so that
+                # the step fails.
                 law_state[block + rows.FORCE, i] = math.nan
                 leaves_branch = False
             t_end = segment.end
@@ -838,11 +852,20 @@ def along_branches(add_part, process_end):
 
 @inline
 def _add_on_branch(law_state, i, block, segment, results):
-    """Add the integrals over a part of the path on one linear branch, by two Gauss points.
+    """Add mean and moment of the force, and their derivatives, over a part of the path on a branch.
 
-    The drift is d(t) = start + rise t + bend (t^2 - t) / 2. With the state (DRIFT d_b, FORCE f_b)
-    in `block` and the stiffness k = SLOPE, the force f = f_b + k (d(t) - d_b) is quadratic in t,
-    and (t - 1/2) f is cubic. The rule with two points is exact for cubics.
+    Six quantities are added for the part of the path from time t_1 to t_2, where t from 0 to 1 is
+    the time as a fraction of the step:
+
+        mean      integral of f dt
+        moment    12 times the integral of (t - 1/2) f dt
+        derivatives of mean and moment with respect to the coefficients rise and bend of the drift
+
+    The drift is d(t) = start + rise t + bend (t^2 - t) / 2. With drift d_b and force f_b of the
+    state in `block` and the stiffness k = SLOPE of the linear branch, the force is
+    f(t) = f_b + k (d(t) - d_b). The integrands are polynomials of at most third degree; the
+    derivatives of f are k t and k (t^2 - t) / 2. Gauss integration with two points is exact for
+    such polynomials.
 
     Parameters
     ----------
@@ -852,11 +875,14 @@ def _add_on_branch(law_state, i, block, segment, results):
         Index of the story.
     block : int
         First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
+        or substep), otherwise the first row of a trial state. Any state on the branch is possible.
     segment : PathSegment
-        Part of the path.
+        Part of the path: start, rise and bend of d(t), m, and the times `begin` (t_1) and `end`
+        (t_2).
     results : Integrals
-        Scratch rows that receive the integrals.
+        Table, and the first of its six rows, to be increased: mean and moment (N), the
+        derivatives of the mean with respect to the rise and to the bend, and the same derivatives
+        of the moment (N/m).
     """
     length = segment.end - segment.begin
     slope = law_state[block + rows.SLOPE, i]
@@ -870,10 +896,10 @@ def _add_on_branch(law_state, i, block, segment, results):
 
 @inline
 def _ignore_branch_end(results, i, t, force):
-    """Ignore the end of a branch; `along_branches` calls this function at each end of a branch.
+    """Ignore the end of a branch; `along_branches` calls this function if a limit is reached.
 
-    The integrals of the force need the parts on the branches only (`_add_on_branch`). No argument
-    is used.
+    `_add_on_branch` adds mean and moment of the force and their derivatives for the part of the
+    path on each branch. No term is added at the end of a branch. No argument is used.
 
     Parameters
     ----------
@@ -894,12 +920,13 @@ _integrate_over_branches = along_branches(_add_on_branch, _ignore_branch_end)
 
 @inline
 def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
-    """Add the integrals over a part of a path without reversal, for a piecewise-linear law.
+    """Add mean, moment and their derivatives over a part of a path without reversal.
 
-    The integrals of the force f over the part are int f dt and 12 int (t - 1/2) f dt, with t from 0
-    to 1 over the step. The direction of the movement, `side`, is the sign of the change of drift
-    from the start to the end of the part. Without a change, it is 0: the integrals are then added
-    on the current branch, and the state is not changed.
+    The law is piecewise linear. Mean and moment of the force f are the integrals int f dt and
+    12 int (t - 1/2) f dt over the part, with t from 0 to 1 over the step; the derivatives are with
+    respect to rise and bend of the drift. The direction of the movement, `side`, is the sign of
+    the change of drift from the start to the end of the part. Without a change, `side` is 0: the
+    force of the current branch is then integrated over the part, and the state is not changed.
 
     Parameters
     ----------
@@ -1083,13 +1110,15 @@ def dividing_at_bend(integrate):
 
 @outlined
 def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segment, results):
-    """Add the integrals of a curved law over a part of a path, by at least `count` Gauss points.
+    """Add mean, moment and their derivatives of a curved law over a part of a path.
 
-    The integrals of the force f are mean = int f dt and moment = 12 int (t - 1/2) f dt, along the
-    drift d(t) = start + rise t + bend (t^2 - t) / 2 (coefficients in `segment`, t from 0 to 1 over
-    the step). The drift changes by t per unit of rise and by (t^2 - t) / 2 per unit of bend; with
-    the tangent stiffness, this gives the derivatives of both integrals. The part is divided equally
-    so that no division has more than MAX_POINTS points.
+    Mean and moment of the force f are the integrals mean = int f dt and moment =
+    12 int (t - 1/2) f dt over the part. The drift is d(t) = start + rise t + bend (t^2 - t) / 2
+    (coefficients in `segment`, t from 0 to 1 over the step). The derivatives of f with respect to
+    rise and bend are the tangent stiffness times t and times (t^2 - t) / 2. The integration uses at
+    least `count` Gauss points. The part is divided equally so that no division has more than
+    MAX_POINTS points. For a hysteretic law, the energy dissipated from point to point is added to
+    the trial state (`accumulate_dissipation`).
 
     Parameters
     ----------
@@ -1192,7 +1221,7 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
         shifted = Integrals(results.table, results.first + _SHIFTED)
         path_back = path_segment(story_path, reversal_time, 1.0)
-        # Compute the state at the reversal (THIRD_TRIAL) and at the shifted reversal (FIRST_TRIAL).
+        # Store the state at the reversal in THIRD_TRIAL and at the shifted reversal in FIRST_TRIAL.
         # `previous` is the block with the state at the last Gauss point before the reversal. The
         # shift continues the path past the reversal, in the same direction. The drift at the
         # reversal is a minimum for a positive `bend`, so that the shift is negative, and otherwise
@@ -1206,9 +1235,11 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift + shift
         )
-        # `_integrate_divided` moves the law alternately in FIRST_TRIAL and SECOND_TRIAL. The path
-        # from the shifted reversal is therefore integrated first, before its state in FIRST_TRIAL
-        # is overwritten. The actual reversal in THIRD_TRIAL is never overwritten.
+        # `_integrate_divided` stores the states at the Gauss points alternately in FIRST_TRIAL and
+        # SECOND_TRIAL. An integration from the actual reversal would therefore overwrite the state
+        # at the shifted reversal in FIRST_TRIAL. For this reason, the path from the shifted
+        # reversal is integrated first. This integration does not change THIRD_TRIAL, the start of
+        # the second integration.
         _clear(shifted, i)
         _integrate_divided(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, shifted)
         _clear(after_reversal, i)
