@@ -82,11 +82,10 @@ def _story_path(linear_terms, law_state, scratch, i):
 
 @inline
 def _skip_branch(law_state, i, block, segment, results):
-    """Do nothing along a branch; `path.along_branches` calls this function for each branch on a
-    path.
+    """Skip a branch; `path.along_branches` calls this function for each branch on a path.
 
-    Only the ends of the branches are needed here, not the integrals along them. No argument is
-    used.
+    Its counterpart `path._add_on_branch` integrates the force along the branch. Here only the times
+    and states at the ends of the branches are needed. No argument is used.
 
     Parameters
     ----------
@@ -107,11 +106,10 @@ def _skip_branch(law_state, i, block, segment, results):
 
 @inline
 def _ignore_branch_end(results, i, t, force):
-    """Ignore the end of a branch; `path.along_branches` calls this function at each end of a
-    branch.
+    """Ignore the end of a branch; `path.along_branches` calls this function if a limit is reached.
 
-    It is used where only the state at the end of the path is needed (`_store_forces`). No argument
-    is used.
+    `_store_forces` uses this function, because it needs only the state at the end of the path. No
+    argument is used.
 
     Parameters
     ----------
@@ -434,13 +432,19 @@ def _store_accelerations(scene, h, load, scratch, k):
                          story damper and power-law dashpot
 
     The ground acceleration does not occur in this equation, because the acceleration is absolute.
-    Row NODE_ACCELERATION + k receives the accelerations, m/s^2. Before the call, row NODE_FORCE + k
-    contains the part of V_i without damper and dashpot; its column n (the number of floors), which
-    belongs to no story, contains the time of the node as a fraction of the step. Row NODE_VELOCITY
-    + k contains h times the velocities of the floors, m. After the call, row NODE_FORCE + k
-    contains the total shears of the stories, N:
+    The function uses and sets these rows of `scratch`, with the number n of floors:
 
-        total shear = V_i - sum of q = sum of (p - m acceleration)
+        row, columns                before the call                   after the call
+        NODE_VELOCITY + k, 0-n-1    h times velocities of floors, m   unchanged
+        NODE_FORCE + k, 0-n-1       restoring force and P-delta of    total shears of the
+                                    the stories, N                    stories, N
+        NODE_FORCE + k, n           time of the node as a fraction    unchanged
+                                    of the step
+        NODE_ACCELERATION + k       not used                          accelerations, m/s^2
+
+    The total shear of story i is
+
+        V_i - sum of q = sum of (p - m acceleration)
 
     Both sums extend over the floors that story i supports. Only the absolute value of the total
     shear is used later, for its peak.
@@ -471,6 +475,8 @@ def _store_accelerations(scene, h, load, scratch, k):
     viscous_shear = story_force_above = 0.0
     for i in range(n - 1, -1, -1):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        # `rate` is the drift rate, m/s: `_story_value` returns the value of floor `i` minus the
+        # value of the floor below, here of h times the velocity.
         rate = inverse_h * _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i)
         story_force = scratch[ROW.NODE_FORCE + k, i] + linear_terms[rows.STORY_DAMPER, i] * rate
         # `power_damper` returns the force of the dashpot and its derivative.
