@@ -374,7 +374,9 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
 def _store_response(linear_terms, modal, root, state, law_state, scratch):
     """Compute the response at the end of the step from the solution w of `solve_linear`.
 
-    The increments du = u1 - u0 and dv = v1 - v0 of the floors follow from w = du - conj(l) dv:
+    In the equations of `solve_linear`, l (s) is a complex root of a quadratic equation with the
+    coefficients of the method and the step length; conj(l) is its complex conjugate. The increments
+    du = u1 - u0 and dv = v1 - v0 of the floors follow from w = du - conj(l) dv:
 
         dv = im(w) / im(l),   du = re(w) + re(l) dv
 
@@ -398,10 +400,10 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     n = linear_terms.shape[1] - 1
     re, im = root
     by_im = 1.0 / im
-    # The loop proceeds from the roof downwards. The drift of story `i` requires the increments of
-    # floor `i` and of floor `i - 1`. Each pass computes the increments of floor `i - 1` (`du_below`
-    # and `dv_below`); the next pass uses them as the increments of its floor. The increments of
-    # the roof are computed before the loop.
+    # The loop proceeds from the roof downwards. The force of story `i` requires the increments of
+    # floor `i` (`du`, `dv`) and of floor `i - 1` (`du_below`, `dv_below`). The next pass belongs to
+    # floor `i - 1`, and starts by copying `du_below` and `dv_below` to `du` and `dv`. The values
+    # before the loop are the increments of the roof.
     force_above = 0.0
     dv_below = scratch[ROW.COMPLEX + 1, n - 1] * by_im
     du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
@@ -1012,15 +1014,19 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     """Add the power-law dashpot of story `i` to its force and impulse.
 
     f0, fc and f1 are the dashpot forces at the start, at the inner point (suffix `_c`) and at the
-    end of the step. The mean of the dashpot force over the step is w0 f0 + wc fc + w1 f1, and its
-    impulse is h times the mean. The drift rate at the inner point is RATE_BY_INCREMENT (d1 - d0) /
-    h + RATE_BY_VELOCITY_0 (rate at the start) + RATE_BY_VELOCITY_1 (rate at the end). The scratch
-    rows are changed as follows:
+    end of the step. r0, rc and r1 are the drift rates at these points. The mean of the dashpot
+    force over the step is w0 f0 + wc fc + w1 f1, and its impulse is h times the mean. The drift
+    rate at the inner point is interpolated, with the factors q_d = RATE_BY_INCREMENT,
+    q_0 = RATE_BY_VELOCITY_0 and q_1 = RATE_BY_VELOCITY_1 in `coefficients`:
 
-        FORCE_1             f1 is added to the force of the story at the end, N
-        FORCE_S             the impulse is added to the impulse of the story, N s
-        DASHPOT_MISMATCH    is set to (f0 + f1) / 2 minus the mean, N
-        SLOPE_C, SLOPE_1    are set to the derivatives of fc and f1 with respect to the drift rate,
+        rc = q_d * (d1 - d0) / h + q_0 * r0 + q_1 * r1
+
+    These scratch rows change:
+
+        FORCE_1             force of the story at the end of the step, N: f1 is added
+        FORCE_S             impulse of the story over the step, N s: the dashpot impulse is added
+        DASHPOT_MISMATCH    set to (f0 + f1) / 2 minus the mean, N
+        SLOPE_C, SLOPE_1    set to the derivatives of fc and f1 with respect to the drift rate,
                             N s/m
 
     Parameters
@@ -1085,10 +1091,15 @@ def _newton_factorization(scratch, factors):
     """Return the location of the factorization of Newton's method in the scratch array.
 
     `factors` is the first row of a block of rows that contains two factorizations: of the complex
-    matrix for linear branches and of the matrix of Newton's method (`_Block`). Row numbers within
-    the block, such as BLOCKS, COUPLING and _STORE, are added to `factors`. The fields of the result
-    are the first rows of the diagonal blocks, of the couplings, and of the terms of modal damping.
-    The terms of modal damping occupy 6 rows for each mode and a temporary row (`factor_rows`).
+    matrix for linear branches and of the matrix of Newton's method. BLOCKS and COUPLING (`_Block`)
+    and _STORE are row numbers relative to `factors`; _STORE is the number of the first row after
+    the rows of `_Block`. The result has four fields:
+
+        table       the scratch array
+        pivot       first row of the 2 x 2 diagonal blocks
+        coupling    first row of the blocks between adjacent floors
+        store       first row of the terms of modal damping: 6 rows per damped mode and a temporary
+                    row (`factor_rows`)
     """
     return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
