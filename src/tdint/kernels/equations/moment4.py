@@ -405,12 +405,14 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     rise_below = 0.0
     bend_below = 0.0
     displacement_scale_below = 0.0
-    # `_integrate_restoring_force` sets column n to 1 if it sets the row to 1 for any story.
+    # Column n of row LEAVES_BRANCH is a summary of the row. For each story, the function
+    # `_integrate_restoring_force` sets column i to 0 or 1, and with 1 it also sets column n to 1.
     scratch[ROW.LEAVES_BRANCH, n] = 0.0
     for i in range(n):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
-        # `rise` and `bend` belong to the drift of story `i`. From here on, `rise_below` and
-        # `bend_below` are the values of floor `i`, which is the floor below in the next pass.
+        # `rise` and `bend` belong to the drift of story `i`: floor `i` minus the floor below.
+        # `rise_below` and `bend_below` are afterwards set to the values of floor `i`, which is the
+        # floor below in the next pass.
         rise = scratch[ROW.RISE, i] - link * rise_below
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below = scratch[ROW.RISE, i]
@@ -601,9 +603,13 @@ def _acceleration(scene, memory, i):
     It follows from equilibrium of the floor, m a = p - c v - (modal damping force) - V_i + V_(i+1),
     with the mass m, the load p, the floor damper c, the velocity v, and the forces V_i and V_(i+1)
     of the stories below and above the floor. V is the sum of restoring force, P-delta and damper
-    forces. With the mean P0 of the load over the step and its first moment P1 (rows LOAD), the load
-    at the start of the step is P0 - P1 / 2 if the load is linear in time. `scene` contains the
-    building, `memory` the state and the law states at the start of the step and the scratch array.
+    forces. Without a story above, or if that story is on the ground, V_(i+1) is 0.
+
+    The scratch rows LOAD contain the mean P0 = int p dt and the first moment P1 =
+    12 int (t - 1/2) p dt of the load, N, with t from 0 to 1 over the step. For a load that is
+    linear in time, P1 is its change over the step, and the load at the start is p = P0 - P1 / 2.
+    `scene` contains the building, `memory` the state and the law states at the start of the step
+    and the scratch array.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -616,8 +622,9 @@ def _acceleration(scene, memory, i):
         for k in range(n):
             amplitude += modal[j, k] * state[rows.VELOCITY, k]
         force -= amplitude * modal[j, i]
-    # Subtract the force of story `i` below the floor (above = 0), and add the force of story
-    # `i + 1` above the floor (above = 1), which is 0 if this story is on the ground.
+    # `j` is the story below the floor (above = 0, j = i), then the story above (above = 1,
+    # j = i + 1). The force of the story below is subtracted. The force of the story above is
+    # added, multiplied by its `link`: a story on the ground does not act on the floor.
     for above in range(2):
         j = i + above
         if j < n:
