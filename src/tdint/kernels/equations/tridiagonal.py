@@ -994,7 +994,14 @@ def solve_blocks_damped(factors, damping, x, y, n):
     """Solve a linear system with the factorization of `factor_blocks`, including modal damping.
 
     The matrix is block tridiagonal with 2 x 2 blocks for the unknowns (x, y) of each floor, plus
-    modal damping.
+    modal damping. There are two cases:
+
+    - The number of damped modes is at least 2/3 of the number of floors (`_is_full`):
+      `factor_blocks` has factorized the sum of both matrices as a full matrix. Forward and backward
+      substitution give the solution.
+    - Otherwise: `factor_blocks` has factorized the block tridiagonal matrix. Its solution is
+      corrected for modal damping by the Woodbury formula. Without modal damping, the correction is
+      omitted.
 
     Parameters
     ----------
