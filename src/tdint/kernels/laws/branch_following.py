@@ -168,14 +168,28 @@ def fail(law_state, i, block, failed):
 
 @inline
 def branch_owner(law_state, i, block):
-    """Return the first row of the block that contains the branch of the state in `block`.
+    """Return the first row of the block of `law_state` that contains the branch of a state.
 
-    A trial state on the branch of another state does not contain a copy of the branch (stiffness,
-    limits, direction and further rows). Its row BRANCH_OFFSET contains the number of rows from
-    `block` to that state, otherwise 0. The committed state always contains its branch.
+    A block is a group of consecutive rows with the state of the law: the committed state, or a
+    trial state. The branch consists of stiffness, limits, direction and further rows of a block. A
+    trial state on the same branch as an earlier state does not copy these rows, but refers to the
+    earlier block. Its row BRANCH_OFFSET contains the (signed) number of rows from the trial state
+    to that block; 0 if the trial state contains a copy of the branch. The block of the committed
+    state always contains its branch.
 
-    `law_state` is the table of the law states, with one column per story, and `i` the index of the
-    story.
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the hysteretic laws: one row per quantity, one column per story.
+    i : int
+        Index of the story.
+    block : int
+        First row of the block of the state.
+
+    Returns
+    -------
+    int
+        First row of the block that contains the branch.
     """
     return (
         block if block == rows.COMMITTED else block + int(law_state[block + rows.BRANCH_OFFSET, i])
