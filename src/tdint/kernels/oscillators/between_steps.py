@@ -134,24 +134,29 @@ def may_exceed(best, factor, q0, d0, e0, q1, d1, e1):
 def largest_between(q, rates, d1, vibration, n, series):
     """Return the maximum absolute value of a quantity q at its extrema within a step.
 
-    The caller must first test the step with `may_exceed`. It returns True only in three cases:
+    The extrema are the zeros of the time derivative q'. The caller must first test the step with
+    `may_exceed`, which returns True only in three cases:
 
-    1. q' is zero at the start, and q'' at the start and q' at the end have different signs. q' has
-       one more zero in the step.
-    2. q' has different signs at the endpoints, and therefore one zero.
-    3. q' has the same sign at both endpoints, and q'' has different signs. q' has two zeros or no
-       zero. Without a zero, the result is 0.
+        case    q' at the endpoints       q''                        zeros of q' inside the step
+        1       0 at the start            at the start: sign         1
+                                          opposite to q' at the end
+        2       different signs           any                        1
+        3       same sign                 different signs at the     2 or 0 (result 0)
+                                          endpoints
 
     If q' is exactly zero at the end, `may_exceed` returns False: the extremum is the value at the
     end of the step, which the caller records.
 
-    With x = t / h from 0 to 1, power series in x represent q, h q' and h^2 q''. As q'' is a free
-    vibration of the oscillator, y = q'' satisfies y'' = -(2 xi omega y' + omega^2 y), which gives
-    the coefficients of h^2 q'' in succession:
+    Power series in x = t / h, with x from 0 to 1 over the step, represent the three functions:
 
-        c_k = -(2 xi omega h c_(k-1) + (omega h)^2 c_(k-2) / (k - 1)) / k
+        q         n terms        integral of the series of h q'
+        h q'      n - 1 terms    integral of the series of h^2 q''
+        h^2 q''   n - 2 terms    coefficients at the start c_0 = h^2 q'' and c_1 = h^3 times the
+                                 third derivative of q; for k > 1,
+                                 c_k = -(2 xi omega h c_(k-1) + (omega h)^2 c_(k-2) / (k - 1)) / k
 
-    The other two series follow by integration.
+    The formula for c_k follows from y'' = -(2 xi omega y' + omega^2 y) for y = q'', which is a free
+    vibration of the oscillator.
 
     Parameters
     ----------
@@ -164,10 +169,9 @@ def largest_between(q, rates, d1, vibration, n, series):
     vibration : Vibration
         omega^2 (`by_u`, 1/s^2), 2 xi omega (`by_v`, 1/s) and the length h of the step (s).
     n : int
-        Number of terms of the series of q (`term_count`). The series of q' has n - 1 terms, the
-        series of q'' n - 2 terms.
+        Number of terms of the series of q (`term_count`).
     series : ndarray, shape (3, TERMS)
-        Scratch array for the series of q, q' and q''.
+        Scratch array for the series of q, h q' and h^2 q''.
     """
     d, e, f = rates
     by_u, by_v, h = vibration
@@ -191,8 +195,9 @@ def largest_between(q, rates, d1, vibration, n, series):
     # `_root` returns the zero of a series between two values of x. Its last two arguments are the
     # values of the series there. `_value` returns the value of a series, [0], and its derivative.
     #
-    # Case 1: the zero of q' at the start is not within the step. A division of the series of h q'
-    # by x removes this zero. The value at x = 1 remains h q'; the value at x = 0 becomes h^2 q''.
+    # Case 1: h q' is zero at x = 0, so that its series has no constant term. The series of h q' / x
+    # therefore has the same coefficients, with indices reduced by 1. It is zero only at the zero of
+    # q' inside the step. Its values at the endpoints are h^2 q''(0) at x = 0 and h q' at x = 1.
     if d == 0.0:
         for k in range(n - 2):
             rate_series[k] = rate_series[k + 1]

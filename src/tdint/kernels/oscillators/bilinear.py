@@ -40,10 +40,13 @@ TOO_MANY_EVENTS = -1
 
 NEVER = -1.0  # time of an event that does not occur; times are not negative
 
-# Maximum number of terms; the remainder is below 1e-18 with fewer terms for any step
+# Maximum number of terms of a power series. About 30 terms are sufficient for the longest step: a
+# series ends when its terms are below 1e-18 of its largest terms.
 _MAX_TERMS = 44
 _MAX_EVENTS = 60  # maximum number of changes of branch within a step
-_FREE_VIBRATION = 600  # maximum length of the free vibration after the ground motion, rad
+# Maximum number of steps of the free vibration after the ground motion. The length of a step is
+# one radian of the elastic vibration (1 / omega).
+_FREE_VIBRATION = 600
 
 
 class _Hysteretic(NamedTuple):

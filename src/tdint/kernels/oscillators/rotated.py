@@ -420,8 +420,10 @@ def _search(oscillator, maxima, margin):
     scratch, best = oscillator.scratch, oscillator.best
     intervals = maxima.shape[0]
     lowest = scratch[_LOWEST]
-    # Pass 1: integrate the remaining steps (index `intervals`), then the interval with the maximum
-    # along each axis. Equal intervals of successive axes are not repeated.
+    # Pass 1: integrate the steps after the last complete interval (index `intervals`) and,
+    # for each axis, the interval that contains the maximum along this axis. If two
+    # successive axes have the same interval, it is not integrated again. The last argument True
+    # omits the maxima between the steps.
     _integrate_interval(oscillator, intervals, margin, True)
     last_interval = intervals
     for k in range(AXES):
@@ -432,8 +434,9 @@ def _search(oscillator, maxima, margin):
         if intervals > 0 and interval != last_interval:
             _integrate_interval(oscillator, interval, margin, True)
             last_interval = interval
-    # Pass 2: integrate the remaining steps again, now with the maxima between the steps, then the
-    # intervals with a bound that exceeds a maximum in any sector.
+    # Pass 2 includes the maxima between the steps (last argument False). The steps after the last
+    # complete interval are integrated again. A complete interval is integrated only if its bound
+    # exceeds the smallest of the maxima (`lowest`) in at least one sector.
     for k in range(_SECTORS):
         lowest[k] = _lowest(best, k)
     _integrate_interval(oscillator, intervals, margin, False)
