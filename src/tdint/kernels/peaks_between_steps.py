@@ -655,9 +655,12 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
+        an additional last column. Row LINK is 1 for a story on the floor below and 0 for a story on
+        the ground. For the roof, column `i + 1` is the last column; its LINK has no effect, because
+        the sums above the roof are zero.
     i : int
-        Floor.
+        Index of the floor.
     floor : Ends
         Displacement, velocity and acceleration of the floor relative to the ground.
     inertia_above : Ends
@@ -690,15 +693,22 @@ def _has_extremum(span, ends):
     """Return True if a displacement or drift has an extremum inside the step.
 
     Displacement and velocity are u0, v0 at the start and u1, v1 at the end of the step of length h.
-    The velocity changes its sign, or, for methods with parabolic displacements (`span.on_path`),
-    the parabola u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2, with s from 0 to 1, has an interior
-    extremum: 2 |u1 - u0| < h |v1 - v0|. `ends` contains these displacements (m) and velocities
-    (m/s) of a floor or story, `span` the length h.
+    `ends` contains these displacements (m) and velocities (m/s) of a floor or story, `span` the
+    length h. The result is True in two cases:
 
-    The comparison of the signs of v0 and v1 does not detect two extrema within the step. If v0 is
-    zero, the extremum at the start of the step has been recorded, and the comparison does not
-    detect a further extremum within the step. A step that resolves the motion has no such extrema,
-    except for a ground motion that changes its sign in the first step from rest.
+    - v0 and v1 have different signs.
+    - The method has parabolic displacements within the step (`span.on_path`), and the parabola
+      u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2, with s from 0 to 1, has an interior extremum.
+      The condition is 2 |u1 - u0| < h |v1 - v0|.
+
+    The comparison of signs misses extrema in two cases:
+
+    - The displacement has two extrema within the step, so that v0 and v1 have the same sign.
+    - v0 is zero. The extremum at the start of the step has already been recorded. A further
+      extremum within the step is missed.
+
+    Both cases require a motion that the time step does not resolve. The only exception is the first
+    step from rest (v0 = 0), if the ground motion changes its sign in this step.
     """
     has_vertex = 2.0 * abs(ends.u1 - ends.u0) < span.h * abs(ends.v1 - ends.v0)
     return (span.on_path & has_vertex) | (ends.v0 * ends.v1 < 0.0)
