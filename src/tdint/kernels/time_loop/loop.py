@@ -368,10 +368,12 @@ def integrate(
         substep_fraction = 1.0  # length of the next substep, as a fraction of the step
         while completed_fraction < 1.0:
             # Set the load of the step or substep: its start time and the ground acceleration at
-            # both endpoints. If a line is fitted, `shift_ground` updates the accelerations for
-            # the jump from the end of the previous line (`step_status[STATE_GROUND]`) to GROUND_0.
-            # It sets STATE_GROUND to GROUND_0. If the substep fails and is halved, the next jump
-            # therefore starts from this value.
+            # both endpoints. For `stride` > 1, a line is fitted to the ground acceleration of the
+            # step or substep. At its start, the ground acceleration jumps from its value at the end
+            # of the previous line (`step_status[STATE_GROUND]`) to `load[GROUND_0]`.
+            # `shift_ground` subtracts this jump from the relative accelerations of the floors, and
+            # sets STATE_GROUND to the new value. If the substep fails and is halved, another line
+            # is fitted; its jump then starts from the value that is now in STATE_GROUND.
             load[rows.TIME] = (step_index + completed_fraction) * h
             if stride > 1:
                 _fit_ground(
