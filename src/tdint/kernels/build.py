@@ -211,9 +211,10 @@ def _add_laws(variant: str) -> None:
 
     Each law is stored in LAWS at the index of its number. The name of its module is stored in the
     dictionary OUTSIDE. The registration must precede the import of modules that depend on the laws.
-    The environment variable TDINT_KERNELS_PLUGINS is a JSON dictionary that contains the name and
-    the file of the module of each plug-in law of the variant, by the name of the law. The module
-    must contain the law as a global variable, or in a global tuple, list, set or dictionary
+
+    The environment variable TDINT_KERNELS_PLUGINS specifies the modules of the laws, as a JSON
+    dictionary: {"name of the law": ["name of the module", "file of the module"], ...}. A module
+    must contain its law as a global variable, or in a global tuple, list, set or dictionary
     (`laws_in`); otherwise SystemExit with a message of one line ends the process.
 
     Parameters

@@ -171,7 +171,8 @@ class Compilable:
             Types of its arguments and its result.
         parts : tuple of str
             Attributes of `Variant` (laws, modal, forces, dashpots) that affect the code of the
-            kernel. `required_variant` sets all other attributes to their defaults.
+            kernel. `required_variant` replaces all other attributes by the values of EVERYTHING,
+            the default variant with all features.
         vectorized : bool
             True if the compiler may vectorize loops; the process that compiles the kernel reads
             this attribute.
