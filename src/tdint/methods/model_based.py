@@ -373,8 +373,8 @@ def chang_step(
     n = linear_terms.shape[1] - 1
     half_h = 0.5 * h
     displacement_factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
-    # Each factorization needs 2 modes + 1 rows for modal damping, from row _STORE on: two rows per
-    # damped mode and a temporary row.
+    # For modal damping, each factorization needs two rows per damped mode and a temporary row. The
+    # rows of the first factorization start at _STORE, the rows of the second after them.
     acceleration_factors = Factors(
         scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1
     )
@@ -383,7 +383,9 @@ def chang_step(
         factorizations = displacement_factors, acceleration_factors
         _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n)
         step_status[rows.FACTORED_STEP] = h
-    # Solve for the displacement at the end of the step, and move the laws to this displacement.
+    # Solve for the displacement at the end of the step, and commit the laws at the new drifts. The
+    # drift of story `i` is u - LINK u_below: LINK is 1 for a story on the floor below and 0 for a
+    # story on the ground. Block 0 of `law_state` is the committed state (rows.COMMITTED).
     _displacement_right_side(linear_terms, law_parameters, half_h, state, scratch, n)
     solve_damped(displacement_factors, modal, _ROW.X, n)
     u_below = 0.0

@@ -254,12 +254,19 @@ def _family(*memory: int) -> Family:
     rows receives the number of damped modes.
 
     If a time step is longer than the sampling interval, the ground acceleration in each step is
-    replaced by a straight line, and the floor accelerations jump between two steps. The time loop
-    then adds the changes `shifts` to the rows of the state (`state_jumps`): the change per unit
-    jump, divided by h^(2 - derivative) with the step length h. The means must change as if the new
-    acceleration had already acted in the previous steps. For a jump 1 at t = 0, the motion t^2 / 2
-    is added to these steps. Its means over the last two steps are the velocities -h/2 and -3 h/2
-    and the accelerations 1.
+    replaced by a straight line, and the floor accelerations jump between two steps. The state must
+    then change as if the new acceleration had already acted in the previous two steps. For a jump
+    of 1 at t = 0 and the step length h, the motion t^2 / 2 is added to these steps (t < 0):
+
+        row of the state                         change    divided by h^(2 - derivative)
+        displacement, velocity at t = 0          0         0
+        acceleration at t = 0                    1         1
+        mean velocity of the last step           -h/2      -1/2
+        mean velocity of the step before         -3 h/2    -3/2
+        mean accelerations of both steps         1         1
+
+    The last column is `shifts`. At a jump, the time loop adds `shifts` times h^(2 - derivative)
+    times the jump to the rows of the state (`state_jumps`).
 
     Parameters
     ----------

@@ -166,6 +166,8 @@ def explicit_step(
         # step.
         u_below = 0.0
         for i in range(n):
+            # LINK is 1 for a story on the floor below and 0 for a story on the ground. The drift is
+            # the displacement of floor `i` relative to this support.
             drift = scratch[_EXPLICIT.U, i] - linear_terms[rows.LINK, i] * u_below
             restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
             u_below = scratch[_EXPLICIT.U, i]
