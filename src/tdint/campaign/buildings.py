@@ -188,19 +188,24 @@ class RowBuilding:
     rules: Rules
 
     def subject(self) -> Subject:
-        """Return the building that the rules derive from the row, with the parameters that a sweep
-        changed."""
+        """Return the building of the inventory row, with its time-integration method.
+
+        The rules (`Rules`) derive stories and damping from the facts in the row, such as structural
+        type and year. If the row belongs to a parameter sweep, `row.changes` contains the values of
+        the varied parameters, which then replace the derived values.
+        """
         rules = self.rules
         derived = derive_row(
             self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed
         )
         model = replace(
             simple_model(self.row.id, derived.stories),
-            source="",
+            source="",  # the building was not read from a model file
             damping=derived.damping,
             p_delta=rules.p_delta,
             collapse_drift=rules.collapse_drift,
         )
+        # Apply the values of a parameter sweep, if there are any.
         return Subject(
             model.changed(dict(self.row.changes)) if self.row.changes else model, rules.method
         )

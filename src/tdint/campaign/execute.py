@@ -648,6 +648,8 @@ def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
                     _copy(source, target, "records")
                 for table in _BUILDING_TABLES:
                     _copy(source, target, table)
+                # Copy the reasons for which buildings or records could not be used. `category` is
+                # `building` or `record`.
                 for category, reasons in source.unused().items():
                     target.add_unused((category, reason) for reason in reasons)
         part_shards = [text for part in parts for text in part.shards]
