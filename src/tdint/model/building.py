@@ -223,13 +223,20 @@ class Building:
 
     @cached_property
     def approximate_first_mode(self) -> tuple[float, float]:
-        """Circular frequency (rad/s) and damping ratio of the first mode, from the modes that have
-        already been computed, if any.
+        """Circular frequency (rad/s) and damping ratio of the first mode, without a new solution
+        if possible.
 
-        The first mode of all modes differs from the result of `first_mode` in the last digits.
+        The value has one of three sources:
+
+        1. the result of `first_mode`, if it has already been computed
+        2. the first of all modes, if all modes have already been computed
+        3. otherwise a new computation of the first mode (`first_mode`)
+
+        Sources 1 and 2 are computed by different algorithms and differ in the last digits.
         Therefore this property is only for comparisons and rounded values.
         """
-        # A cached property is in `vars` after it has been computed.
+        # A cached property is in `vars` after it has been computed. The condition covers sources 1
+        # and 3: `_first_mode` returns the stored result or computes it.
         if "_first_mode" in vars(self) or "modes" not in vars(self.vibration):
             return self._first_mode
         modes = self.vibration.modes

@@ -86,7 +86,7 @@ class CapacityCurve:
         if not all(0.0 < value < math.inf for value in (*self.displacement, *self.acceleration)):
             raise UsageError(
                 "the displacements and accelerations of a capacity curve must be positive and "
-                "finite; omit only the point at the origin"
+                "finite; correct the values, or omit a point at the origin, where each curve starts"
             )
         if any(
             later <= earlier

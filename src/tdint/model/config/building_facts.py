@@ -131,6 +131,8 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
         damping_ratio=None if damping_ratio < 0.0 else damping_ratio,
         mass_only=damping == "mass-only",
     )
+    # The argument None omits random factors of stiffness and damping: the model file describes a
+    # single building with mean properties.
     return RULES[rules](facts, None)
 
 

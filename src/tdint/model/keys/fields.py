@@ -762,7 +762,20 @@ class Section:
     """
 
     def __init__(self, value: Value, node: MappingNode, keys: Collection[str]) -> None:
-        """Store the entries with allowed keys, and report the errors of all other keys."""
+        """Store the entries with allowed keys, and report the errors of all other keys.
+
+        The value of a misspelled key is stored under the most similar allowed key, so that errors
+        in this value are also reported.
+
+        Parameters
+        ----------
+        value : Value
+            Value of the section in the file. It collects the reported errors (`faults`).
+        node : MappingNode
+            Mapping with the entries of the section.
+        keys : collection of str
+            Allowed keys; the type `Keys` also declares the types of their values.
+        """
         self.value = value
         self._entries: dict[str, Value] = {}
         self._types = keys.types() if isinstance(keys, Keys) else {}
@@ -788,12 +801,15 @@ class Section:
                 self._misspelled.update(keys)
             else:
                 value.faults.add(key, path, "unknown key" + _unknown_key_advice(key.text, keys))
+                # The default similarity of `nearest` (0.6) is low: if the intended key may be
+                # present under a similar name, its absence is not reported.
                 similar_key = nearest(key.text, keys)
                 if similar_key:
                     self._misspelled.add(similar_key)
 
         # Assign the value of a misspelled key to the intended key, so that errors in the value are
-        # also reported.
+        # also reported. This requires a higher similarity than above, because a value that is
+        # assigned to the wrong key would cause misleading errors.
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode) or key.text in keys:
                 continue
