@@ -91,9 +91,13 @@ def is_cosmos(file: Any, **_: Any) -> bool:
 def read_cosmos(lines: Lines) -> list[Series]:
     """Read and return the accelerations of the next channel of a COSMOS file.
 
-    The series also contain the peaks of the velocity and the displacement of the channel. A channel
-    without acceleration gives its first velocity or displacement instead. Counts of a recorder
-    (volume 0) have no units.
+    A channel consists of headers and blocks of samples; a block contains a single quantity. Every
+    block of accelerations becomes a series. Blocks of velocity and displacement only provide the
+    peaks (`pgv` and `pgd`) of these series. In a channel without acceleration, the first block of
+    velocity or displacement becomes the only series. Counts of a recorder (volume 0) have no units.
+
+    The decorator `by_parts` replaces this function by a function that reads all channels: it calls
+    this function until no line remains.
 
     Parameters
     ----------
@@ -117,10 +121,13 @@ def read_cosmos(lines: Lines) -> list[Series]:
     other_blocks: list[tuple[NDArray[np.float64], re.Match[str]]] = []
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
+        # Groups of `block` (`_BLOCK`): 1 number of samples, 2 quantity, 4 name of the units,
+        # 5 number of the units.
         samples = lines.numbers(int(block[1]), _width(line))
         if block[2].lower().startswith(("accel", "raw accel")):
             series.append(_series(samples, block, texts, integers, reals))
         elif (quantity := block[2].lower().split()[0]) in _OTHER_QUANTITIES and samples.size:
+            # Units by their number; by their name if the number is missing or not in the table.
             units = _OTHER_UNITS.get(block[5] or "") or block[4]
             other_blocks.append((samples, block))
             if scale := motion_scale(units, quantity):
