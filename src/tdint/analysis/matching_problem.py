@@ -83,8 +83,12 @@ class SparseRows:
     """Matrix with one row for each equation and one column for each sample of each component.
 
     A row contains the derivatives of an extreme of a response (or of the final velocity or
-    displacement of the ground) with respect to the samples. Its part for a component is the product
-    of a factor (`directions`) and of values (`lines`), which extend over only some of the samples.
+    displacement of the ground) with respect to the samples. In the part of a row for component c,
+    the values are zero except for a range of successive samples:
+
+        columns starts[row] to starts[row] + lines[row].size - 1: directions[row, c] * lines[row]
+
+    The range and `lines[row]` are the same for all components.
 
     Attributes
     ----------
@@ -144,12 +148,16 @@ class SparseRows:
         Parameters
         ----------
         samples : ndarray, shape (components * size,)
-            Vector: the samples of the first component, followed by those of the second.
+            Vector: all samples of the first component, then all samples of the second component.
         """
-        changes = samples.reshape(-1, self.size)
+        # Row r of the matrix times the vector is the sum over the components c of
+        # directions[r, c] * (lines[r] . samples of c in the range of the row).
+        component_samples = samples.reshape(-1, self.size)
         result = np.empty(len(self.lines))
         for index, (row_start, row_values) in enumerate(zip(self.starts, self.lines, strict=True)):
-            component_products = changes[:, row_start : row_start + row_values.size] @ row_values
+            component_products = (
+                component_samples[:, row_start : row_start + row_values.size] @ row_values
+            )
             result[index] = self.directions[index] @ component_products
         return result
 

@@ -570,7 +570,9 @@ def _growth_powers(method: Integrator, start: str, damping: float) -> list[float
     """
     # Maxima of |u| and |h v| for each level of omega h, shape (levels, 2). Each level is multiplied
     # by the 16 factors `_SPREAD`, from 1 to 2, because the response may be zero by chance at a
-    # single value of omega h. Index 1 on the second axis selects the end of the only time step.
+    # single value of omega h. `_first_steps` returns the shape (2, 2, 16): u and h v; start and end
+    # of the only time step; factors. The index [:, 1] selects the end of the step. The maximum over
+    # the remaining second axis is taken over the factors.
     maxima = np.array(
         [
             np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)

@@ -811,7 +811,8 @@ class Case:
         time, produced = collapse_step * steps.h, -energy.error
         is_physical = produced < _PRODUCED_BY_METHOD and collapse_step > 0
         # A collapse at step 0 is due to the initial drifts. It is reported only for a run that
-        # reached its end, because a failed run is repeated up to its collapse.
+        # reached its end (code 0). The result of a failed run with a collapse would be a repeated
+        # run up to the step of the collapse, and a run of 0 steps has no result.
         if is_physical or (code == 0 and (collapse_step == 0 or self.allow_unstable)):
             return Collapse(time, story, ended=code < 0, failed=failed)
         if code < 0:
