@@ -304,7 +304,7 @@ def test_print_options(results, tmp_path):
 def test_results_without_a_figure_are_refused(results, tmp_path):
     with pytest.raises(UsageError, match="Record and Spectrum"):
         tdint.plot([results["record"], results["spectrum"]])
-    with pytest.raises(UsageError, match="several of Response"):
+    with pytest.raises(UsageError, match=r"Response.* got \d+"):
         tdint.plot([results["run"], results["run"]])
     with pytest.raises(UsageError, match="no figure is available"):
         tdint.methods().plot()

@@ -300,19 +300,25 @@ class _Flow:
         full_height = self.scale * min(_WIDTH * ratio, max_height)
         space = _PAGE - self.position - _FIGURE
         fits = full_height <= space
-        # A figure that does not fit has three treatments. If the space is small, the figure is
-        # moved to a new page, because the blank area is also small. If the space would reduce the
-        # figure to less than `_MIN_SCALE`, it is postponed, and following text fills the page.
-        # Otherwise the figure is reduced to the space on this page.
-        is_small = _MAX_BLANK - _FIGURE <= space < _MIN_SCALE * full_height
-        if is_small and not fits and not last:
+        # `space` (mm) is the height for the image on this page. A figure that does not fit has
+        # three treatments:
+        #
+        # 1. The page has less free height than `_MAX_BLANK`: the figure moves to a new page
+        #    (`break_class`), because the blank area is small.
+        # 2. The free height is larger, and the figure would be reduced to less than `_MIN_SCALE` of
+        #    its full height: it is postponed, and following text fills the page. This is not
+        #    possible for the last content, which has treatment 3.
+        # 3. Otherwise the figure is reduced to the space on this page.
+        would_be_too_small = _MAX_BLANK - _FIGURE <= space < _MIN_SCALE * full_height
+        if would_be_too_small and not fits and not last:
             self.postponed.append((image, caption, ratio))
             return
         # `break_class` sets the position to 0 if the figure moves to a new page.
         page_class = "" if fits else self.break_class(_MAX_BLANK)
         height = min(full_height, _PAGE - self.position - _FIGURE)
-        # Far from the last page break with a known position (`distance`), the position is
-        # uncertain: a tall figure may not fit and cause a large blank area.
+        # The position is estimated from the heights since the last known page break. The estimate
+        # is uncertain if their sum, `distance`, is large. A tall figure may then not fit and cause
+        # a large blank area, so that the height of the figure is limited.
         if self.distance >= _KNOWN_DISTANCE and not is_first:
             height = min(height, _MAX_BLANK)
         size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'

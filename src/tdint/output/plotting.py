@@ -188,7 +188,10 @@ def _drawing_of(results: _Results) -> _Drawing:
             f"plot: no figure is available for {names}; available for {', '.join(_DRAWINGS)}"
         )
     if len(results) > 1 and drawing.alone:
-        raise UsageError(f"plot: several of {names} cannot share a figure; plot each separately")
+        raise UsageError(
+            f"plot: the figure of a {names} shows a single result, got {len(results)}; plot each "
+            "result separately"
+        )
     return drawing
 
 

@@ -19,10 +19,11 @@ _FOOT = 100  # characters per line of the footnote
 
 
 def short_footnote(chart: Chart, target: str, has_triangles: bool) -> str:
-    """Return the explanation of a work-precision diagram that is printed in one column of a page.
+    """Return the short explanation of a work-precision diagram for one column of a page.
 
-    It states the meaning of band, circle and triangle in at most three lines. The command prints
-    the reference and the conditions of the times.
+    It states the meaning of band, circle and triangle in at most three lines. In contrast to
+    `footnote`, it omits the reference of the errors and the conditions of the time measurements,
+    for lack of space. The command prints both on the terminal.
 
     Parameters
     ----------

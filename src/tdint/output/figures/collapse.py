@@ -571,7 +571,10 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
 
 _POINTS = 300  # points of a fragility function
 _TYPES_PER_ROW = 4  # panels of building types per row
-_MAX_IN_PANEL = 2  # maximum number of functions that share a panel with their total dispersion
+# Maximum number of fragility functions in a single panel. A function with a modeling dispersion has
+# two curves: without and with this dispersion. For more functions, the curves with the modeling
+# dispersion are in a second panel.
+_MAX_IN_PANEL = 2
 _END_DEVIATIONS = 2.6  # standard deviations from the maximum median to the end of the axis
 _NAMES = {
     "stripes": "Fragility of stripes, maximum likelihood",
