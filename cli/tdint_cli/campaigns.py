@@ -1030,8 +1030,9 @@ def report_outcomes(store: Store) -> None:
         note(f"{pluralize(repeated, 'run')} repeated with smaller time steps (column dt_s)")
     if without_estimate := without_error(store):
         note(
-            f"{pluralize(without_estimate, 'run')} without error estimates, because the second run "
-            "failed or collapsed earlier; these cells are empty"
+            f"{pluralize(without_estimate, 'run')} without error estimates, because the additional "
+            "run for the estimate failed, or collapsed before the end of the run; the cells of "
+            "these errors are empty"
         )
     if moving := store.count("at_rest = 0"):
         warn(

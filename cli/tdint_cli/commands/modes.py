@@ -106,9 +106,10 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
 
 
 def _record(model: Model) -> tuple[Record | None, list[str]]:
-    """Return the ground motion of a model for the figure of the report.
+    """Return the ground motion of a model, with its spectrum shown in the report of `tdint modes`.
 
-    The modes do not depend on it: a record that cannot be read is a note of the report.
+    The vibration modes of the building do not depend on the ground motion. If the record cannot be
+    read, the command therefore continues without the spectrum, and the report states the reason.
 
     Parameters
     ----------
@@ -118,9 +119,10 @@ def _record(model: Model) -> tuple[Record | None, list[str]]:
     Returns
     -------
     record : Record or None
-        Ground motion; None if the model has none, or if it cannot be read.
+        Ground motion; None if the model has no record or reads it from standard input (`-`), or if
+        the record cannot be read.
     notes : list of str
-        Reason for a missing record.
+        Reason why the record cannot be read; otherwise empty.
     """
     from tdint.analysis.arguments import model_record
 

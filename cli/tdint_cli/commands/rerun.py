@@ -134,8 +134,9 @@ def command(request: Request) -> None:
         if not is_file(outputs.summary):
             if not exit_code:
                 raise UsageError(
-                    f"{recorded.file}: the repeated command writes no JSON file with this name; "
-                    "rename the file to its original name"
+                    f"{recorded.file}: the repeated command has written no file named "
+                    f"{outputs.summary.name}; if the JSON file was renamed, restore its original "
+                    "name"
                 )
             raise _report_failure(recorded, exit_code)
         repeated = _RecordedCommand.read(str(outputs.summary))

@@ -569,6 +569,9 @@ def _page_verdict(
         demands = _maximum_demands(response.model, response.stories, units, page=True)
         return [(None, f"Maximum {demands}.")]
     sentences: list[tuple[bool | None, str]] = []
+    # `single_limit` is True for a single drift limit without a performance level. Its text starts
+    # with the drift, so the outcome ("Limit met." or "Limit EXCEEDED.") is added in front of the
+    # text. The first clause of all other texts already states the outcome.
     for met, text, single_limit in verdicts:
         sentences.append((met, outcome_text(bool(met)) + text if single_limit else text))
     # The displacement of isolators is a result that a drift limit does not cover.

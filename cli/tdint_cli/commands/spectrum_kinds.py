@@ -421,8 +421,9 @@ class _OscillatorSpectra(TableType):
         _ = request.elastic_settings  # raises UsageError if these options exclude each other
         if request.target_spectrum and not request.plot:
             raise UsageError(
-                "--target with records requires --plot, because the target is only drawn; without "
-                "records its table is written"
+                "--target with records requires --plot, because the target spectrum is then only "
+                "drawn in the figure; add --plot, or omit the records to write the target spectrum "
+                "as a table"
             )
         if request.target_spectrum and request.axes not in (None, "periods"):
             raise UsageError(
