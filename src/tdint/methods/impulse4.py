@@ -229,7 +229,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
     max_substeps = 20 + 4 * n
     elapsed = 0.0  # completed part of the time step, s
     substep = h  # length of the present substep, s
-    substep_count = 0  # located branch changes, including repeated locations of the same change
+    located_changes = 0  # located branch changes, including repeated locations of the same change
     branch_changes = 0  # applied branch changes
     solves = 0
     # True if rows DU and DV contain the first estimate of Newton's method for the next solution.
@@ -260,7 +260,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
         )
         code = _solve_substep(has_guess, coefficients, scene, substep, memory, factors)
         if code < 0:
-            if substep_count > 0:
+            if located_changes > 0:
                 _restore_start(state, law_state, scratch, n)
             return code
         solves += code
@@ -293,10 +293,10 @@ def _take_substeps(coefficients, scene, h, load, memory):
                     ROW.KINK,
                 )
                 if fraction != NONE:
-                    if substep_count == 0:
+                    if located_changes == 0:
                         _save_start(state, law_state, scratch, n)
-                    substep_count += 1
-                    if substep_count > max_substeps:
+                    located_changes += 1
+                    if located_changes > max_substeps:
                         _restore_start(state, law_state, scratch, n)
                         return rows.NOT_CONVERGED
                     if fraction * substep > _IMMEDIATE * h:
@@ -334,7 +334,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
             flags[rows.UNRESOLVED_MODES] != 0.0,  # fast: the building has unresolved modes
             False,  # cornered: accelerations within the substep are not yet searched for peaks
         )
-        _accept_substep(substep_count > 0, scene, span, memory)
+        # The first argument is True if the step is divided by located branch changes.
+        _accept_substep(located_changes > 0, scene, span, memory)
         if HAS_CURVED_FORCE and is_shortened:
             # The remaining motion is the first estimate of the next substep.
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)

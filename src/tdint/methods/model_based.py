@@ -147,8 +147,10 @@ def step(
             linear_terms, modal, law_parameters, rows.STIFFNESS, combination, factors, n
         )
         step_status[rows.FACTORED_STEP] = h
-    # Compute the right side of the linear system in row X. Row SUM contains the story forces. LINK
-    # is 0 if the story above is on the ground, and in the additional last column.
+    # Compute the right side of the linear system in row X. `_advance_displacements` sets row SUM
+    # (story forces, with the term beta h^2 K0 q and the story dampers) and row V (velocity at the
+    # weighted point), and moves displacements and laws to the end of the step. LINK is 0 if the
+    # story above is on the ground, and in the additional last column.
     _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n)
     _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory)
     for i in range(n):

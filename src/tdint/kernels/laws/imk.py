@@ -652,9 +652,10 @@ def _functions() -> LawFunctions:
         if max_drift <= zero_drift * (1.0 + _REACHED_TOLERANCE) and zero_drift > 0.0:
             # The drift of the zero crossing is at least the maximum drift of this side. This occurs
             # if the stiffness of unloading from the other side is small. The point of maximum drift
-            # is moved ahead of the zero crossing. At the new maximum drift, a line with the
-            # unloading stiffness from the zero crossing reaches the backbone force of the old
-            # point. The lower bound of the force avoids a reloading line of zero length.
+            # is moved ahead of the zero crossing: new maximum drift = drift of the zero crossing +
+            # backbone force at the old maximum drift / unloading stiffness. The reloading line then
+            # has the unloading stiffness. The lower bound of the force avoids a line of zero
+            # length.
             max_drift = (
                 zero_drift
                 + max(

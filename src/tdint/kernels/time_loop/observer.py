@@ -871,9 +871,9 @@ def initialize_energies(linear_terms, totals):
     """Store the initial energies (J) and the total mass of the building (kg) in `totals`.
 
     The kernel `sum_law_energies` must have stored the kinetic, strain and hysteretic energy of the
-    initial state before. ENERGY_INITIAL is the sum of kinetic and strain energy. ENERGY_REFERENCE
-    is the maximum of ENERGY_INITIAL plus the work of the load, the divisor of the relative energy
-    imbalance; at the start, it is ENERGY_INITIAL. The energy that the laws have dissipated on the
+    initial state before. ENERGY_INITIAL is the sum of kinetic and strain energy. ENERGY_REFERENCE,
+    the divisor of the relative energy imbalance, is the largest value so far of the sum
+    ENERGY_INITIAL + work of the load; at the start, it is ENERGY_INITIAL. The energy that the laws have dissipated on the
     path to the initial drifts, INITIAL_DISSIPATION, is subtracted from all later values of the
     hysteretic energy. Row MASS of `linear_terms` contains the masses of the floors, kg.
     """
