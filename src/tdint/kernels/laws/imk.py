@@ -653,9 +653,8 @@ def _functions() -> LawFunctions:
             # The drift of the zero crossing is at least the maximum drift of this side. This occurs
             # if the stiffness of unloading from the other side is small. The point of maximum drift
             # is moved ahead of the zero crossing: new maximum drift = drift of the zero crossing +
-            # backbone force at the old maximum drift / unloading stiffness. The reloading line then
-            # has the unloading stiffness. The lower bound of the force avoids a line of zero
-            # length.
+            # backbone force at the old maximum drift / unloading stiffness. The lower bound of the
+            # force avoids a reloading line of zero length.
             max_drift = (
                 zero_drift
                 + max(
