@@ -875,7 +875,8 @@ def initialize_energies(linear_terms, totals):
     the divisor of the relative energy imbalance, is the largest value so far of the sum
     ENERGY_INITIAL + work of the load; at the start, it is ENERGY_INITIAL. The energy that the laws
     have dissipated on the path to the initial drifts, INITIAL_DISSIPATION, is subtracted from all
-    later values of the hysteretic energy. Row MASS of `linear_terms` contains the masses of the floors, kg.
+    later values of the hysteretic energy. Row MASS of `linear_terms` contains the masses of the
+    floors, kg.
     """
     totals[rows.TOTAL_MASS] = 0.0
     for i in range(linear_terms.shape[1] - 1):
