@@ -165,16 +165,21 @@ def read_inventory(
     )
     arguments = (length, mass_only, classes, as_published)
     if mapping is None:
-        # With classes, the description of a valid file lists other columns.
+        # `requirements` describes a valid file in error messages. Its list of columns is replaced,
+        # because an inventory with classes requires other columns. `read_first` loads the complete
+        # file into memory; `rows` yields its rows on demand.
         requirements = _REQUIREMENTS.replace(", ".join(NEEDED), ", ".join(needed))
         table, rows = stream_table(source, requirements, columns=columns, read_first=True)
     else:
-        # The mapping table must contain all required columns except the first, which is the id.
+        # The mapping table must contain all required columns except the first, which is the id of
+        # a building.
         taxonomies = read_mapping(mapping)
         taxonomies.need(*needed[1:])
         _check_mapping(_Table(taxonomies, *arguments))
         table, rows = stream_exposure(source, taxonomies, columns)
     inventory_table = _Table(table, *arguments)
+    # `read` accepts a header without the required columns; `need` raises ModelError if a column is
+    # missing. In this order, a row that cannot be read is reported before a missing column.
     inventory_table.read(rows)
     table.need(*needed)
     return _separate_valid_rows(inventory_table)

@@ -530,15 +530,26 @@ class Value:
         return values
 
     def _read_by_name(self, declared: ByName) -> Any:
-        """Convert a mapping with names that the user chose as keys, such as damage states.
+        """Convert a mapping from names that the user chose, such as damage states.
 
-        Each value of the mapping is converted to `declared.type`. `declared.make` builds the result
-        from pairs of the entry, which states the line for error messages, and its converted value.
-        The result is None if an error was reported.
+        Parameters
+        ----------
+        declared : ByName
+            Type of all values of the mapping, and the function `make`, which builds the result.
+
+        Returns
+        -------
+        Any
+            Result of `declared.make`; None if the entry is not a mapping, or is empty although
+            names are required.
         """
+        # Each entry is a `Value`: the unconverted value in the file, with its line.
         entries = self.named(declared.description, declared.empty_message)
         if entries is None:
             return None
+        # Convert each entry to the declared type. An invalid entry is reported, and its converted
+        # value is None or another value that `make` must handle. `make` also receives the entries,
+        # so that it can report errors with their lines.
         values = {
             name: (entry, replace(entry, type=declared.type).read())
             for name, entry in entries.items()
