@@ -371,11 +371,12 @@ def _order_fault(
     errors = {
         parts: _relative_error(arrays, parts, reference) for parts, arrays in integrations.items()
     }
-    # The law tanh has no kinks; the reference has order 4.
+    # The force of the law tanh is smooth, so a method attains its full order. An order above 4 is
+    # not required, because the reference is computed by a method of order 4 (`impulse4`).
     expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
-    # Observe the order from the errors with the time steps _H and _H / 4, and _H / 2 and _H / 4. If
-    # the error is zero with _H / 4, the order is infinite. The errors with larger time steps are
-    # not zero, because the reference has the time step _H / 16.
+    # Compute the order from the errors with the time steps _H and _H / 4, and again from the errors
+    # with _H / 2 and _H / 4. If the error with _H / 4 is exactly zero, the order is set to infinity
+    # to avoid a division by zero.
     observed_orders = [math.inf]
     if errors[4]:
         observed_orders = [
