@@ -303,7 +303,8 @@ def _check(request: Request) -> BuildingRequest:
         )
     if request.target_error not in QUANTITIES:
         raise UsageError(
-            f"--target-error {request.target_error} requires many problems; for one building use "
+            f"--target-error {request.target_error} requires several models, several records or "
+            "--problems; for one building under at most one record use "
             f"{', '.join(QUANTITIES)}"
         )
     if request.steps and request.halvings is not None:
@@ -333,7 +334,8 @@ def _chart_many(request: Request) -> None:
     """
     if request.target_error not in PEAKS:
         raise UsageError(
-            f"--target-error {request.target_error} requires one building; for many problems use "
+            f"--target-error {request.target_error} requires one building under at most one "
+            "record; for several models, several records or --problems use "
             f"{', '.join(PEAKS)}"
         )
     if peers():

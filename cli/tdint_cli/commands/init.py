@@ -47,12 +47,11 @@ def _weights(text: str) -> tuple[float, ...]:
     weights: list[float] = []
     for word in text.split(","):
         count, x, number = word.strip().rpartition("x")
-        # A weight without a count is the weight of one floor. Zero marks an invalid count. A float
-        # is compared, because Python limits the number of digits of an integer.
-        floors = 1
+        floors = 1  # a weight without a count
         if x:
+            # `float` accepts any number of digits; `int` raises ValueError above 4300 digits.
             is_count = count.isascii() and count.isdecimal() and float(count) <= _MAX_STORIES
-            floors = int(float(count)) if is_count else 0
+            floors = int(float(count)) if is_count else 0  # 0 is refused below
         try:
             weight = float(number)
         except ValueError:

@@ -350,7 +350,7 @@ class SpectrumRequest(TablesRequest):
             "hardening": hardening,
             "maxima": elastic.maxima.name,
             "interpolation": elastic.interpolation.name,
-            "against_sha256": self.published(self.damping[0]).input.sha256
+            "against_sha256": self.read_published_spectrum(self.damping[0]).input.sha256
             if self.against
             else None,
         }
@@ -362,8 +362,16 @@ class SpectrumRequest(TablesRequest):
 
         return BANDWIDTH if self.smoothing is None else (self.smoothing or None)
 
-    def published(self, damping: float) -> PublishedSpectrum:
-        """Read the published spectrum for a damping ratio."""
+    def read_published_spectrum(self, damping: float) -> PublishedSpectrum:
+        """Read the published spectrum for a damping ratio from the file of --against.
+
+        Raises
+        ------
+        RecordError
+            The file cannot be read, or does not contain a valid spectrum for the damping ratio.
+        UsageError
+            The file contains several columns of values, and --against-column is missing.
+        """
         from tdint.analysis.spectra.target import read_published
 
         assert self.against is not None
@@ -745,16 +753,26 @@ class Against(TableType):
     mode = Mode("with --against", _PERIODS | {"against", "method", "maxima", "interpolation"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation.
+        """Check the options and the file of the published spectrum before any computation.
 
         Parameters
         ----------
         request : SpectrumRequest
             Options of the command line.
+
+        Raises
+        ------
+        UsageError
+            Options cannot be used together, or the file has several columns of values and the
+            option for the column is missing.
+        RecordError
+            The file does not contain a valid spectrum for one of the damping ratios.
         """
+        # `compute` computes the spectra of the records by `Elastic`, so check its options.
         Elastic().check(request)
+        # Read the published spectrum only to report errors; `compute` reads it again.
         for ratio in request.damping:
-            request.published(ratio)
+            request.read_published_spectrum(ratio)
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectra of each component for each damping ratio, with the published
@@ -773,7 +791,7 @@ class Against(TableType):
         lines: list[SpectrumDifference] = []
         for ratio in request.damping:
             # A published spectrum is for one damping ratio: compare spectra of equal damping.
-            published = request.published(ratio)
+            published = request.read_published_spectrum(ratio)
             ratio_request = replace(request, damping=(ratio,))
             if request.periods is None:
                 periods = tuple(published.periods.tolist())
