@@ -439,21 +439,25 @@ def check_print(printed: PrintedAs) -> None:
     Raises
     ------
     UsageError
-        The font or the style sheet is missing, or the style sheet is invalid, requires LaTeX, which
-        is not installed, or is named in a file of another user without permission (--trust).
+        The font is not installed; the style sheet cannot be read, is invalid, or requires LaTeX,
+        which is not installed; or style sheets are not trusted (`TRUSTED` is False). `tdint rerun`
+        sets `TRUSTED` to False unless the user specifies --trust, because another user may have
+        selected the style sheet.
     """
     if printed.font and printed.font not in get_font_names():
         hint = did_you_mean(printed.font, get_font_names())
         raise UsageError(f"font {printed.font!r} is not installed on this machine{hint}")
     if printed.style:
         # `read_whole` refuses named pipes, which may never end, and large files, which would fill
-        # the memory.
+        # the memory. The empty mapping {} selects the messages of the operating system for files
+        # that cannot be read.
         too_large_text = f"is larger than {_MAX_SHEET // 1_000_000} MB; use a smaller style sheet"
         try:
             text = read_whole(printed.style, UsageError, {}, too_large_text, _MAX_SHEET)
         except UsageError as error:
             raise UsageError(f"style sheet {error}") from None
         # matplotlib evaluates lists of colors and starts LaTeX, so a style sheet can execute code.
+        # Therefore an untrusted style sheet is always refused.
         if not TRUSTED.get():
             digest = hashlib.sha256(text).hexdigest()
             raise UsageError(
