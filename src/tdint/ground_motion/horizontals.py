@@ -197,7 +197,7 @@ def _check_same_recording(first: Record, second: Record, source: str) -> None:
     source : str
         Names of the files, for messages.
     """
-    _refuse_steps(first, second, source)
+    _check_sampling_intervals(first, second, source)
     # Network and station are the first two codes of the id NET.STA.LOC.CHA.
     stations = [".".join(record.id.split(".")[:2]).strip(".") for record in (first, second)]
     if all(stations) and stations[0] != stations[1]:
@@ -205,7 +205,7 @@ def _check_same_recording(first: Record, second: Record, source: str) -> None:
             f"{source}: the components are of different stations, {stations[0]} and {stations[1]}; "
             "select two components of one recording"
         )
-    _refuse_events(first, second, source)
+    _check_events(first, second, source)
     if first.start and second.start:
         delay = (
             datetime.fromisoformat(second.start) - datetime.fromisoformat(first.start)
@@ -239,12 +239,12 @@ def check_components(first: Record, second: Record) -> None:
         Sampling intervals, lengths or events are different. The message names both files.
     """
     source = "+".join(dict.fromkeys((first.source, second.source)))
-    _refuse_steps(first, second, source)
-    _refuse_events(first, second, source)
-    _refuse_lengths(first, second, source)
+    _check_sampling_intervals(first, second, source)
+    _check_events(first, second, source)
+    _check_lengths(first, second, source)
 
 
-def _refuse_steps(first: Record, second: Record, source: str) -> None:
+def _check_sampling_intervals(first: Record, second: Record, source: str) -> None:
     """Raise RecordError if the sampling intervals of two components differ by more than rounding.
 
     Parameters
@@ -261,7 +261,7 @@ def _refuse_steps(first: Record, second: Record, source: str) -> None:
         )
 
 
-def _refuse_events(first: Record, second: Record, source: str) -> None:
+def _check_events(first: Record, second: Record, source: str) -> None:
     """Raise RecordError if the files of two components name different earthquakes.
 
     A file without the name of an earthquake is accepted.
@@ -281,7 +281,7 @@ def _refuse_events(first: Record, second: Record, source: str) -> None:
         )
 
 
-def _refuse_lengths(first: Record, second: Record, source: str) -> None:
+def _check_lengths(first: Record, second: Record, source: str) -> None:
     """Raise RecordError if the lengths of two components differ by more than 5 %.
 
     Parameters
@@ -379,7 +379,7 @@ def _trimmed_to_equal_length(
     if sizes[0] == sizes[1]:
         return first, second, []
     size, excess = min(sizes), abs(sizes[0] - sizes[1])
-    _refuse_lengths(first, second, source)
+    _check_lengths(first, second, source)  # raises RecordError if they differ by more than 5 %
     longer = first if sizes[0] > size else second
     first, second = (
         replace(record, acceleration=record.acceleration[:size]) for record in (first, second)
@@ -474,13 +474,19 @@ ONE_MOTION = PairNames("{}", "{}")
 
 
 def motion_name(file: str) -> str:
-    """Return the name of a file with a question mark instead of its component, which is equal for
-    the files of one ground motion.
+    """Return the name of a file with a question mark instead of its component.
 
-    Recognized are the endings of K-NET (.EW, .NS2), of PEER AT2 files (067.AT2, -UP.AT2), channel
-    codes (HNE), and before the suffix _N and _E, _NS and _EW, -H1 and -H2, _X and _Y, _FN and _FP,
-    with the corresponding vertical components. `motion_names` also recognizes directions in degrees
-    in other formats, for which it needs the names of all files.
+    The files of one ground motion have the same result. If no component is recognized, the name is
+    unchanged. The recognized components are
+
+        .EW, .NS2                  extension of a K-NET file
+        067.AT2, -UP.AT2           end of the name of a PEER file
+        HNE                        channel code of a seismic network
+        x_N.csv, x_EW.csv,         end of the name of any file before its extension: also E, NS,
+        x-H1.csv, x_FP.csv         H2, X, Y, FN, and vertical components such as Z and UP
+
+    `motion_names` also recognizes directions in degrees in other formats, for which it needs the
+    names of all files.
     """
     return _replace_component(file, _find_component(Path(file).name))
 
