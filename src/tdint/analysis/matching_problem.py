@@ -503,26 +503,30 @@ class MatchingProblem:
     def _factors_of_rows(
         self, oscillator: NDArray[np.int64], time_after_sample: Array
     ) -> NDArray[np.float32]:
-        """Return the derivatives of extremes with respect to single samples of a ground motion.
+        """Return four factors C, -S, H0 and H1 of each extreme. `_row` uses them to compute the
+        derivatives of the extreme with respect to the samples of the ground motion.
 
         An extreme is a local maximum or minimum of the response (pseudo-acceleration) of an
-        oscillator. Sample n is the last sample before it. A unit change of sample j changes the
-        ground acceleration by a hat function: 1 at this sample, 0 at all other samples, and linear
-        in between. The resulting change of the extreme is
+        oscillator. Sample n is the last sample before the extreme. A unit change of sample j adds a
+        hat function to the ground acceleration: 1 at sample j, 0 at all other samples, and linear
+        in between. The derivative of the extreme with respect to sample j is the response to this
+        hat at the time of the extreme:
 
-            j < n        c C - s S: the hat has ended, and the oscillator is in free vibration
-            j = n        H0, because the extreme is in the second half of the hat
-            j = n + 1    H1, because the extreme is in the first half of the hat
-            j > n + 1    0
+            j < n        c C - s S    The hat has ended; the oscillator vibrates freely.
+            j = n        H0           The extreme is in the second half of the hat.
+            j = n + 1    H1           The extreme is in the first half of the hat.
+            j > n + 1    0            The hat starts after the extreme.
 
-        The free vibration is the real part of (C + i S) (c + i s). The factor c + i s =
-        exp((n - j) dt w (-z + i sqrt(1 - z^2))) is the decay and the phase after n - j sampling
-        intervals dt, with the circular frequency w and the damping ratio z. The complex amplitude
-        C + i S does not depend on j; it is `vibration_after` in the body.
+        Only c and s depend on j. They are the damped cosine and sine
 
-        `_row` computes these derivatives for all samples, with the band-pass filter, as the sum of
-        four stored functions (filtered cosine and sine, and the impulse response of the filter at
-        samples n and n + 1) times the four factors that are returned here.
+            c + i s = exp((n - j) dt w (-z + i sqrt(1 - z^2)))
+
+        with the sampling interval dt, the circular frequency w and the damping ratio z. C + i S is
+        a complex amplitude of the free vibration (`vibration_after` in the body).
+
+        `_row` multiplies the four factors by four stored functions of j: c, s, and the unit
+        impulses at the samples n and n + 1, all after the band-pass filter of the correction. Their
+        sum contains the derivatives with respect to all samples.
 
         Parameters
         ----------

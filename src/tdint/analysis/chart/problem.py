@@ -369,8 +369,11 @@ EXACT_UP_TO = 100
 """Maximum number of stories for the exact method; the cost of its time step is quadratic in the
 number of stories."""
 
-# Relative differences between two solutions, up to which no finer reference is computed: for linear
-# buildings (exact method), and for hysteresis models with smooth and with kinked force curves
+# Target of the relative difference between the solutions of two methods. If the difference is
+# larger, the reference is computed again with half the time step. The three targets are for
+#   - linear buildings whose reference is computed by the exact method
+#   - all other buildings with smooth force curves
+#   - buildings with kinks in their force curves, which increase the difference
 _EXACT_GOAL, _SMOOTH_GOAL, _KINKED_GOAL = 1e-10, 1e-9, 1e-8
 _REFINEMENT_SECONDS = 20.0  # s; no finer solution is started if it would end later
 _FIRST_COST = 0.5  # s; approximate cost of the first solution

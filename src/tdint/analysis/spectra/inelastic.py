@@ -30,9 +30,10 @@ _MIN_STRENGTH, _MAX_STRENGTH = 1e-9, 1e6
 # strength.
 _STRENGTH_STEP = 0.97  # ratio of successive strengths in the search
 _MIN_RATIO = 1e-9  # fraction of the elastic strength at which the search ends without a result
-# Number of parts into which an interval of strengths that contains the target is divided repeatedly
+# The search finds two strengths with ductilities below and above the target. The interval between
+# these strengths is divided into _PARTS parts. The part where the ductility reaches the target is
+# divided again, until the ductility at its lower end is at most _MAX_OVERSHOOT times the target.
 _PARTS = 6
-# Ductility divided by the target, at the lower end of the interval, at which the division ends
 _MAX_OVERSHOOT = 1.15
 # Fraction of the target. A local maximum of the ductility above it is computed by an optimization,
 # because it may reach the target between two strengths
