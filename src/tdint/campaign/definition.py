@@ -298,7 +298,8 @@ _RANDOM = Keys(
         )
         for name, parameters in DISTRIBUTIONS.items()
     ),
-    # Each alternative group has one key: a mapping with two distributions is an error.
+    # A mapping may contain keys of a single alternative group only. Each distribution is a separate
+    # group, so that a mapping with two distributions is an error.
     alternative_groups=tuple((name,) for name in DISTRIBUTIONS),
     description=_VALUES_TEXT,
     # `distributions` contains the specified distribution, and None for all other types.

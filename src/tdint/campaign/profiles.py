@@ -616,27 +616,33 @@ def _peaks(
     if not level.completed:
         no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY_QUANTITIES}
         return np.full(stories, math.nan), no_values, no_values if checked else {}
-    # Residual drifts are signed: use absolute values. `motion_values` has one array per motion,
-    # shape (components, stories, columns): one component, or two for a pair.
+    # Residual drifts are signed: use absolute values. `motion_values` is a list with an array of
+    # shape (components, stories, columns) for each motion: one component, or two for a pair.
     motion_values = [np.abs([values_of_run[run] for run in runs]) for runs in level.completed]
     heights = motion_values[0][0, :, 0]
     quantities = [values[:, :, 1:_FIRST_ERROR] for values in motion_values]
     errors = [values[:, :, _FIRST_ERROR:] for values in motion_values]
-    # `combine` removes the axis of the components; the motions become the last axis.
+    # Combine the components of each motion (maximum or mean); this removes the first axis. `peaks`
+    # has the shape (stories, quantities, motions).
     combine_components = partial(combine, demand=level.pair_demand)
     peaks = np.stack([combine_components(values) for values in quantities], axis=-1)
     if not checked:
-        return heights, _by_name(peaks), {}
+        return heights, _transpose_by_quantity(peaks), {}
+    # `peak_errors` is a list with an array of shape (stories, quantities) for each motion.
     peak_errors = [
         _maximum_error(combine_components, *values_and_errors)
         for values_and_errors in zip(quantities, errors, strict=True)
     ]
-    return heights, _by_name(peaks), _by_name(np.stack(peak_errors, axis=-1))
+    return (
+        heights,
+        _transpose_by_quantity(peaks),
+        _transpose_by_quantity(np.stack(peak_errors, axis=-1)),
+    )
 
 
-def _by_name(values: Array) -> dict[str, Array]:
-    """Return the values of each quantity of `STORY_QUANTITIES` by its name, shape (motions,
-    stories).
+def _transpose_by_quantity(values: Array) -> dict[str, Array]:
+    """Return the values of each quantity of `STORY_QUANTITIES`, by name, as an array of shape
+    (motions, stories).
 
     `values` is an array of shape (stories, quantities, motions).
     """

@@ -43,7 +43,7 @@ class UntrustedStoreError(OutputError):
 
     def __init__(self, name: str, reason: str) -> None:
         """Create the error. `name` is the path of the file; `reason` describes the problem in the
-        message, for example "its tables differ from the tables of a campaign"."""
+        message, for example "SQLite reports: ..."."""
         super().__init__(
             f"{name}: the file is not a valid campaign store: {reason}; specify another directory "
             "with -o, or --overwrite to replace it"
@@ -638,7 +638,10 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
         "SELECT count(*) FROM sqlite_master WHERE type = 'trigger'"
     ).fetchone()[0]
     if triggers or not statements.issuperset(TABLES):
-        raise UntrustedStoreError(name, "its tables differ from the tables of a campaign")
+        raise UntrustedStoreError(
+            name,
+            "tables that a store requires are missing or changed, or the file contains triggers",
+        )
     seal = connection.execute("SELECT value FROM meta WHERE key = ?", (SEAL,)).fetchone()
     if seal is None or seal[0] != seal_of(connection):
         raise UntrustedStoreError(name, "the campaign definition does not match its checksum")

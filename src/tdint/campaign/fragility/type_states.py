@@ -578,9 +578,10 @@ def _model_states(model: Model, models: Sequence[Model]) -> DamageStates:
     assert first is not None
     if (model.damage.demand, model.damage.states) != (first.demand, first.states):
         raise ModelError(
-            f"{model.source}: damage: demand and states must be the same as in the other models, "
-            f"{first.demand} with the states {', '.join(first.states)}; got {model.damage.demand} "
-            f"with the states {', '.join(model.damage.states)}"
+            f"{model.source}: damage: all models of a campaign must have the same demand and the "
+            f"same states; this model has the demand {model.damage.demand} and the states "
+            f"{', '.join(model.damage.states)}, but another model has the demand {first.demand} "
+            f"and the states {', '.join(first.states)}"
         )
     return model.damage
 
