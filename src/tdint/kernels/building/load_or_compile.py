@@ -393,11 +393,12 @@ def interpret_while_compiling(
     # Without numba the compilation fails, and the caller reports the error.
     if importlib.util.find_spec("numba") is None:
         return False
-    # `_load_existing` loads the kernels that have an object file, also an object file with all
-    # features (second argument False), and returns the other kernels. If it returns a kernel of the
-    # time loop, all kernels of the time loop are installed as Python functions. A kernel in
-    # `others` is installed as a Python function only if it has no object file. `as_views` returns a
-    # Python function that accesses arrays through memory views, which is faster.
+    # `_load_existing` loads the kernels that have an object file, and returns the other kernels.
+    # Because its second argument is False, it also accepts object files that were compiled for all
+    # features, and not for exactly this variant. If a kernel of the time loop has no object file,
+    # all kernels of the time loop are installed as Python functions. A kernel in `others` is
+    # installed as a Python function only if it has no object file. `as_views` returns a Python
+    # function that accesses arrays through memory views, which is faster.
     with _ONE_AT_A_TIME:
         in_loop = [(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]
         if not _load_existing(in_loop, False):

@@ -913,9 +913,12 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     # If the force at the reversal is zero, the quotient is infinite or nan, without an exception.
     # Condition 1 of `keep_negligible_kinks` is then False, and the reversal is located.
     scratch[ROW.KINK, i] = kink / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
-    # If the drift d1 at the end increases by 1, the drift at the reversal increases by
-    # `moved_fraction`, the coefficient of d1 in d(s). This part of the increase is loading, with
-    # the tangent `loading_tangent`; the remaining part is unloading, with the tangent at the end.
+    # Derivative of the force at the end with respect to the drift d1 at the end: if d1 increases by
+    # a small amount e, the drift at the reversal increases by `moved_fraction` e, where
+    # `moved_fraction` is the coefficient of d1 in d(s). The force at the reversal then increases by
+    # `loading_tangent` `moved_fraction` e. From the reversal to the end, the change of drift
+    # increases by the rest, (1 - `moved_fraction`) e, which changes the force by `tangent` times
+    # this amount.
     moved_fraction = s * s * (3.0 - 2.0 * s)
     return tangent_c, tangent + moved_fraction * (loading_tangent - tangent), True
 

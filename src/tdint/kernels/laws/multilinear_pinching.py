@@ -66,10 +66,11 @@ _FAILED = 3.0  # no strength; the value is positive for both sides
 
 # Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
 _REACHED_TOLERANCE = 1e-12
-# Relative to the first drift of the backbone curve. A reversal within this drift is not counted. An
-# upper story of a building at rest reverses at about 1e-10 m because of the time discretization,
-# and would lose up to a fifth of its stiffness. The value is a tenth of the limit in OpenSees.
-# Forces of this size are negligible in any response.
+# Fraction of the drift of the first backbone point. Until the drift of a story first exceeds this
+# fraction in either direction, its reversals are not counted and do not change the path. Otherwise,
+# an upper story of a building at rest, which reverses at about 1e-10 m because of the time
+# discretization, would lose up to a fifth of its stiffness. The value is a tenth of the limit in
+# OpenSees. Forces of this size are negligible in any response.
 _MIN_REVERSAL = 1e-5
 _EQUAL = 1e-12  # relative difference of stiffnesses that is regarded as rounding error
 # Difference of the force fractions at the end of the pinched part and at the end of unloading, at

@@ -971,8 +971,8 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
         Time of the reversal as a fraction of the step; 1 for no reversal.
     results : Integrals
         Table, and the first of its six rows: mean, moment (N) and their derivatives with respect to
-        the rise and to the bend (N/m) are added. The caller has set these rows to zero. The rows
-        from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
+        the rise and to the bend (N/m) are added. The caller has set these rows to zero. The next
+        twelve rows (offsets _AFTER_REVERSAL and _SHIFTED) are used for intermediate results.
     """
     # Follow the path before the reversal, from the committed state (block 0).
     copy(law_state, i, 0, rows.FIRST_TRIAL)
@@ -1210,8 +1210,8 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         Parabola of drift over the complete step: coefficients d0, rise and bend, m.
     results : Integrals
         Table, and the first of its six rows: mean, moment (N) and their derivatives with respect to
-        the rise and to the bend (N/m) are added. The caller has set these rows to zero. The rows
-        from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
+        the rise and to the bend (N/m) are added. The caller has set these rows to zero. The next
+        twelve rows (offsets _AFTER_REVERSAL and _SHIFTED) are used for intermediate results.
     """
     reversal_time = time_of_extremum(story_path)
     previous = _integrate_divided(
