@@ -449,9 +449,9 @@ def check_print(printed: PrintedAs) -> None:
         raise UsageError(f"font {printed.font!r} is not installed on this machine{hint}")
     if printed.style:
         # `read_whole` refuses named pipes, which may never end, and large files, which would fill
-        # the memory. The empty mapping {} selects the messages of the operating system for files
-        # that cannot be read.
+        # the memory.
         too_large_text = f"is larger than {_MAX_SHEET // 1_000_000} MB; use a smaller style sheet"
+        # The empty mapping {} selects the messages of the operating system for unreadable files.
         try:
             text = read_whole(printed.style, UsageError, {}, too_large_text, _MAX_SHEET)
         except UsageError as error:
