@@ -528,8 +528,8 @@ def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
         Function that is called a single time if another process has locked the file.
     """
     try:
-        # Opening a named pipe of this name would block. `exists` is called first: in the other order,
-        # a file that another process creates between the two calls would not be locked.
+        # Opening a named pipe of this name would block. `exists` is called first: in the other
+        # order, a file that another process creates between the two calls would not be locked.
         stream = file.open("a") if file and (not file.exists() or file.is_file()) else None
     except OSError:
         stream = None
