@@ -1,8 +1,10 @@
 """Dependencies of a compiled kernel: exactly the modules that it consists of."""
 
 import ast
+import io
 import shutil
 import sys
+import tokenize
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -62,7 +64,7 @@ def changed(copy):
             name: [sources.digest(name, laws) for laws in ((), ("linear",))] for name in MODULES
         }
 
-    def edit(file, text="# A remark\n"):
+    def edit(file, text="UNUSED = 0\n"):
         before, old = digests(), (copy / file).read_text()
         (copy / file).write_text(old + text)
         after = digests()
@@ -142,6 +144,44 @@ def test_edited_unused_law_does_not_change_kernels(changed):
     assert changed("kernels/building/compiler.py") == [set(MODULES)] * 2
 
 
+def test_edited_text_does_not_change_kernels(changed):
+    """A docstring or a comment never causes a compilation."""
+    for file in ("kernels/layout.py", "methods/bathe.py", "kernels/building/compiler.py"):
+        assert changed(file, '\n"""A further docstring: f"no code".\n"""\n\n# A remark\n') == [
+            set(),
+            set(),
+        ]
+
+
+def tokens_of_code(text):
+    """Return the tokens of a module without comments and docstrings, joined without white space."""
+    kept, begins_line = [], True
+    for token in tokenize.tokenize(io.BytesIO(text).readline):
+        is_docstring = begins_line and token.type == tokenize.STRING
+        if token.type in (tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENCODING):
+            begins_line = True
+        elif token.type not in (tokenize.COMMENT, tokenize.NL, tokenize.ENDMARKER):
+            begins_line = False
+            if not is_docstring:
+                kept.append(token.string)
+    return "".join("".join(kept).split()).encode()
+
+
+@pytest.mark.parametrize("folder", ["kernels", "methods"])
+def test_hashed_text_contains_the_complete_code(folder):
+    """The hash includes each token of each module on which an object file depends, and the
+    indentation of its lines."""
+    hashed_files = {file for name in MODULES.values() for file in sources.closure(name).values()}
+    for file in sorted(hashed_files):
+        text = file.read_bytes()
+        if file.is_relative_to(PACKAGE / folder):
+            code = sources.code_of_text(text)
+            assert b"".join(code.split()) == tokens_of_code(text), file
+            assert set(code.split(b"\n")) <= {
+                sources._COMMENT.sub(b"", line).rstrip() for line in text.split(b"\n")
+            }
+
+
 def test_digest_of_external_kernel_includes_its_imports(tmp_path, copy, monkeypatch):
     small = tmp_path / "small.py"
     small.write_text(SMALL.read_text())
@@ -162,7 +202,7 @@ def test_directory_name_depends_only_on_versions(copy):
         copy / "kernels" / "stepping.py",
     )
     text = stepping.read_text()
-    stepping.write_text(text + "# A remark\n")
+    stepping.write_text(text + "UNUSED = 0\n")
     forget()
     assert sources.digest_of_all() != before
     assert folder_name.__wrapped__() == named

@@ -1,8 +1,9 @@
 """Sources of a kernel: its module and the modules of kernels and methods that it imports.
 
-A change in the file of one method does not affect the object files of other kernels. Imports are
-detected by a regular expression in the text, at any indentation (laws import within functions),
-because parsing the files would take longer than the start of the program.
+A change in the file of one method does not affect the object files of other kernels, and a change
+of a docstring or a comment affects no object file. The texts are searched, not parsed, because
+parsing the files would take longer than the start of the program. Imports are found at any
+indentation (laws import within functions).
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ _IMPORT = re.compile(
 )
 _NOT_FOLLOWED = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}
 _COMMENT = re.compile(rb"#[^\n]*")
+_QUOTES = b'"' * 3  # begins and ends a docstring
 
 
 @cache
@@ -84,9 +86,8 @@ def digest_of_all() -> str:
     hash_value = hashlib.sha256()
     for folder in ("kernels", "methods"):
         for file in sorted((_PACKAGE / folder).rglob("*.py")):
-            hash_value.update(
-                file.relative_to(_PACKAGE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0"
-            )
+            name = file.relative_to(_PACKAGE).as_posix()
+            hash_value.update(name.encode() + b"\0" + _read(file)[0])
     return hash_value.hexdigest()[:12]
 
 
@@ -235,9 +236,10 @@ def module_of_law(law: DriftLaw, modules: Iterable[str]) -> str:
 def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     """Return the SHA-256 of a source file, and the modules of kernels and methods that it imports.
 
-    The hash is binary. A name in the result can also be a function or constant of a module, because
-    the text of an import does not distinguish them; `_own_file` returns None for such a name. The
-    result is cached.
+    The hash is binary. Docstrings and comments of tdint are not hashed; the files of plug-ins may
+    contain any string and are hashed completely. A name in the result can also be a function or
+    constant of a module, because the text of an import does not distinguish them; `_own_file`
+    returns None for such a name.
     """
     text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout on Windows can contain CR LF
     names: list[str] = []
@@ -247,7 +249,25 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
         # An imported name can be a module or a name in the module `base`; both are listed.
         names.append(base)
         names += [f"{base}.{item.split()[0].decode()}" for item in items if item.strip()]
-    return hashlib.sha256(text).digest(), tuple(names)
+    hashed = code_of_text(text) if file.is_relative_to(_PACKAGE) else text
+    return hashlib.sha256(hashed).digest(), tuple(names)
+
+
+def code_of_text(text: bytes) -> bytes:
+    """Return the code of a module without docstrings, comments and blank lines.
+
+    A string in triple quotes is a docstring if it begins its line. The text must not contain `#` or
+    triple quotes within another string (tests/kernels/test_sources.py checks all modules).
+    """
+    parts = text.split(_QUOTES)
+    kept = [parts[0]]
+    for string, following in zip(parts[1::2], parts[2::2], strict=True):
+        line_before = kept[-1][kept[-1].rfind(b"\n") + 1 :]
+        if line_before.strip():
+            kept += [_QUOTES, string, _QUOTES]
+        kept.append(following)
+    code = _COMMENT.sub(b"", b"".join(kept))
+    return b"\n".join([line.rstrip() for line in code.split(b"\n") if line and not line.isspace()])
 
 
 @cache
