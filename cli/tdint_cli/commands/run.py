@@ -143,11 +143,6 @@ def command(request: Request) -> None:
 def _run(request: Request) -> None:
     """Run one analysis or one sequence, write its files and print its summary.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-
     Raises
     ------
     FailedRun
@@ -169,7 +164,6 @@ def _run(request: Request) -> None:
         from tdint.campaign.fragility.type_states import own_type
 
         own_type(model)  # invalid damage states are refused before the run
-    # The events of a sequence replace the record of the model.
     events = _sequence_records(request, model)
     record = None if events else model_record(model)
     records = events or ([record] if record else [])
@@ -221,11 +215,8 @@ def _run(request: Request) -> None:
 
 
 def _model(request: Request) -> Model:
-    """Read the model file, and replace its record and units by the values of the command line.
-
-    With --sequence, the record of the model is unchanged: the records of the sequence are read by
-    `_sequence_records`.
-    """
+    """Read the model file, and replace its record and units by the values of the command line. With
+    --sequence, the record of the model is unchanged."""
     from tdint.model.config.model_file import load_model
 
     model = load_model(request.model)
@@ -241,13 +232,6 @@ def _sequence_records(request: Request, model: Model) -> list[Record]:
     """Return the scaled ground motion of each event of --sequence; an empty list for a single run.
 
     --scale has a single factor for all events, or a factor for each event.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line, with the record files of the events.
-    model : Model
-        Building.
     """
     from tdint.analysis.arguments import model_record
 
@@ -263,20 +247,7 @@ def _sequence_records(request: Request, model: Model) -> list[Record]:
 
 
 def _step_count(request: Request, case: Case) -> int:
-    """Return the number of time steps of a run, and check the disk space for its history.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line: time step, duration and --history.
-    case : Case
-        Prepared model, ground motion and method, which supply the defaults.
-
-    Raises
-    ------
-    OutputError
-        The disk has not enough space for the response history.
-    """
+    """Return the number of time steps of a run, and check the disk space for its history."""
     from tdint.analysis.arguments import number_of
 
     dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
@@ -287,24 +258,14 @@ def _step_count(request: Request, case: Case) -> int:
 
 
 def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
-    """Select interpreted time loops if the run is so short that a compilation would take longer.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line, which request error estimates or not.
-    case : Case
-        Prepared model, ground motion and method.
-    step_count : int
-        Number of time steps of the run.
-    """
+    """Select interpreted time loops if the run is so short that a compilation would take longer."""
     from tdint.analysis.run.error_estimate import reference
     from tdint.analysis.run.prepared import run_interpreted
 
     methods = [case.method]
     if request.check is not False:
-        # The error estimate requires a second run with half the time step, which has two times the
-        # steps. Both runs together have three times the steps.
+        # The second run for the error estimate has two times the steps: three times the steps in
+        # total.
         methods, step_count = [case.method, reference(case).method], 3 * step_count
     run_interpreted(case.prepared, methods, step_count)
 
@@ -312,21 +273,8 @@ def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
 def _failure_content(
     request: Request, case: Case, failure: FailedRun, inputs: list[Input], start_time: float
 ) -> dict[str, Any]:
-    """Return the content of the summary of a failed run.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    case : Case
-        Prepared model, ground motion and method.
-    failure : FailedRun
-        Error of the run, with the results until the failure.
-    inputs : list of Input
-        Files of the model and of the ground motions.
-    start_time : float
-        Start time of the run, s (`time.perf_counter`).
-    """
+    """Return the content of the summary of a failed run. `start_time` is a value of
+    `time.perf_counter`, s."""
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.run_summary import failure_summary
 
@@ -342,23 +290,8 @@ def _failure_content(
 
 
 def _verdicts(response: Response, limit: float | str | None, units: OutputUnits) -> list[Verdict]:
-    """Compare the demands of a run with the limits.
-
-    Parameters
-    ----------
-    response : Response
-        The response of the run.
-    limit : float, str or None
-        The drift limit or the performance level of the command line; None for all limits of the
-        model.
-    units : OutputUnits
-        The units of the sentences.
-
-    Raises
-    ------
-    UsageError
-        The building has no story with a height.
-    """
+    """Compare the demands of a run with the drift limit or performance level of the command line
+    (`limit`), or with all limits of the model if it is None."""
     if limit is None and not response.model.limits:
         return []
     from tdint.output.verdicts import run_verdicts
@@ -367,17 +300,8 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
 
 
 def _respond(case: Case, events: list[Record], request: Request) -> Response:
-    """Run the time integration under a single ground motion, or under a sequence of events.
-
-    Parameters
-    ----------
-    case : Case
-        Prepared model, ground motion and method.
-    events : list of Record
-        Records of the sequence; empty for a single analysis.
-    request : Request
-        Options of the command line.
-    """
+    """Run the time integration under a single ground motion, or under a sequence if there are
+    `events`."""
     from tdint.analysis.run.run import run_case
 
     settings: dict[str, Any] = {
@@ -400,17 +324,7 @@ def _record_warnings(record: Record | None) -> list[str]:
 
 
 def _check_disk_space(request: Request, stories: int, steps: int) -> None:
-    """Raise OutputError if the disk has not enough space for the response history.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    stories : int
-        Number of stories.
-    steps : int
-        Number of time steps.
-    """
+    """Raise OutputError if the disk has not enough space for the response history."""
     if file := request.history_file:
         columns = len(tables.responses.history_columns(stories, bool(request.check)))
         rows = steps // request.history_every + 1
@@ -426,29 +340,10 @@ def _files(
     record_inputs: list[Input],
     start_time: float,
 ) -> tuple[dict[Path, Content], dict[str, Any]]:
-    """Return the files of a run except the summary, and the content of the summary.
+    """Return the files of a run except the summary, and the content of the summary; the content is
+    empty if neither -o nor --report is given.
 
-    Parameters
-    ----------
-    request : Request
-        The options of the command line.
-    response : Response
-        The response of the run.
-    stories : Table
-        The table of stories.
-    case : Case
-        The analysis.
-    record_inputs : list of Input
-        The files from which the ground motions were read.
-    start_time : float
-        Start time of the run, s (`time.perf_counter`).
-
-    Returns
-    -------
-    files : dict of Path to Content
-        The content of each file, or the function that writes it.
-    content : dict
-        The content of the summary; empty if neither -o nor --report is given.
+    `start_time` is a value of `time.perf_counter`, s.
     """
     units = request.units_shown
     files: dict[Path, Content] = {}
@@ -502,17 +397,8 @@ def _files(
 def _report_page(
     request: Request, response: Response, inputs: Sequence[Mapping[str, str]]
 ) -> bytes:
-    """Return the HTML report of a run.
-
-    Parameters
-    ----------
-    request : Request
-        The options of the command line.
-    response : Response
-        The response of the run.
-    inputs : sequence of mapping
-        Names and SHA-256 of the files of the model and of the ground motions.
-    """
+    """Return the HTML report of a run. `inputs` are names and SHA-256 of the files of the model and
+    of the ground motions."""
     from tdint.output.page import PageText, page_units
     from tdint.output.report import run_page
     from tdint.output.summary import files_read, merged_inputs
@@ -547,20 +433,8 @@ def _page_verdict(
     """Return the sentences at the top of the report of a run: the results of the limits, or the
     maximum demands of a run without limits.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line, with the limit.
-    response : Response
-        Result of the run.
-    units : OutputUnits
-        Units of the sentences.
-
-    Returns
-    -------
-    list of (bool or None, str)
-        Sentences. The first item is True if the limit is met, False if it is exceeded, and None for
-        a sentence without a limit.
+    The first item is True if the limit is met, False if it is exceeded, and None for a sentence
+    without a limit.
     """
     from tdint.output.verdicts import has_isolator_limit, isolator_sentence
 
@@ -569,12 +443,12 @@ def _page_verdict(
         demands = _maximum_demands(response.model, response.stories, units, page=True)
         return [(None, f"Maximum {demands}.")]
     sentences: list[tuple[bool | None, str]] = []
-    # `single_limit` is True for a single drift limit without a performance level. Its text starts
-    # with the drift, so the outcome ("Limit met." or "Limit EXCEEDED.") is added in front of the
-    # text. The first clause of all other texts already states the outcome.
+    # The text of a single drift limit without a performance level starts with the drift, so the
+    # outcome ("Limit met." or "Limit EXCEEDED.") is added in front. All other texts already state
+    # it.
     for met, text, single_limit in verdicts:
         sentences.append((met, outcome_text(bool(met)) + text if single_limit else text))
-    # The displacement of isolators is a result that a drift limit does not cover.
+    # A drift limit does not cover the displacement of isolators.
     isolators = isolator_sentence(response.isolator_check, units, mean=False)
     if isolators and not has_isolator_limit(response.limit_checks(request.limit)):
         sentences.append((None, isolators))
@@ -582,36 +456,23 @@ def _page_verdict(
 
 
 def _with_history(response: Response) -> Response:
-    """Return the response with a response history for figures.
-
-    If the response has no history, every n-th time step is used, so that the history has at most
-    about `_FIGURE_STEPS` time steps.
-    """
+    """Return the response with a response history for figures, of at most about `_FIGURE_STEPS`
+    time steps."""
     from tdint.analysis.run.outcome import History
 
     assert response.history_chunks is not None
     if response.history is not None:
         return response
-    # Integer division rounds down; with two changes of sign it rounds up. A run has at least one
-    # time step, so that `every` is at least 1.
+    # Integer division with two changes of sign rounds up, so that `every` is at least 1.
     every = -(-response.steps // _FIGURE_STEPS)
     return replace(response, history=History.joined(response.history_chunks(every)))
 
 
 def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]) -> None:
-    """Write the files of this run, and the summary last.
+    """Write the files of this run, and the summary last, because it contains the SHA-256 of the
+    files in its directory.
 
-    The summary lists the files in its directory. With --overwrite, files that the summary of an
-    earlier run lists are removed.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    files : dict of Path to Content
-        Contents of the files, without the summary.
-    content : dict
-        Content of the summary, without the list of files.
+    With --overwrite, files that the summary of an earlier run lists are removed.
     """
     # Without a directory there is no summary that lists the files of an earlier run.
     if request.output is None:
@@ -626,13 +487,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
     possible_files = request.in_folder(ALL_FILES)
 
     def summary_bytes(digests: Mapping[Path, str]) -> bytes:
-        """Return the summary with the SHA-256 of the files in its directory.
-
-        Parameters
-        ----------
-        digests : mapping of Path to str
-            SHA-256 of each written file.
-        """
+        """Return the summary with the SHA-256 of the written files."""
         written_files = [
             {"file": file.name, "sha256": sha}
             for file, sha in digests.items()
@@ -647,16 +502,13 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
         for name, sha in listed_files(folder / SUMMARY).items()
         if folder / name in possible_files
     }
-    # `stale` are the files that may be removed; `last` is the summary, which is written after all
-    # other files because it contains their SHA-256.
     write_files(
         files,
         overwrite=request.overwrite,
         stale=earlier_files,
         last=(folder / SUMMARY, summary_bytes),
     )
-    # `write_files` removes a file of an earlier run only if its content is unchanged. Report the
-    # other files with a name of a result that do not belong to this run.
+    # `write_files` removes a file of an earlier run (`stale`) only if its content is unchanged.
     remaining = [
         file
         for file in possible_files
@@ -679,20 +531,10 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
 def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) -> str:
     """Return the summary of a run as text with a sentence per line.
 
-    In a report, drift ratios are in percent and the computing time is omitted.
-
-    Parameters
-    ----------
-    response : Response
-        The response of the run.
-    units : OutputUnits
-        The units of the values.
-    page : bool
-        True for the text of a report page.
+    In a report (`page`), drift ratios are in percent and the computing time is omitted.
     """
     from tdint.analysis.run.demands import demands
 
-    # The first lines state building, ground motion, method, time step and maximum demands.
     record = response.record
     motion = "no ground motion"
     if record is not None:
@@ -711,7 +553,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Maximum {_maximum_demands(response.model, response.stories, units, page)}.",
     ]
-    # Each event of a sequence has a line. Its drifts are ratios if the stories have heights.
+    # The drifts of events are ratios if the stories have heights.
     for number, event in enumerate(response.events, start=1):
         maximum = demands(event.stories)
         drift, ratio, residual = maximum.drift, maximum.drift_ratio, maximum.residual_drift_ratio
@@ -730,17 +572,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
 
 
 def _error_sentences(response: Response, units: OutputUnits, page: bool) -> list[str]:
-    """Return sentences on the estimated errors of the peaks; empty without error estimates.
-
-    Parameters
-    ----------
-    response : Response
-        The response of the run.
-    units : OutputUnits
-        The units of the values.
-    page : bool
-        True for the text of a report page.
-    """
+    """Return sentences on the estimated errors of the peaks; empty without error estimates."""
     check = response.check
     if not check or check.drift_error is None:
         return []
@@ -780,21 +612,8 @@ def _maximum_demands(
     in the tables of the report. In a building without dashpots, the restoring force follows in
     parentheses; with dashpots it is omitted, because the tables do not contain it.
 
-    Parameters
-    ----------
-    model : Model
-        The building.
-    stories : StoryPeaks
-        The peaks of the stories.
-    units : OutputUnits
-        The units of the values.
-    page : bool
-        True for a report. Drift ratios are then in percent. The default is False.
-
-    Returns
-    -------
-    str
-        For example "drift ratio 0.012 in story 1, roof displacement 0.08 m, base shear 9e+05 N".
+    For example "drift ratio 0.012 in story 1, roof displacement 0.08 m, base shear 9e+05 N". Drift
+    ratios in a report are in percent.
     """
     from tdint.analysis.run.demands import demands
 
@@ -829,15 +648,7 @@ def _maximum_demands(
 
 
 def _damage(response: Response, units: OutputUnits) -> str:
-    """Return a sentence on the damage according to the damage states of the model.
-
-    Parameters
-    ----------
-    response : Response
-        Result of a run of a model with damage states.
-    units : OutputUnits
-        Units of the values in the text.
-    """
+    """Return a sentence on the damage according to the damage states of the model."""
     from tdint.campaign.fragility.runs import damage_of_run
     from tdint.model.damage_states import DEMANDS
 
@@ -849,8 +660,7 @@ def _damage(response: Response, units: OutputUnits) -> str:
         if demand.unit == "1"
         else units.text(float(damage.demand[0]), demand.unit)
     )
-    # The arrays have a row for each run; here, row 0 is the only row. Outcomes with a negligible
-    # probability are omitted.
+    # Row 0 is the only run.
     probabilities = (
         f"{outcome} {100.0 * probability:.3g} %"
         for outcome, probability in zip(
@@ -866,15 +676,7 @@ def _damage(response: Response, units: OutputUnits) -> str:
 
 
 def _step_choice_text(response: Response, choice: StepChoice) -> str:
-    """Return sentences on the selected time step and its number of solutions.
-
-    Parameters
-    ----------
-    response : Response
-        Result of the run with the selected time step.
-    choice : StepChoice
-        Tolerance of the selection, and the numbers of runs and equation solutions.
-    """
+    """Return sentences on the selected time step and its number of solutions."""
     text = (
         f"Time step selected for peak drift errors below {100.0 * choice.tolerance:g} %, from "
         f"{pluralize(choice.runs, 'run')}: {response.dt:.6g} s"
@@ -889,15 +691,7 @@ def _step_choice_text(response: Response, choice: StepChoice) -> str:
 
 
 def _collapse_sentence(response: Response, collapse: Collapse) -> str:
-    """Return a sentence on time, story and cause of the collapse.
-
-    Parameters
-    ----------
-    response : Response
-        Result of the run.
-    collapse : Collapse
-        Time, story and cause of the collapse.
-    """
+    """Return a sentence on time, story and cause of the collapse."""
     time = f"{collapse.time:.6g} s"
     if collapse.failed:
         cause = f"story {collapse.story} has no remaining resistance from {time}"
