@@ -69,20 +69,8 @@ the rows of the history table (s), and the history table. It returns an array, s
 
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
-    """Return the peaks of all stories at the end of a time integration.
-
-    Parameters
-    ----------
-    building : Building
-        Building.
-    space : Workspace
-        Arrays of the time integration.
-
-    Returns
-    -------
-    StoryPeaks
-        Copies of the peaks, and the present drifts as residual drifts.
-    """
+    """Return the peaks of all stories at the end of a time integration; the present drifts are the
+    residual drifts. The arrays are copies."""
     return named_peaks(
         building, space.peaks.copy(), space.law_state[rows.DRIFT, : building.stories].copy()
     )
@@ -93,8 +81,6 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
 
     Parameters
     ----------
-    building : Building
-        Building; its heights, yield drifts and dashpots are used.
     peaks : ndarray, shape (2 PEAK_ROWS, n) or (runs, 2 PEAK_ROWS, n)
         Peaks in the rows of `Workspace.peaks`.
     residual_drift : ndarray, shape (n,) or (runs, n)
@@ -110,36 +96,23 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
 
 def residual_oscillation(building: Building, space: Workspace) -> Array:
     """Return approximate amplitudes of the drifts about their positions of rest at the end of a
-    run.
+    run, m.
 
     As in a free vibration, the amplitude is sqrt(d^2 + (v / omega)^2), with the distance d from the
     position of rest and the drift rate v. At rest, no story has a force, so d is the force of the
     story divided by its present stiffness. 1 / omega is approximated by the maximum displacement
     divided by the maximum velocity of the run, times the square root of the ratio of initial to
     present stiffness.
-
-    Parameters
-    ----------
-    building : Building
-        Building.
-    space : Workspace
-        Arrays at the end of the time integration.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Amplitudes, m.
     """
     drift, force, slope = (
         space.law_state[row, : building.stories] for row in (rows.DRIFT, rows.FORCE, rows.SLOPE)
     )
     initial_stiffness = building.initial_stiffness
-    # The present stiffness is the slope of the hysteretic law. A slope that is not positive or
-    # exceeds the initial stiffness does not lead to the position of rest: use the initial
-    # stiffness instead.
+    # A slope that is not positive or exceeds the initial stiffness does not lead to the position of
+    # rest: use the initial stiffness instead.
     is_usable = (slope > 0.0) & (slope < initial_stiffness)
     present_stiffness = np.where(is_usable, slope, initial_stiffness)
-    # A story is pulled to its position of rest by the force of its law plus the force of P-delta.
+    # Force of the law plus P-delta
     distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present_stiffness
     rate = _drift_rates(building, space.state[rows.VELOCITY])
     displacement, velocity = (
@@ -153,19 +126,7 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
 def _drift_rates(building: Building, floors: Array) -> Array:
     """Subtract from the velocity or acceleration of each floor that of the floor below.
 
-    Parameters
-    ----------
-    building : Building
-        Building; its row `LINK` is 1 for a story on the floor below it, 0 for a story on the
-        ground.
-    floors : ndarray, shape (n + 1,)
-        Velocities or accelerations of the floors; the last entry is the ground.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Rate of the floor above each story minus the rate of the floor below it; for a story on the
-        ground, the rate of its floor.
+    The last entry of `floors` is the ground; the result has one entry less.
     """
     rates: Array = floors[:-1].copy()
     rates[1:] -= building.linear_terms[rows.LINK, 1:-1] * floors[:-2]
@@ -183,14 +144,8 @@ def interstep_peak_errors(
 
     Parameters
     ----------
-    building : Building
-        Building.
-    space : Workspace
-        Arrays after the time integration.
     late : float
         Time from the requested end to the end of the last step, s.
-    stories : StoryPeaks
-        Peaks of the run.
 
     Returns
     -------
@@ -226,18 +181,12 @@ def interstep_peak_errors(
 
 
 def energy_errors(totals: Array) -> Array:
-    """Return the energy imbalance of each run relative to its reference energy (`Energy.error`).
+    """Return the energy imbalance of each run relative to its reference energy (`Energy.error`),
+    shape (runs,).
 
-    Parameters
-    ----------
-    totals : ndarray, shape (runs, TOTALS_SIZE)
-        Energies of each run, in the order of `Workspace.totals`.
-
-    Returns
-    -------
-    ndarray, shape (runs,)
-        Initial and input energy minus all other terms, divided by the reference energy
-        (dimensionless); positive if the method dissipates energy, 0 without a reference energy.
+    The imbalance is initial and input energy minus all other terms; it is positive if the method
+    dissipates energy. The result is 0 without a reference energy. `totals` has shape (runs,
+    TOTALS_SIZE).
     """
     terms = dict(zip(ENERGY_TERMS, totals.T[: rows.ENERGY_TERMS], strict=True))
     stored_or_dissipated = reduce(add, [term for name, term in terms.items() if name != "input"])
@@ -249,18 +198,8 @@ def energy_errors(totals: Array) -> Array:
 
 
 def named_energies(totals: Array) -> Energy:
-    """Convert the energies at the end of one run from an array to an `Energy` object.
-
-    Parameters
-    ----------
-    totals : ndarray
-        Array whose first entries are the energies (J) in the order of `Workspace.totals`.
-
-    Returns
-    -------
-    Energy
-        Energy terms at the end of the run, initial energy and reference energy, J.
-    """
+    """Convert the energies at the end of one run, the first entries of `Workspace.totals`, to an
+    `Energy` object."""
     terms = dict(zip(ENERGY_TERMS, totals[: rows.ENERGY_TERMS].tolist(), strict=True))
     initial, reference = totals[rows.ENERGY_INITIAL], totals[rows.ENERGY_REFERENCE]
     return Energy(**terms, initial=float(initial), reference=float(reference))
@@ -273,42 +212,27 @@ def named_history(
     h: float,
     max_input_energy: float | None = None,
 ) -> History:
-    """Return the response history that a time integration stored in its workspace.
-
-    The workspace contains the complete run, or a chunk of the run. The energy imbalance at each
-    time is divided by the reference energy of the run, the maximum of initial plus input energy.
+    """Return the response history that a time integration stored in its workspace: the complete
+    run, or a chunk of the run.
 
     Parameters
     ----------
-    building : Building
-        Building.
     forces : ndarray
         Forces on floors (`force_table`).
-    space : Workspace
-        Arrays after the time integration.
-    h : float
-        Time step, s.
     max_input_energy : float, optional
-        Reference energy of the complete run, J. The default is the reference energy that the
-        workspace contains. If the workspace contains a chunk, this is the maximum up to the end of
-        the chunk, so the argument must be specified.
-
-    Returns
-    -------
-    History
-        Times, ground acceleration, responses of floors and stories, and energies.
+        Reference energy of the complete run, J, to which the imbalance at each time is related. The
+        default is the reference energy that the workspace contains. If the workspace contains a
+        chunk, this is the maximum up to the end of the chunk, so the argument must be specified.
     """
     n = building.stories
     table = space.history
-    # The time of a row is h times the number of time steps before it. The table of a chunk of the
-    # run continues after `rows_before` rows of earlier chunks.
+    # The table of a chunk of the run continues after `rows_before` rows of earlier chunks.
     time = h * (
         space.steps_per_row
         * np.arange(space.rows_before, space.rows_before + len(table), dtype=np.float64)
     )
-    # A row contains the ground acceleration, the fields of the floors, and the energies. The first
-    # energy is the input energy; the imbalance is the part of the input and the initial energy that
-    # no other term contains.
+    # The first energy is the input energy; the imbalance is the part of the input and the initial
+    # energy that no other term contains.
     first_energy = 1 + rows.HISTORY_FIELDS * n
     terms = list(table[:, first_energy : first_energy + rows.ENERGY_TERMS].T)
     initial = space.totals[rows.ENERGY_INITIAL]
@@ -332,14 +256,7 @@ _DISPLACEMENT_FIELD, _VELOCITY_FIELD, _ACCELERATION_FIELD, _SHEAR_FIELD = range(
 
 
 def _stored_field(field: int) -> FieldFunction:
-    """Return a `FieldFunction` that reads one field from the history table.
-
-    Parameters
-    ----------
-    field : int
-        Position of the field in the history table, such as `_VELOCITY_FIELD`.
-    """
-    # A row of the table consists of the ground acceleration and n values of each field.
+    """Return a `FieldFunction` that reads one field from the history table."""
     return lambda building, forces, time, table: table[
         :, 1 + field * building.stories : 1 + (field + 1) * building.stories
     ]
@@ -347,16 +264,10 @@ def _stored_field(field: int) -> FieldFunction:
 
 def _floor_difference(field: int) -> FieldFunction:
     """Return a `FieldFunction` that computes the difference of a field between the floors above and
-    below each story, such as the drift from the displacements.
-
-    Parameters
-    ----------
-    field : int
-        Position of the field in the history table, such as `_VELOCITY_FIELD`.
-    """
+    below each story, such as the drift from the displacements."""
 
     def subtract_floor_below(building: Building, forces: Array, time: Array, table: Array) -> Array:
-        """Return the differences, shape (rows, n); the arguments are those of `FieldFunction`."""
+        """Return the differences, shape (rows, n)."""
         floors = _stored_field(field)(building, forces, time, table)
         differences = floors.copy()
         # The values are relative to the ground, which is below the first story: it keeps its value.
@@ -367,26 +278,10 @@ def _floor_difference(field: int) -> FieldFunction:
 
 
 def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
-    """Return the shear in each story that balances the forces on all floors above the story.
+    """Return the shear in each story that balances the forces on all floors above the story, N.
 
     This shear contains the forces of springs, dampers and P-delta. It is the sum of applied force
     minus mass times absolute acceleration over these floors.
-
-    Parameters
-    ----------
-    building : Building
-        Building; its masses are used (kg).
-    forces : ndarray, shape (forces, FORCE_COLUMNS)
-        Harmonic forces on floors (`force_table`), N.
-    time : ndarray, shape (rows,)
-        Times of the rows of the history table, s.
-    table : ndarray
-        History table.
-
-    Returns
-    -------
-    ndarray, shape (rows, n)
-        Total shear, N.
     """
     floor_forces = -building.linear_terms[rows.MASS, :-1] * _absolute_acceleration(
         building, forces, time, table
@@ -396,7 +291,7 @@ def _total_shear(building: Building, forces: Array, time: Array, table: Array) -
         floor_forces[:, int(force[rows.FLOOR])] += force[rows.COSINE] * np.cos(angle) + force[
             rows.SINE
         ] * np.sin(angle)
-    # Sum from the roof down: reverse the floors, sum, and reverse the sums.
+    # Sum from the roof down.
     return np.asarray(np.cumsum(floor_forces[:, ::-1], axis=1)[:, ::-1])
 
 
@@ -490,7 +385,6 @@ class Case:
         """Warnings on unusual values of the building and the ground motion, except those that
         reading the record has reported. `tdint check` prints the same warnings.
         """
-        # Reading the record has already reported its warnings; do not repeat them.
         reported = self.record.warnings if self.record else ()
         pga = self.record.pga if self.record else math.nan
         unusual = plausibility_warnings(
@@ -503,11 +397,6 @@ class Case:
 
         Only the default time step, of the model file or of the record, is checked. A time step that
         the user requests or that is chosen for a tolerance is intended.
-
-        Parameters
-        ----------
-        steps : Steps
-            Time steps of the run.
         """
         interval = self.record.dt if self.record else None
         default = self.model.analysis.dt or interval
@@ -675,27 +564,15 @@ class Case:
             )
 
     def _integrate(self, steps: Steps, history: bool = False) -> IntegrationResult:
-        """Integrate over the time steps and return the arrays without evaluating them.
-
-        With `history`, the arrays include the response at every time step.
-        """
+        """Integrate over the time steps and return the arrays, with the response at every time step
+        if `history`."""
         return self.prepared.integrate(
             self.method, steps, self.ground, history_rows=steps.count if history else 0
         )
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
-        """Return the exception for a run in which a time step failed.
-
-        Parameters
-        ----------
-        steps : Steps
-            Time steps of the run.
-        space : Workspace
-            Arrays after the failed step.
-        code : int
-            Code of the failed step: `NOT_FINITE` means divergence, any other code that the
-            equilibrium iteration did not converge.
-        """
+        """Return the exception for a run in which a time step failed with `code`: NOT_FINITE means
+        divergence, any other code that the equilibrium iteration did not converge."""
         if code == rows.NOT_FINITE:
             return self._divergence(steps, space)
         residual = float(space.step_status[rows.RESIDUAL])
@@ -710,19 +587,10 @@ class Case:
         )
 
     def _divergence(self, steps: Steps, space: Workspace, reason: str = "") -> FailedRun:
-        """Return the exception for a run that diverged.
-
-        Parameters
-        ----------
-        steps : Steps
-            Time steps of the run.
-        space : Workspace
-            Arrays after the last completed step.
-        reason : str, optional
-            Cause, as shown in the message; by default the growth of the maximum drift.
-        """
-        # The message states the kinetic energy of the motion relative to the ground if it is
-        # finite. Velocities of a diverged run can overflow when they are squared.
+        """Return the exception for a run that diverged; by default the reason is the growth of the
+        maximum drift."""
+        # Velocities of a diverged run can overflow when they are squared; the message then omits
+        # the kinetic energy.
         with np.errstate(over="ignore", invalid="ignore"):
             energy = float(0.5 * np.sum(self.building.mass * space.state[rows.VELOCITY, :-1] ** 2))
         reached, story = float(space.totals[rows.STEPS_REACHED]) * steps.h, _runaway_story(space)
@@ -734,39 +602,15 @@ class Case:
     def _divergence_error(
         self, steps: Steps, reached: float, energy: float | None, reason: str, story: int
     ) -> FailedRun:
-        """Return the exception for divergence.
-
-        Parameters
-        ----------
-        steps : Steps
-            Time steps.
-        reached : float
-            Last time reached, s.
-        energy : float or None
-            Kinetic energy at that time, J, if it is finite.
-        reason : str
-            Cause, as shown in the message.
-        story : int
-            Story, from 1.
-        """
+        """Return the exception for divergence at the time `reached` (s), with the kinetic energy
+        (J) at that time if it is finite."""
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
         event = f"diverged after {reached:.6g} s: {reason}{size}"
         return self._failed(steps, DIVERGED, event, time=reached, story=story, energy=energy)
 
     def _failed(self, steps: Steps, status: str, event: str, **attributes: Any) -> FailedRun:
-        """Return the exception for a run that ended early.
-
-        Parameters
-        ----------
-        steps : Steps
-            Time steps of the run; the message states their length.
-        status : str
-            `DIVERGED` or `NOT_CONVERGED`.
-        event : str
-            Rest of the sentence that begins with the method and the time step.
-        **attributes
-            Further attributes of the exception, such as the time of the failure.
-        """
+        """Return the exception for a run that ended early. `event` is the rest of the sentence that
+        begins with the method and the time step."""
         label = self.method.label
         notes = (
             *self.remarks,
@@ -897,17 +741,8 @@ class Case:
     def _response(
         self, steps: Steps, result: IntegrationResult, collapse: Collapse | None
     ) -> Response:
-        """Return the result of a completed run with its warnings and notes.
-
-        Parameters
-        ----------
-        steps : Steps
-            Time steps, up to the collapse if the run failed after it.
-        result : IntegrationResult
-            Arrays and duration of the time integration.
-        collapse : Collapse or None
-            Collapse of the building in this run.
-        """
+        """Return the result of a completed run with its warnings and notes. `steps` ends at the
+        collapse if the run failed after it."""
         space = result.space
         energy, stories = named_energies(space.totals), story_peaks(self.building, space)
         history = (
@@ -932,18 +767,16 @@ class Case:
             dt=steps.h,
             steps=steps.count,
             iterations=int(space.totals[rows.ITERATIONS]),
-            # Number of times that a step was halved, because it did not converge.
+            # Halvings of steps that did not converge
             substeps=int(space.totals[rows.HALVINGS]),
             branch_changes=int(space.step_status[rows.BRANCH_CHANGES]),
             solver_time=result.seconds,
             stories=stories,
             energy=energy,
             history=history,
-            # This function repeats the run later, and yields its history in chunks. The imbalances
-            # in a chunk are relative to the reference energy of the complete run.
+            # The imbalances in a chunk are relative to the reference energy of the complete run.
             history_chunks=partial(self.history_chunks, steps, energy.reference),
             notes=(),
-            # `steps.late` is the time from the requested end to the end of the last step, s.
             interstep_bound=interstep_peak_errors(self.building, space, steps.late, stories),
             residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,
@@ -962,13 +795,7 @@ class Case:
         return unusual_stories(DUCTILITY, ductility)
 
     def _notes(self, response: Response) -> tuple[str, ...]:
-        """Return the notes on the conditions and the limits of a run.
-
-        Parameters
-        ----------
-        response : Response
-            Response without its notes.
-        """
+        """Return the notes on the conditions and the limits of a run."""
         record, end = self.record, response.steps * response.dt
         ended_by_collapse = response.collapse is not None and response.collapse.ended
         notes = [*suppression_reason(self.model), *self.remarks, *(record.notes if record else ())]
@@ -1000,28 +827,22 @@ class Case:
         """Return the note that the building still vibrates at the end, if this applies.
 
         The drifts at the end are then not the residual drifts of the building at rest.
-
-        Parameters
-        ----------
-        response : Response
-            Response to a ground motion.
-        free_vibration : float
-            Time from the end of the record to the end of the run, s; negative if the run ends
-            before the record.
+        `free_vibration` is the time from the end of the record to the end of the run, s; it may be
+        negative.
         """
         amplitude = response.residual_oscillation
         i = int(amplitude.argmax())
         if amplitude[i] <= _VIBRATION_FRACTION * response.stories.peak_drift.max():
             return []
-        # Amplitudes are small: if the unit of the output is m, they are written in mm.
+        # Amplitudes are small: mm instead of m.
         unit, metres_per_unit = self.model.output_units.unit("m")
         drift = (
             f"{1e3 * amplitude[i]:.2g} mm"
             if unit == "m"
             else f"{amplitude[i] / metres_per_unit:.2g} {unit}"
         )
-        # The first period, which takes time to compute, is needed only if the run continued after
-        # the record.
+        # The first period takes time to compute: evaluated only if the run continued after the
+        # record.
         reached_limit = (
             free_vibration > 0.0 and free_vibration >= REST_PERIODS * self.prepared.period
         )
@@ -1101,18 +922,8 @@ def validated_case(argument: Case) -> Case:
 
 
 def needs_review(batch: BatchResult) -> NDArray[np.bool_]:
-    """Select the runs of a batch whose results are not simply the peaks at their end.
-
-    Parameters
-    ----------
-    batch : BatchResult
-        Results of the batch.
-
-    Returns
-    -------
-    ndarray of bool, shape (runs,)
-        True for runs that failed, collapsed, or diverged (`RUNAWAY`).
-    """
+    """Select the runs of a batch that failed, collapsed or diverged (`RUNAWAY`): their results are
+    not simply the peaks at their end."""
     has_diverged = ~(-energy_errors(batch.totals) < RUNAWAY)  # True also for nan
     collapsed = batch.totals[:, rows.COLLAPSE_STEP] != rows.NO_COLLAPSE
     return np.asarray((batch.ends[:, CODE] < 0) | collapsed | has_diverged)
@@ -1148,13 +959,6 @@ def rest_criterion(prepared: PreparedBuilding, h: float) -> RestCriterion:
     window in which all velocities are below `AT_REST` times the maximum displacement times the
     first circular frequency, at the latest after `REST_PERIODS` windows.
 
-    Parameters
-    ----------
-    prepared : PreparedBuilding
-        Building.
-    h : float
-        Time step, s.
-
     Returns
     -------
     RestCriterion
@@ -1170,13 +974,6 @@ def rest_criterion(prepared: PreparedBuilding, h: float) -> RestCriterion:
 
 def extend_to_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
     """Integrate until free vibration has decayed, and return the number of time steps this takes.
-
-    Parameters
-    ----------
-    case : Case
-        Building, ground motion and method.
-    steps : Steps
-        Time steps of the run before its extension.
 
     Returns
     -------
