@@ -99,17 +99,8 @@ class RunMeasure:
         return self.called.format(FIRST if period is None else f"{period:.6g}")
 
     def of(self, record: Record, factor: float, period: float) -> float:
-        """Return the measure of a scaled record; nan if it cannot be computed.
-
-        Parameters
-        ----------
-        record : Record
-            Ground motion.
-        factor : float
-            Factor on the record.
-        period : float
-            First period of the building, s.
-        """
+        """Return the measure of a record times `factor`, for a building with the first period
+        `period` (s); nan if it cannot be computed."""
         try:
             if self.power is None:
                 return self.value(record.scaled(abs(factor)), period)
@@ -149,7 +140,6 @@ def run_measure(text: str) -> RunMeasure:
             motion_measure.power,
             motion_measure.name,
         )
-    # The other measures have parameters, separated by colons.
     parsers = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in parsers:
         hint = did_you_mean(name, [*parsers, *MEASURES_OF_MOTION])
@@ -163,23 +153,15 @@ def run_measure(text: str) -> RunMeasure:
 
 def _period(text: str) -> tuple[float | None, str, str]:
     """Parse the period of an intensity measure: `T1` or an empty text for the first period of each
-    building, or a number of seconds.
+    building, or a number of seconds. ValueError or UsageError is raised for any other text.
 
     Returns
     -------
     period : float or None
         Period, s; None for the first period of each building.
-    description : str
-        Description of the period.
-    symbol : str
-        Text in the name of the measure; {} for the first period, which is inserted later.
-
-    Raises
-    ------
-    ValueError
-        The text is not a number.
-    UsageError
-        The period is not positive.
+    description, symbol : str
+        Texts of the period in descriptions and in names; the symbol {} is replaced by the first
+        period later.
     """
     if text in ("", FIRST):
         return None, "the first period of the building", "{}"
@@ -189,16 +171,14 @@ def _period(text: str) -> tuple[float | None, str, str]:
 
 
 def _column_name(*parts: object) -> str:
-    """Return the name of a column: words and numbers joined by _, with p for the decimal point, for
-    example sa_0p5."""
+    """Return the name of a column, for example sa_0p5 for ("sa", 0.5)."""
     texts = [f"{part:g}" if isinstance(part, float) else str(part) for part in parts]
     return "_".join(texts).replace(".", "p")
 
 
 def _spectral(parameters: str) -> RunMeasure:
-    """Return the measure Sa at a period. `parameters` is the text of the period, empty or `T1` for
-    the first period of each building."""
-    period, period_text, symbol = _period(parameters)  # the period is None for the first period
+    """Return the measure Sa at a period, for the text of the period (`_period`)."""
+    period, period_text, symbol = _period(parameters)
 
     def value(record: Record, first_period: float) -> float:
         """Return Sa of a record, m/s^2."""
@@ -215,9 +195,8 @@ def _spectral(parameters: str) -> RunMeasure:
 
 def _average(parameters: str) -> RunMeasure:
     """Return the measure Sa_avg, the geometric mean of Sa over a range of periods. `parameters` is
-    FIRST:LAST[:COUNT] with periods in s; empty: the default multiples of the first period of the
-    building (`AVERAGE`). Raise UsageError if the parameters are invalid."""
-    # Add the default number of periods if COUNT is omitted.
+    FIRST:LAST[:COUNT] in s, or empty for the default multiples of the first period of the building
+    (`AVERAGE`)."""
     with_count = parameters if parameters.count(":") == 2 else f"{parameters}:{AVERAGE.count}"
     grid = parse_grid(with_count) if parameters else None
     if grid is not None and grid.count == 1:
@@ -246,8 +225,7 @@ def _average(parameters: str) -> RunMeasure:
 
 def _inelastic(parameters: str) -> RunMeasure:
     """Return the measure SDi, the maximum displacement of an elastoplastic oscillator. `parameters`
-    is PERIOD:STRENGTH, where the strength is the yield force divided by the weight. Raise
-    UsageError if the strength is not positive."""
+    is PERIOD:STRENGTH, where the strength is the yield force divided by the weight."""
     parameter_text, _, strength_text = parameters.partition(":")
     period, oscillator_period_text, symbol = _period(parameter_text)
     strength = parse_ratio(strength_text)
@@ -291,17 +269,7 @@ class MeasuredRun:
 
 
 def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterator[MeasuredRun]:
-    """Yield the intensity measures of all stored runs of a campaign, in the order of runs.csv.
-
-    Parameters
-    ----------
-    plan : Plan
-        Plan of the campaign.
-    store : Store
-        Store of its runs.
-    measures : sequence of RunMeasure
-        Requested measures.
-    """
+    """Yield the intensity measures of all stored runs of a campaign, in the order of runs.csv."""
     names, records = store.buildings(), store.records()
     # First period of a building by its number, s
     period = cache(lambda building: plan.buildings[building].subject().period)
@@ -310,13 +278,11 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
     # record, and then multiplied. Other measures are computed for each scale factor.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
-        """Return the measure with the index `measure` for the unscaled record with the number
-        `motion`."""
+        """Return a measure of an unscaled record. `measure` and `motion` are numbers."""
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
 
     def value(measure: int, motion: int, factor: float, first_period: float) -> float:
-        """Return the measure with the index `measure` for the record with the number `motion`,
-        multiplied by `factor`."""
+        """Return a measure of a scaled record. `measure` and `motion` are numbers."""
         power = measures[measure].power
         if power is None:
             return measures[measure].of(plan.motions[motion].record, factor, first_period)
@@ -389,12 +355,7 @@ class RunIntensities:
         self, store: Store, folder: Path, measure: RunMeasure, pair_demand: str | None = None
     ) -> None:
         """Select the source of the intensities: the levels of the campaign, otherwise values of the
-        store (Sa(T1) and PGA), otherwise the file measures.csv.
-
-        The arguments are the store and the directory of the campaign, the intensity measure, and
-        the rule that combines the components of pairs (None: the rule of the campaign). UsageError
-        is raised if no source contains the measure.
-        """
+        store (Sa(T1) and PGA), otherwise the file measures.csv."""
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
         self._record_names = {
@@ -411,24 +372,20 @@ class RunIntensities:
             }
             rule = replace(rule, recordings=first_components)
         # `_pairs` only groups the runs of both components; it combines no demands. A rule with the
-        # demand SEPARATE would not group them, so the demand is replaced. LARGER has no other
-        # effect here.
+        # demand SEPARATE would not group them, so it is replaced.
         self._pairs = replace(rule, demand=LARGER)
-        # Negative levels reverse the direction of a motion, so the levels are sorted by their
-        # absolute values.
+        # Negative levels reverse the direction of a motion.
         settings = store.parameters()
         self._levels = (
             sorted(settings["levels"], key=abs) if _has_levels_of(settings, measure) else []
         )
         self.unit = measure.unit
-        # The store contains only Sa(T1) and PGA. `stored_name` is the attribute of `BuildingDamage`
-        # with their values; None for any other measure.
+        # Attribute of `BuildingDamage` with the values; the store contains only Sa(T1) and PGA.
         stored_name = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
         self._stored_name = None if self._levels else stored_name
         self._rows: Iterator[tuple[int, list[str]]] = iter(())
         if not (self._levels or stored_name):
-            # Other measures are available only in the file of `tdint campaign --im`. Its rows are
-            # read together with the buildings.
+            # Rows of the file of `tdint campaign --im`, which are read together with the buildings.
             if not is_file(self._file):
                 raise UsageError(no_measure_message(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
@@ -472,13 +429,6 @@ class RunIntensities:
     def _next_value(self, building: BuildingDamage, run: Run) -> float:
         """Return the value in the next row of measures.csv, SI units; nan if the cell is empty.
 
-        Parameters
-        ----------
-        building : BuildingDamage
-            Building of the run to which the next row must belong.
-        run : Run
-            Record, factor and sample of the run.
-
         Raises
         ------
         ModelError
@@ -507,7 +457,7 @@ def _has_levels_of(settings: Mapping[str, Any], measure: RunMeasure) -> bool:
     # sa-avg of runs is an average over multiples of the first period, so only these levels match.
     if name == "sa-avg" and period != FIRST:
         return False
-    # Compare the names with the period, for example `sa(T1)` or `sa(0.5)`.
+    # For example `sa(T1)` or `sa(0.5)`.
     period_text = ""
     if name in SPECTRAL:
         period_text = f"({FIRST})" if period == FIRST else f"({period:g})"
@@ -622,7 +572,7 @@ def compare_measures(
     table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    # Only runs without collapse have a maximum drift that can be used for a line.
+    # Runs without collapse: a maximum drift that can be used for a line.
     has_drift = (status == DONE) & (drift > 0.0)
     characteristic_values, events = _characteristics(table, characteristics)
     values_of_characteristic = {
@@ -631,7 +581,6 @@ def compare_measures(
     }
     # Runs of the same event, or under the same ground motion, are correlated.
     motions = events if events is not None else motions_of(table)
-    # Remove characteristics that are equal for all runs.
     values_of_characteristic = {
         name: values
         for name, values in values_of_characteristic.items()
@@ -642,7 +591,7 @@ def compare_measures(
         column, unit = column_of(table, run_measure(name).column)
         im = combine_pair_intensities(table, np.array(table.numbers(column, empty=True)))
         # A measure may be unknown for some runs, for example Sa at a period that is too short for
-        # the record. Use all runs for which this measure is known.
+        # the record.
         is_used = has_drift & (im > 0.0)
         used_values = {
             characteristic: values[is_used]
@@ -698,14 +647,13 @@ def line(
             f"{name}: this intensity measure has the same value in all runs; the regression of ln "
             "drift over ln IM requires different values"
         )
-    # Beta is the standard deviation of the residuals, with two parameters estimated from the runs.
+    # Two parameters are estimated from the runs.
     fit = linregress(x, y)
     residuals = y - (fit.intercept + fit.slope * x)
     beta = math.sqrt(float(residuals @ residuals) / (x.size - 2))
     dependences = []
     for characteristic, values in characteristics.items():
         if np.ptp(values) > 0.0:
-            # A sufficient measure has residuals that do not depend on the characteristic.
             dependence = linregress(values, residuals)
             if motion is None:
                 p_value = dependence.pvalue
@@ -721,15 +669,7 @@ def line(
 
 def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     """Return the jackknife standard error of the slope of the line of y over x, for residuals that
-    are correlated within clusters; nan for fewer than three clusters.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Coordinates of the points.
-    cluster : ndarray of int, shape (n,)
-        Cluster of each point.
-    """
+    are correlated within clusters; nan for fewer than three clusters."""
     cluster_number = np.unique(cluster, return_inverse=True)[1]
     x, y = x - np.mean(x), y - np.mean(y)
     # The slope without a cluster follows from the sums of 1, x, y, x^2 and x y over all points,
@@ -748,28 +688,21 @@ def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     """Return the p-value of the slope of the line of y over x, for residuals that are correlated
     within clusters.
 
-    The variance is a sum over clusters (Liang and Zeger 1986, Biometrika 73(1)), with the factor
-    G / (G - 1) (n - 1) / (n - 2) and Student's t distribution with G - 1 degrees of freedom
-    (Cameron and Miller 2015, Journal of Human Resources 50(2)), where G is the number of clusters
-    and n the number of points. The result is nan for fewer than three clusters.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Coordinates of the points.
-    cluster : ndarray of int, shape (n,)
-        Cluster of each point.
+    The variance is a sum over clusters (Liang and Zeger 1986, Biometrika 73(1)), with the factor G
+    / (G - 1) (n - 1) / (n - 2) and Student's t distribution with G - 1 degrees of freedom (Cameron
+    and Miller 2015, Journal of Human Resources 50(2)), where G is the number of clusters and n the
+    number of points. The result is nan for fewer than three clusters.
     """
     names, cluster_number = np.unique(cluster, return_inverse=True)
     count, groups = x.size, names.size
     if groups < 3:
         return math.nan
-    # Least squares with the parameters intercept (index 0) and slope (index 1)
+    # Intercept (index 0) and slope (index 1)
     design = np.column_stack([np.ones(count), x - np.mean(x)])
     inverse = np.linalg.inv(design.T @ design)
     solution = inverse @ design.T @ y
-    # Clustered covariance of the parameters: inverse @ (sum over clusters of s s^T) @ inverse,
-    # where s is the sum of the rows of `scores` in the cluster.
+    # Clustered covariance: inverse @ (sum over clusters of s s^T) @ inverse, where s is the sum of
+    # the rows of `scores` in the cluster.
     scores = design * (y - design @ solution)[:, np.newaxis]
     sums = np.column_stack([np.bincount(cluster_number, column, groups) for column in scores.T])
     variance = (
@@ -782,7 +715,7 @@ def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     # Without any variance, the points are exactly on the line.
     if not variance > 0.0:
         return 0.0
-    # Probability of a slope of at least this size, in both directions
+    # Two-sided
     return 2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance)))
 
 
@@ -794,7 +727,6 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     of the table. Without a store, or without a column `component`, components of one record, and
     of records whose names differ only in the component, are a pair.
     """
-    # By default each row is a separate ground motion.
     names: list[object] = list(range(len(table.rows)))
     if table.has("record"):
         names = list(motion_names(table.texts("record")))
@@ -803,7 +735,6 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
         if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
         elif store is not None and table.has("record") and table.has("component"):
-            # The store states which records are components of the same ground motion.
             motion_of_component = {}
             records = store.records()
             for number, motion in recording_numbers(records).items():
@@ -857,14 +788,13 @@ def over_motions(
     fits = fit(is_used)
     if motion is None:
         return fits
-    # Form groups with about equal numbers of ground motions: ground motion i of m, in ascending
-    # order, belongs to group floor(i * groups / m).
+    # Groups with about equal numbers of ground motions: ground motion i of m, in ascending order,
+    # belongs to group floor(i * groups / m).
     motions = np.unique(motion[is_used])
     affordable_groups = _MAX_FITTED_RUNS // max(int(np.sum(is_used)), 1)
     group_count = min(motions.size, max(_MIN_GROUPS, affordable_groups))
     group_of_run = (np.searchsorted(motions, motion) * group_count) // motions.size
-    # Repeat the fit without each of the groups. `estimates` contains (ln theta, beta) of these fits
-    # for each function.
+    # (ln theta, beta) of the fits without a group, for each function
     estimates: list[list[tuple[float, float]]] = [[] for _ in fits]
     for omitted_group in range(group_count) if group_count > 2 else ():
         try:
@@ -885,13 +815,8 @@ def over_motions(
 
 def _jackknife_covariance(estimates: Sequence[tuple[float, float]]) -> Array:
     """Return the jackknife covariance of two parameters, shape (2, 2): n - 1 times the covariance
-    of their n estimates; nan if there are fewer than three estimates.
-
-    Parameters
-    ----------
-    estimates : sequence of (float, float), length n
-        Estimates of the parameters, each without a group of the observations.
-    """
+    of their n estimates, each without a group of the observations; nan for fewer than three
+    estimates."""
     if len(estimates) < 3:
         return np.full((2, 2), math.nan)
     return np.asarray((len(estimates) - 1) * np.cov(np.array(estimates).T, bias=True))
@@ -955,8 +880,8 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
             level = f"{intensities[row]:.6g}" if column == "im" else rank
             rows_of_motion.setdefault((rule.motion(number), sample, level), []).append(row)
 
-    # The demands of the two components can be combined only if both were run at the level.
-    # `paired` contains the motions that have a second component.
+    # The demands of the two components can be combined only if both were run at the level. `paired`
+    # contains the motions that have a second component.
     paired = {*rule.partners.values()}
     unpaired = [key for key, rows in rows_of_motion.items() if key[0] in paired and len(rows) == 1]
     if unpaired and column == "im":
@@ -976,13 +901,6 @@ def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
     The store in the directory of the table states which components were read as a pair. Other
     intensities are not changed.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table of runs.
-    im : ndarray, shape (n,)
-        Intensity in each row.
-
     Returns
     -------
     ndarray, shape (n,)
@@ -990,8 +908,7 @@ def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
     """
     with _store_of_table(table) as store:
         records = store.records() if store is not None else {}
-    # Name and component of the first component of each pair, by the name and component of the
-    # second component (direction 2).
+    # First component of each pair, by the name and component of the second component (direction 2)
     first_components = {
         (name, component): records[number - 1][:2]
         for number, (name, component, direction) in records.items()
@@ -1040,11 +957,6 @@ def with_measures(table: CsvTable) -> CsvTable:
 
     If measures.csv does not exist, the table is returned unchanged.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table of runs.
-
     Returns
     -------
     CsvTable
@@ -1079,15 +991,8 @@ def with_measures(table: CsvTable) -> CsvTable:
 
 
 def _outdated_measures(location: str, keys: Sequence[str]) -> ModelError:
-    """Return the error of a table of measures that does not contain the row of a run.
-
-    Parameters
-    ----------
-    location : str
-        Path of the file, with the line if known.
-    keys : sequence of str
-        Cells that identify the run: building, record, component, scale and sample.
-    """
+    """Return the error of a table of measures that does not contain the row of a run. `location` is
+    the path of the file, with the line if known."""
     return ModelError(
         f"{location}: the row of the run {' '.join(keys)} is missing; run `tdint campaign` with "
         "--im again"
@@ -1095,7 +1000,7 @@ def _outdated_measures(location: str, keys: Sequence[str]) -> ModelError:
 
 
 def _keys(table: CsvTable) -> list[tuple[str, ...]]:
-    """Return the keys of the runs of a table: building, record, component, scale, sample."""
+    """Return the keys of the runs of a table (`_KEYS`)."""
     return list(zip(*(table.texts(name) for name in _KEYS), strict=True))
 
 
@@ -1115,8 +1020,8 @@ def column_of(table: CsvTable, name: str) -> tuple[str, str]:
 
 
 def no_measure_message(source: str, name: str) -> str:
-    """Return the error message about a table of runs, with the path `source`, that does not contain
-    the intensity measure `name`."""
+    """Return the error message about a table of runs that does not contain the intensity measure
+    `name`."""
     return (
         f"{source}: the runs have no measure {name}; run `tdint campaign` on the same directory "
         f"with --im, which writes {MEASURES}"
@@ -1126,19 +1031,13 @@ def no_measure_message(source: str, name: str) -> str:
 def _characteristics(
     table: CsvTable, file: str | Path | None
 ) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
-    """Read the characteristics of ground motions from a file.
-
-    Parameters
-    ----------
-    table : CsvTable
-        Table of n runs.
-    file : str, Path or None
-        CSV file with one row per record; None: no characteristics.
+    """Read the characteristics of ground motions from a CSV file with one row per record; None: no
+    characteristics.
 
     Returns
     -------
     characteristics : dict of str to ndarray, shape (n,)
-        Values for the record of each run, by the name of the characteristic.
+        Values for the record of each of the n runs of `table`, by the name of the characteristic.
     events : ndarray of int, shape (n,), or None
         Index of the event of each run; None if the file has no column `event`.
 
