@@ -13,6 +13,15 @@ point (suffix `_c`):
 
 with the impulse I of the load over the step and the load p1 at its end. `tdint.methods.impulse4`
 contains the derivation and the coefficients.
+
+If no law changes its branch in the step, f is linear and a complex linear system gives the response
+(`solve_linear`); otherwise `newton` iterates. The force of a curved law has a kink at a reversal of
+the drift, where its tangent changes suddenly. The caller divides the step at a reversal, unless row
+KINK of the story states that its effect is negligible (`_evaluate_over_reversal`,
+`keep_negligible_kinks`).
+
+Docstrings use these symbols. `tdint.kernels.layout` describes the arguments; `factors` is the first
+scratch row of a factorization (`_Block`, `factor_rows`).
 """
 
 from __future__ import annotations
@@ -140,20 +149,18 @@ class _Block(NamedTuple):
 # The following three values decide which reversals are not located (`keep_negligible_kinks`). They
 # were determined with the problems with Bouc-Wen stories and power-law dashpots of `tdint chart`.
 
-# Dimensionless. A reversal is not located if its estimated effect on the story force (row KINK, a
-# fraction of the force) is at most this value times the relative mismatch of the accelerations,
-# which estimates the largest error of a step (see `keep_negligible_kinks`).
+# Dimensionless. Maximum kink relative to the error of a step: condition 1 of
+# `keep_negligible_kinks`.
 _MAX_KINK = 15.0
 # Dimensionless. Fraction of the dashpot force that is added to the kink of the law. Without it, the
 # errors of small steps are ten times as large.
 _DASHPOT_KINK = 0.003
-# Fraction of the current peak drift. In a story with a power-law dashpot, a reversal above this
-# drift is always located, because an inaccurate reversal would falsify the peak drift.
+# Fraction of the current peak drift: condition 2 of `keep_negligible_kinks`.
 _NEAR_PEAK = 0.8
 
 # Dimensionless. Tolerance of the residuals in Newton's method, divided by the relative mismatch of
-# the mean acceleration in the run (`keep_negligible_kinks`), which is of order 4 in the time step.
-# With 0.01, the errors of peak drifts change by less than 2 % in buildings with Bouc-Wen, tanh and
+# the mean acceleration in the run (`tolerance_of_run`), which is of order 4 in the time step. With
+# 0.01, the errors of peak drifts change by less than 2 % in buildings with Bouc-Wen, tanh and
 # stiffening stories and with power-law dashpots.
 _TOLERANCE_PER_MISMATCH = 1e-2
 
@@ -166,17 +173,14 @@ def factor_rows(modes):
     """Return the number of rows of a factorization for a building with `modes` modally damped
     modes.
 
-    The rows of `_Block` are followed by 6 modes + 1 rows for each of the two matrices: first for
-    the matrix of Newton's method, then for the complex matrix for linear branches. These rows
-    contain the terms of the Woodbury formula for modal damping. Both matrices have a pair of
-    unknowns per floor: displacement and velocity, or real and imaginary part. For each of the two
-    matrices, a mode therefore has
+    The rows of `_Block` are followed by 6 modes + 1 rows for the matrix of Newton's method, and
+    then by as many for the complex matrix of linear branches: the terms of the Woodbury formula for
+    modal damping. Both matrices have a pair of unknowns per floor (displacement and velocity, or
+    real and imaginary part). A mode therefore has
 
         four rows    two solutions of two rows. The right side of a solution is the mode vector,
-                     in the equations of the first or of the second unknown of the pair. The two
-                     rows of the solution contain the first and the second unknown.
-        two rows     rows of the small inverse. Its order is 2 (unknowns per floor) times the number
-                     of modes.
+                     in the equations of the first or of the second unknown of the pair.
+        two rows     rows of the small inverse, whose order is 2 times the number of modes.
 
     The remaining row is a temporary row.
     """
@@ -185,21 +189,10 @@ def factor_rows(modes):
 
 @inline
 def store_load(linear_terms, forces, t, h, ground_0, ground_1, scratch):
-    """Store the load at the end of the step and the exact impulse of the load over [t, t + h].
+    """Store the load at the end of the step, LOAD (N), and its exact impulse over [t, t + h],
+    IMPULSE (N s).
 
-    The load is p = -m ag + forces on floors, with the ground acceleration ag, linear within the
-    step.
-
-    Parameters
-    ----------
-    linear_terms, forces : ndarray
-        Masses, dampers and geometric stiffnesses of the building; forces on its floors.
-    t, h : float
-        Start and length of the step, s.
-    ground_0, ground_1 : float
-        Ground acceleration at both endpoints, m/s^2.
-    scratch : ndarray
-        Rows LOAD (N) and IMPULSE (N s) are set.
+    The load is -m ag + forces on floors, with the ground acceleration ag linear within the step.
     """
     floor_load(linear_terms, forces, t + h, ground_1, scratch, momentum.LOAD)
     floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, momentum.IMPULSE)
@@ -209,56 +202,36 @@ def store_load(linear_terms, forces, t, h, ground_0, ground_1, scratch):
 def solve_linear(coefficients, scene, h, memory, factors):
     """Compute the response over a step without a branch change by a single linear solution.
 
-    The unknowns are the increments du = u1 - u0 and dv = v1 - v0 of the floors over the step of
-    length h, from the displacement u0 and velocity v0 to u1 and v1. With the mass matrix M, the
-    equations of kinematics (times M) and momentum are
+    With the increments du = u1 - u0 and dv = v1 - v0, the stiffness matrix K of the branches and
+    the damping matrix C, the equations of kinematics (times M) and momentum are
 
         (M - be h^2 K) du - (th h M + be h^2 C) dv = r1,   (C + th h K) du + (M - be h^2 K) dv = r2
 
-    where C is the damping matrix, K the stiffness matrix of the branches, and th and be are
-    coefficients of the method. The right sides r1 and r2 are the residuals for du = dv = 0
-    (`_right_side`). With a complex root l of l^2 - th h l + be h^2 = 0, the first equation plus l
-    times the second equation is a single complex equation,
+    where r1 and r2 are the residuals for du = dv = 0 (`_right_side`). With a complex root l of l^2
+    - th h l + be h^2 = 0, the first equation plus l times the second equation is a single complex
+    equation,
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
-    with a symmetric tridiagonal matrix. The step has three stages: right side (`_right_side`),
-    solution for w (`solve_pairs_damped`), and increments and accelerations (`_store_response`). The
-    last stage sets the rows DU, DV, U1, V1 and A1 of the scratch array.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: th, al, be (kinematics), weights of the impulse, and real and
-        imaginary part of l / h.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    memory : Memory
-        State, law states and scratch array.
-    factors : int
-        First scratch row of the factorization.
+    with a symmetric tridiagonal matrix. `_store_response` then sets the rows DU, DV, U1, V1 and A1.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
-    # First rows of the pivots, of the multipliers and of the terms of modal damping. The 6 modes +
-    # 1 rows from `factors` + _STORE on contain the terms of modal damping for the matrix of
-    # Newton's method. The terms for the complex matrix are in the rows after these rows
-    # (`factor_rows`).
+    # The terms of modal damping for the complex matrix follow those for the matrix of Newton's
+    # method (`factor_rows`).
     factorization = Factors(
         scratch,
         factors + _BLOCK.PIVOT,
         factors + _BLOCK.MULTIPLIER,
         factors + _STORE + 6 * modal.shape[0] + 1,
     )
-    # The modal part of l C multiplies a pair (real part, imaginary part) by the complex number l.
+    # The modal part of l C multiplies a pair (real part, imaginary part) by l.
     damping = ModalBlocks(modal, root_re, -root_im, root_im, root_re)
-    # `_right_side` also compares the factorization with the stiffnesses of the branches and with h,
-    # because its loop over the stories reads the stiffnesses. If they differ, factorize again.
+    # `_right_side` compares the factorization with the stiffnesses and with h, because its loop
+    # over the stories reads the stiffnesses.
     slopes_row = factors + _BLOCK.LINEAR_SLOPES
     is_stale = _right_side(coefficients, scene, h, memory, slopes_row)
     if is_stale:
@@ -272,69 +245,28 @@ def solve_linear(coefficients, scene, h, memory, factors):
 
 @inline
 def _right_side(coefficients, scene, h, memory, slopes_row):
-    """Store the right side r1 + l r2 of the linear equations of a step; return True if their matrix
-    must be factorized again.
-
-    The unknowns are the increments du = u1 - u0 and dv = v1 - v0 of the floors, from the
-    displacement u0 and velocity v0 at the start to u1 and v1 at the end of the step of length h.
-    They are combined to a complex unknown w (see `solve_linear`):
-
-        (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
-
-    l = h (ROOT_RE + i ROOT_IM) is a root of l^2 - th h l + be h^2 = 0, with the coefficients th, al
-    and be of the kinematic equation
-
-        u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
-
-    M, C and K are the matrices of mass, damping (floor dampers, story dampers and modal damping)
-    and stiffness. r1 and r2 are the residuals of kinematics (times M) and momentum for zero
-    increments, u1 = u0 and v1 = v0:
+    """Store r1 + l r2 of `solve_linear` in the rows COMPLEX; return True if the matrix must be
+    factorized again, because a stiffness in row `slopes_row` or the length of the step in its last
+    column has changed.
 
         r1 = M (h v0 + h^2 (al a0 - be a1)),   M a1 = p1 - C v0 - f(u0)     kinematics
         r2 = I - h (f(u0) + wc K (uc - u0)),   uc - u0 = h (g0 + g1) v0     momentum
 
-    with the acceleration a0 at the start, the restoring force f with P-delta, the load p1 at the
-    end of the step and the impulse I of the load. uc is the displacement at the inner point of the
-    quadrature for the impulse of f, and wc is the weight of this point; the sum of all weights is
-    1. Real and imaginary part of r1 + l r2 are stored in the two scratch rows COMPLEX.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method. The following elements are used: ALPHA (al), BETA (be), WEIGHT_C
-        (wc), BY_VELOCITY_0 (g0), BY_VELOCITY_1 (g1), ROOT_RE and ROOT_IM (l / h).
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    memory : Memory
-        State, law states and scratch array. Rows LOAD and IMPULSE of the scratch array contain p1
-        (N) and I (N s).
-    slopes_row : int
-        Scratch row with the stiffnesses of the existing factorization; its last column contains the
-        length of the step.
-
-    Returns
-    -------
-    bool
-        True if the existing factorization is for other stiffnesses or another length of the step,
-        and must be computed again.
+    f and K include P-delta. The sum of the weights w0, wc and w1 is 1.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
-    # With zero increments, the drift at the inner point differs from the drift at the start by
-    # h (BY_VELOCITY_0 + BY_VELOCITY_1) times the drift rate. `by_rate` is this factor times the
-    # weight of the inner point in the impulse.
+    # Weight of the inner point times h (g0 + g1): change of the mean force per stiffness and drift
+    # rate.
     by_rate = (
         coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
     )
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
     is_stale = scratch[slopes_row, n] != h
-    # From the roof downwards, because the force on a floor includes the story above.
     force_above = 0.0
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
@@ -345,8 +277,7 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
         v = state[rows.VELOCITY, i]
         rate = v - link * state[rows.VELOCITY, max(i - 1, 0)]
         spring_force = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
-        # Force and impulse of story `i` for u1 = u0 and v1 = v0. The story dampers do not
-        # contribute to the impulse, because the drift does not change.
+        # The story dampers do not contribute to the impulse for u1 = u0.
         force = spring_force + linear_terms[rows.STORY_DAMPER, i] * rate
         impulse = h * (spring_force + by_rate * (law_state[rows.SLOPE, i] + geometric) * rate)
         mass_times_a1 = (
@@ -354,7 +285,6 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
             - linear_terms[rows.FLOOR_DAMPER, i] * v
             - (force - force_above)
         )
-        # Compute r2, then real and imaginary part of r1 + l r2.
         momentum_residual = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
         scratch[ROW.COMPLEX, i] = (
             mass * (h * v + by_a0 * state[rows.ACCELERATION, i])
@@ -364,46 +294,26 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
         scratch[ROW.COMPLEX + 1, i] = root_im * momentum_residual
         force_above = link * force
         impulse_above = link * impulse
-    # Modal damping is not included in `mass_times_a1`. Its force -C v0 adds be h^2 C v0 to the real
-    # part of the right side.
+    # Modal damping is not included in `mass_times_a1`. Its force -C v0 adds be h^2 C v0 to r1.
     add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.COMPLEX, n)
     return is_stale
 
 
 @inline
 def _store_response(linear_terms, modal, root, state, law_state, scratch):
-    """Compute the response at the end of the step from the solution w of `solve_linear`.
+    """Compute the response at the end of the step from the solution w of `solve_linear`, in the
+    rows COMPLEX.
 
-    In the equations of `solve_linear`, l (s) is a complex root of a quadratic equation with the
-    coefficients of the method and the step length; conj(l) is its complex conjugate. The increments
-    du = u1 - u0 and dv = v1 - v0 of the floors follow from w = du - conj(l) dv:
+    The increments follow from w = du - conj(l) dv, `root` = l (s), and the accelerations from
+    equilibrium:
 
-        dv = im(w) / im(l),   du = re(w) + re(l) dv
-
-    The accelerations at the end follow from equilibrium, a1 = (p1 - C v1 - f(u1)) / m, with the
-    load p1 at the end of the step and the linear restoring force f. The rows DU, DV, U1, V1 and A1
-    are set.
-
-    Parameters
-    ----------
-    linear_terms, modal : ndarray
-        Masses, dampers and geometric stiffnesses of the building; rows w_j of the modal damping
-        matrix C = sum of w_j w_j^T.
-    root : tuple of float
-        Real and imaginary part of l, s.
-    state, law_state : ndarray
-        State and law states at the start of the step.
-    scratch : ndarray
-        Scratch array; rows COMPLEX contain real and imaginary part of w (m), row LOAD contains p1
-        (N).
+        dv = im(w) / im(l),   du = re(w) + re(l) dv,   a1 = (p1 - C v1 - f(u1)) / m
     """
     n = linear_terms.shape[1] - 1
     re, im = root
     by_im = 1.0 / im
-    # The loop proceeds from the roof downwards. The force of story `i` requires the increments of
-    # floor `i` (`du`, `dv`) and of floor `i - 1` (`du_below`, `dv_below`). The next pass belongs to
-    # floor `i - 1`, and starts by copying `du_below` and `dv_below` to `du` and `dv`. The values
-    # before the loop are the increments of the roof.
+    # The force of story `i` requires the increments of floors `i` and `i - 1`. `du_below` and
+    # `dv_below` are the increments of the next pass; before the loop, they are those of the roof.
     force_above = 0.0
     dv_below = scratch[ROW.COMPLEX + 1, n - 1] * by_im
     du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
@@ -420,7 +330,6 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         scratch[momentum.U1, i] = state[rows.DISPLACEMENT, i] + du
         scratch[momentum.V1, i] = v
         geometric = linear_terms[rows.GEOMETRIC, i]
-        # Sum up the force of story `i` at the end of the step: law, P-delta and story damper.
         force = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
         force += (law_state[rows.SLOPE, i] + geometric) * (du - link * du_below)
         force += linear_terms[rows.STORY_DAMPER, i] * (
@@ -437,21 +346,7 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
 
 @outlined
 def _add_modal_acceleration(linear_terms, modal, scratch, n):
-    """Add the effect of modal damping to the acceleration at the end of the step: -C v1 / m.
-
-    The velocities v1 are in row V1, the accelerations in row A1. Row FORCE_1 is used for the
-    forces.
-
-    Parameters
-    ----------
-    linear_terms, modal : ndarray
-        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
-        matrix C = sum of w w^T.
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
-    n : int
-        Number of floors.
-    """
+    """Add the effect of modal damping, -C v1 / m, to row A1. Row FORCE_1 is used for the forces."""
     for i in range(n):
         scratch[momentum.FORCE_1, i] = 0.0
     add_modal_force(modal, scratch, momentum.V1, -1.0, scratch, momentum.FORCE_1, n)
@@ -462,16 +357,6 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
 @outlined
 def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     """Compute the response over a step by Newton's method for all stories together.
-
-    The unknowns are u1 - u0 and v1 - v0 of each floor; a1 is eliminated by equilibrium:
-
-        kinematics    u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
-        momentum      M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
-        equilibrium   M a1 + C v1 + f(u1) = p1
-
-    with mass matrix M, damping matrix C, restoring force f, and the coefficients th, al and be of
-    the method. The impulse of f is a quadrature with the weights w0, wc, w1 and an inner point with
-    the displacement uc. I is the impulse of the load and p1 the load at the end.
 
     The iteration ends if all residuals are within the tolerance, or if the last correction of the
     displacements was of the order of rounding errors. The first UNDAMPED_ITERATIONS corrections are
@@ -485,20 +370,10 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     Parameters
     ----------
     keep_branches : bool
-        True if stories with a linear branch remain on this branch.
+        True if stories with a linear branch remain on this branch (see `_evaluate_law`).
     has_guess : bool
         True if the rows DU and DV contain the first estimate of u1 - u0 and v1 - v0; otherwise it
         is the motion with constant acceleration.
-    coefficients : ndarray
-        Coefficients of the method: th, al, be, weights of the impulse, and the inner point.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step or substep, s.
-    memory : Memory
-        State, law states, scratch array and status of the step.
-    factors : int
-        First row of the factorization in the scratch array.
 
     Returns
     -------
@@ -511,19 +386,16 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     n = linear_terms.shape[1] - 1
     if not has_guess:
         store_first_guess(1.0, h, state, scratch, n)
-    # Row RUN_MAXIMA contains two maxima over the run until now: of the squared mismatch of the mean
-    # acceleration, and of the squared acceleration. Their quotient measures the error of a step.
-    # Both are 0 in the first step; the tolerance is then RESIDUAL_TOLERANCE, the minimum.
+    # In the first step, the maxima in row RUN_MAXIMA are 0 and the tolerance is RESIDUAL_TOLERANCE,
+    # its minimum.
     tolerance = tolerance_of_run(scratch, ROW.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
     iterations = 0
     applied_fraction = 1.0
     previous_norm = math.inf
     is_correction_negligible = False
     while True:
-        # Compute story forces, residuals and convergence for the current increments. `is_stale` is
-        # True if the factorization does not fit the current tangents. The first argument of
-        # `has_converged` is True if no further solution is allowed; if the test fails, the largest
-        # relative residual is then stored for the error message.
+        # The first argument of `has_converged` is True if no further solution is allowed; if the
+        # test fails, the largest relative residual is then stored for the error message.
         is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
         residuals(
             coefficients[THETA],
@@ -549,9 +421,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
             or is_correction_negligible
         ):
             break
-        # Line search, after the first UNDAMPED_ITERATIONS corrections: halve the applied fraction
-        # of a correction that does not reduce the norm of the residuals. R1 (kg m) divided by h and
-        # R2 have the unit N s.
+        # Line search. R1 (kg m) divided by h and R2 have the unit N s.
         if iterations >= UNDAMPED_ITERATIONS:
             norm = squared_norm(linear_terms, scratch, momentum.R1, n) / (h * h) + squared_norm(
                 linear_terms, scratch, momentum.R2, n
@@ -564,16 +434,14 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
             applied_fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
-        # Solve for the next correction and apply it fully. `correct` returns True if the correction
-        # of the displacements is of the order of rounding errors.
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
         is_correction_negligible = correct(
             coefficients[BETA], modal, h, _newton_factorization(scratch, factors), n
         )
         iterations += 1
-        # Keep the correction for the line search. `correct` has replaced the residuals in the rows
-        # R1 and R2 by the corrections of DU and DV.
+        # `correct` has replaced the residuals in the rows R1 and R2 by the corrections of DU and
+        # DV.
         if iterations > UNDAMPED_ITERATIONS:
             copy_rows(scratch, momentum.R1, ROW.LAST_CORRECTION, 2, n)
     return max(iterations, 1)
@@ -581,47 +449,21 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
 
 @inline
 def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
-    """Compute the story forces and their impulses for the current estimate of the increments.
+    """Compute the story forces and their impulses for the increments in the rows DU and DV; return
+    True if the matrix must be factorized again, because a tangent or the length of the step has
+    changed.
 
-    The laws are evaluated at the inner point (suffix `_c`), with the displacement uc, and at the
-    end of the step. With the force f of a story (law and P-delta), its damper c and its drift d,
+        force   = f1 + c (drift rate at the end)                     row FORCE_1, N
+        impulse = h (w0 f0 + wc fc + w1 f1) + c (d1 - d0)            row FORCE_S, N s
 
-        uc      = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
-        force   = f1 + c (drift rate at the end)                     row FORCE_1
-        impulse = h (w0 f0 + wc fc + w1 f1) + c (d1 - d0)            row FORCE_S
-
-    where the indices 0, c and 1 denote the start, the inner point and the end. A power-law dashpot
-    adds its force and impulse. The following scratch rows are set: U1 (m), V1 (m/s), FORCE_1 (N),
-    FORCE_S (N s), the tangent stiffnesses TANGENT_C and TANGENT_1 (N/m, without P-delta), and SIZE.
-    Row SIZE contains the force that corresponds to the rounding errors of the displacements,
-    divided by RESIDUAL_TOLERANCE (N).
-
-    Parameters
-    ----------
-    keep_branches : bool
-        True if stories with a linear branch remain on this branch; see `_evaluate_law`.
-    coefficients : ndarray
-        Coefficients of the method: weights w0, wc, w1, and gd, g0, g1 of the inner point.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    memory : Memory
-        State, law states and scratch array: rows DU (m) and DV (m/s) contain the increments.
-    factors : int
-        First scratch row of the factorization.
-
-    Returns
-    -------
-    bool
-        True if the existing factorization is for other tangents or another length of the step, and
-        must be computed again.
+    with the force f of a story (law and P-delta), its damper c and its drift d. A power-law dashpot
+    adds its force and impulse. The rows U1, V1, TANGENT_C and TANGENT_1 (without P-delta) are also
+    set, and SIZE: the force that corresponds to the rounding errors of the displacements, divided
+    by RESIDUAL_TOLERANCE (N).
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # Column n of row FACTORED_1 contains the step length of the existing factorization; the columns
-    # of the stories contain its tangents.
     is_stale = scratch[factors + _BLOCK.FACTORED_1, n] != h
     uc_below = 0.0
     u_below = 0.0
@@ -631,7 +473,6 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         du = scratch[momentum.DU, i]
         u = state[rows.DISPLACEMENT, i] + du
         v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
-        # The displacement at the inner point is uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1).
         uc = (
             state[rows.DISPLACEMENT, i]
             + coefficients[BY_INCREMENT] * du
@@ -643,8 +484,6 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         )
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
-        # Compute the drifts of story `i` at the inner point and at the end of the step, the change
-        # of drift in the step, and the drift rate at the end.
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         drift_c = uc - link * uc_below
         drift = u - link * u_below
@@ -653,7 +492,6 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         tangent_c, force_c, tangent, force = _evaluate_law(
             keep_branches, coefficients, scene, h, i, (drift_c, drift), memory
         )
-        # The existing factorization is kept if its tangents are nearly equal to the new tangents.
         tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         is_stale = (
             is_stale or abs(tangent_c - scratch[factors + _BLOCK.FACTORED_C, i]) > tangent_tolerance
@@ -662,15 +500,14 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
             is_stale or abs(tangent - scratch[factors + _BLOCK.FACTORED_1, i]) > tangent_tolerance
         )
         # A drift is a difference of displacements. Their rounding errors change the story force by
-        # about ROUNDING times stiffness times displacements. Residuals up to this force must be
-        # accepted. The convergence test multiplies row SIZE by a tolerance of at least
-        # RESIDUAL_TOLERANCE; the force is therefore divided by RESIDUAL_TOLERANCE.
+        # about ROUNDING times stiffness times displacements, so that residuals up to this force
+        # must be accepted. The convergence test multiplies row SIZE by a tolerance of at least
+        # RESIDUAL_TOLERANCE.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
         scratch[ROW.TANGENT_C, i] = tangent_c
         scratch[ROW.TANGENT_1, i] = tangent
-        # Compute the force at the end and the impulse of the story. `mean` is the mean of restoring
-        # force and P-delta over the step, N.
+        # Mean of restoring force and P-delta over the step, N
         geometric = linear_terms[rows.GEOMETRIC, i]
         mean = (
             coefficients[WEIGHT_0]
@@ -681,7 +518,6 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         damper = linear_terms[rows.STORY_DAMPER, i]
         scratch[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
         scratch[momentum.FORCE_S, i] = h * mean + damper * increment
-        # `_add_damper` returns True if the factorization is for another derivative of the dashpot.
         if linear_terms[rows.POWER_DAMPER, i] != 0.0:
             is_stale = (
                 _add_damper(coefficients, linear_terms, i, h, increment, memory, factors)
@@ -696,44 +532,26 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
 
 @inline
 def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
-    """Evaluate the law of story `i` at the inner point (suffix `_c`) and at the end of the step.
+    """Evaluate the law of story `i` at the inner point and at the end of the step (`drifts`, m).
 
     There are three cases:
 
-    1. `keep_branches` is True, and the story is on a linear branch with the stiffness k: the force
-       is f0 + k (d - d0) with the force f0 and the drift d0 at the start.
+    1. `keep_branches` is True, and the story is on a linear branch: the branch is extended.
     2. `keep_branches` is True, and the drift of a curved law reverses within the step:
        `_evaluate_over_reversal` moves the law to the inner point, the reversal and the end in
-       chronological order.
+       chronological order. If a law of the building has extra rows, case 3 replaces case 2.
     3. Otherwise the law moves from the start of the step to the inner point, and then to the end.
 
-    In cases 2 and 3, block FIRST_TRIAL of the law states receives the state at the inner point and
-    block SECOND_TRIAL the state at the end. `_evaluate_over_reversal` tests whether the drift
-    reverses. If a law of the building has extra rows, it does not evaluate a reversal, and case 3
-    replaces case 2.
+    In cases 2 and 3, FIRST_TRIAL receives the state at the inner point and SECOND_TRIAL the state
+    at the end.
 
     Parameters
     ----------
     keep_branches : bool
         True if the caller divides the step at branch changes and reversals. A reversal with a
-        negligible effect remains within the step. `keep_negligible_kinks` later makes this decision
-        from the error estimates in row KINK. False if the complete step is solved and no branch
-        change or reversal is located.
-    coefficients : ndarray
-        Coefficients of the method: the weights wc and w1 of the quadrature are used.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    i : int
-        Index of the story.
-    drifts : tuple of float
-        Drifts at the inner point and at the end, m.
-    memory : Memory
-        State, law states and scratch array. Row KINK of the scratch array is set if `keep_branches`
-        is True: to 0 in cases 1 and 3, and to the estimated error of the evaluation over the
-        reversal in case 2 (by `_evaluate_over_reversal`). If `keep_branches` is False, row KINK is
-        not changed.
+        negligible effect remains within the step (row KINK, which is set to 0 in cases 1 and 3).
+        False if the complete step is solved and no branch change or reversal is located; row KINK
+        is then not changed.
 
     Returns
     -------
@@ -743,21 +561,19 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     law_parameters = scene.law_parameters
     _, law_state, scratch, _ = memory
     drift_c, drift = drifts
-    # SLOPE is finite on a linear branch and infinite on a curved branch. Curved branches only exist
-    # if HAS_CURVED_LAW, a constant of the compiled variant, is True.
+    # SLOPE is infinite on a curved branch, which only exists if HAS_CURVED_LAW, a constant of the
+    # compiled variant, is True.
     if keep_branches and law_state[rows.SLOPE, i] < math.inf:
         tangent_c = tangent = law_state[rows.SLOPE, i]
         scratch[ROW.KINK, i] = 0.0
         force_c = law_state[rows.FORCE, i] + tangent * (drift_c - law_state[rows.DRIFT, i])
         force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
     else:
-        # `_evaluate_over_reversal` returns True as the last value if it has evaluated the law.
         is_reversed = False
         if HAS_CURVED_LAW and keep_branches:
             tangent_c, tangent, is_reversed = _evaluate_over_reversal(
                 coefficients, scene, h, i, drifts, memory
             )
-        # The argument 0 is the first row of the committed state, the start of the step.
         if not is_reversed:
             tangent_c = restoring_force_outlined(
                 law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
@@ -776,27 +592,19 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 
     The drift reverses if its rate has the direction of loading at the start of the step and the
     opposite direction at the end. The law then moves to three drifts in chronological order. The
-    reversal can be before or after the inner point of the quadrature (suffix `_c`). The states of
-    the law are stored in three trial blocks of `law_state`:
+    reversal can be before or after the inner point:
 
         FIRST_TRIAL     inner point
         SECOND_TRIAL    end of the step
         THIRD_TRIAL     reversal
 
-    The law is not evaluated, and row KINK of the scratch array is set to 0, in two cases:
+    Row PREVIOUS_BLOCK receives the block that precedes the end, in which order `_update_state`
+    (`tdint.methods.impulse4`) later accumulates the dissipated energy.
 
-    - The story does not reverse.
-    - A law of the building has extra rows in `law_state`, so that block THIRD_TRIAL is not
-      available. A reversal of the story must then be located.
-
-    In both cases, the caller evaluates the law at the inner point and at the end only. KINK 0
-    therefore means: if the story reverses, the step must be divided at the reversal. The later
-    search for branch changes (`first_event`) only considers reversals of stories with KINK 0.
-
-    If the law is evaluated, row PREVIOUS_BLOCK receives the first row of the trial block that
-    precedes the end: FIRST_TRIAL or THIRD_TRIAL, depending on the order of the inner point and the
-    reversal. `_update_state` (`tdint.methods.impulse4`) later accumulates the dissipated energy
-    in this order.
+    The law is not evaluated, and KINK is set to 0, if the story does not reverse, or if a law of
+    the building has extra rows: THIRD_TRIAL then contains these rows at the start of the step
+    (`_save_start` of impulse4). KINK 0 means that a reversal of the story must be located
+    (`first_event`).
 
     The drift within the step is the cubic Hermite interpolant of the drifts d0, d1 and drift rates
     at both endpoints. The time s is 0 at the start and 1 at the end of the step. With r = 1 - s,
@@ -805,32 +613,14 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         d(s)  = d0 + s^2 (3 - 2 s) (d1 - d0) + s r (r q0 - s q1)
         d'(s) = r^2 q0 + 2 s r (3 (d1 - d0) - q0 - q1) + s^2 q1
 
-    The reversal is the zero of d'(s). The tangent stiffness changes suddenly there (kink of the
-    force), and the quadrature has an additional error. Row KINK receives an estimate of the error
-    as a fraction of the force f_r at the reversal:
+    The reversal is the zero of d'(s). At the kink, the quadrature has an additional error, which
+    row KINK estimates as a fraction of the force f_r at the reversal:
 
         KINK = (|k1 - k_r| min(distance before, distance after) + dashpot) / |f_r|
 
     k_r and k1 are the tangent stiffnesses at the reversal, before it, and at the end of the step.
     The distances are the changes of drift from the start to the reversal and from the reversal to
-    the end. `dashpot` is a fraction of the force of a power-law dashpot, if the story has such a
-    dashpot. From KINK, `keep_negligible_kinks` later decides whether the reversal can remain within
-    the step.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: the weights wc and w1 of the quadrature are used.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    i : int
-        Index of the story.
-    drifts : tuple of float
-        Drifts at the inner point and at the end, m.
-    memory : Memory
-        State, law states and scratch array.
+    the end. `dashpot` is a fraction of the force of a power-law dashpot.
 
     Returns
     -------
@@ -847,21 +637,16 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
     below = max(i - 1, 0)
     sign = law_state[rows.RATE_SIGN, i]
-    # q0 and q1 of the docstring (m), multiplied by the sign of the drift rate: positive in the
-    # direction of loading. The story reverses if the first is positive and the second negative.
+    # q0 and q1 times the sign of the drift rate: positive in the direction of loading, m.
     scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
     scaled_rate_1 = sign * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
-    # KINK 0 means that a reversal of the story, if it has a reversal, cannot remain within the
-    # step. If a law of the building has extra rows, THIRD_TRIAL contains these rows at the start of
-    # the step (`_save_start` of impulse4) and is not available for the reversal.
     scratch[ROW.KINK, i] = 0.0
     if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
     start = law_state[rows.DRIFT, i]
     change = sign * (drift - start)
-    # The reversal is at the fraction s of the step, the zero of the quadratic d'(s). The arguments
-    # are its three Bezier points. If rounding prevents a sign change, the result is NONE, which is
-    # above 1; the end of the step is then used.
+    # The arguments are the three Bezier points of d'(s). If rounding prevents a sign change, the
+    # result is NONE, which is above 1; the end of the step is then used.
     s = min(
         find_sign_change(
             scaled_rate_0, 3.0 * change - scaled_rate_0 - scaled_rate_1, scaled_rate_1
@@ -869,19 +654,14 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         1.0,
     )
     r = 1.0 - s
-    # The drift changes by `loading_change` from the start to the reversal (Hermite cubic at s), and
-    # by `unloading_change` from the reversal to the end in the opposite direction, m.
+    # Changes of drift up to the reversal, and from it in the opposite direction, m.
     loading_change = s * s * (3.0 - 2.0 * s) * change + s * r * (
         r * scaled_rate_0 - s * scaled_rate_1
     )
     unloading_change = loading_change - change
     reversal_drift = start + sign * loading_change
-    # The time of the inner point, as a fraction of the step, follows from the condition that the
-    # quadrature is exact for linear functions: wc c + w1 = 1/2.
+    # Time of the inner point: the quadrature is exact for linear functions, wc c + w1 = 1/2.
     inner_fraction = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
-    # Each call moves the law from the state in the first block (0: start of the step) to a drift,
-    # stores the new state in the second block, and returns the tangent stiffness there. The inner
-    # point is stored in FIRST_TRIAL, the end in SECOND_TRIAL and the reversal in THIRD_TRIAL.
     if s < inner_fraction:  # reversal, inner point, end
         loading_tangent = restoring_force_outlined(
             law_parameters, law_state, i, 0, rows.THIRD_TRIAL, reversal_drift
@@ -904,7 +684,6 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.PREVIOUS_BLOCK, i] = rows.THIRD_TRIAL
-    # Estimate the effect of the kink on the force, N: the numerator of KINK in the docstring.
     kink = abs(tangent - loading_tangent) * min(loading_change, unloading_change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         force_0, _ = power_damper(linear_terms, i, scaled_rate_0 / h)
@@ -913,12 +692,9 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     # If the force at the reversal is zero, the quotient is infinite or nan, without an exception.
     # Condition 1 of `keep_negligible_kinks` is then False, and the reversal is located.
     scratch[ROW.KINK, i] = kink / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
-    # Derivative of the force at the end with respect to the drift d1 at the end: if d1 increases by
-    # a small amount e, the drift at the reversal increases by `moved_fraction` e, where
-    # `moved_fraction` is the coefficient of d1 in d(s). The force at the reversal then increases by
-    # `loading_tangent` `moved_fraction` e. From the reversal to the end, the change of drift
-    # increases by the rest, (1 - `moved_fraction`) e, which changes the force by `tangent` times
-    # this amount.
+    # If the drift d1 at the end increases by a small amount e, the drift at the reversal increases
+    # by `moved_fraction` e (the coefficient of d1 in d(s)), and the change of drift from there to
+    # the end by the rest.
     moved_fraction = s * s * (3.0 - 2.0 * s)
     return tangent_c, tangent + moved_fraction * (loading_tangent - tangent), True
 
@@ -927,19 +703,12 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 def keep_negligible_kinks(scene, h, memory):
     """Decide which reversals can remain within the step; the other reversals must be located.
 
-    The force of a curved law has a kink at a reversal of the drift: the tangent stiffness changes
-    suddenly. A step that extends over a kink has an additional error. To avoid this error, the
-    caller locates the reversal and divides the step at its time. If the error is negligible, the
-    reversal can remain within the step. This function makes the decision for each story and marks
-    the result in row KINK of the scratch array:
+    The result is marked in row KINK of the scratch array:
 
         before the call    estimated error, the effect of the kink on the story force divided by the
                            force; 0 if the law was not evaluated over a reversal
         after the call     not 0 if the story has a reversal that can remain within the step (the
                            value is unchanged); otherwise 0
-
-    If the drift rate of a story with the value 0 has changed its sign, the caller divides the step
-    at the reversal.
 
     A reversal can remain within the step if both conditions are satisfied:
 
@@ -947,8 +716,7 @@ def keep_negligible_kinks(scene, h, memory):
         2. The story has no power-law dashpot, or the drift at the reversal is less than _NEAR_PEAK
            times the peak drift of the story until now.
 
-    Q and S are sums over the floors with the masses m, the velocities v0, v1 and the accelerations
-    a0, a1 at the start and at the end of the step of length h:
+    Q and S are sums over the floors:
 
         Q = sum of m ((a0 + a1) / 2 - (v1 - v0) / h)^2
         S = sum of m (a0^2 + a1^2) / 2
@@ -967,26 +735,16 @@ def keep_negligible_kinks(scene, h, memory):
     - Condition 2: An inaccurate reversal near the peak drift would falsify the peak drift.
     - Dashpots: The forces of power-law dashpots change abruptly at a reversal and would increase Q.
       Their contribution to the accelerations is therefore removed in Q.
-
-    Parameters
-    ----------
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    memory : Memory
-        State, law states and scratch array.
     """
     linear_terms = scene.linear_terms
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # `mismatch` is Q and `acceleration_norm` is S of this step.
+    # Q and S of this step
     mismatch = acceleration_norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
-        # `difference` is the average of the endpoint accelerations of floor `i` minus the mean
-        # acceleration in the step. `dashpot_force` is the same difference of the dashpot forces on
-        # the floor; its contribution to the acceleration is removed.
+        # Average of the endpoint accelerations minus the mean acceleration, without the
+        # contribution of the dashpots.
         dashpot_force = (
             scratch[ROW.DASHPOT_MISMATCH, i]
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.DASHPOT_MISMATCH, i + 1]
@@ -999,9 +757,8 @@ def keep_negligible_kinks(scene, h, memory):
         mismatch += linear_terms[rows.MASS, i] * difference * difference
         acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
     update_run_maxima(scratch, ROW.RUN_MAXIMA, mismatch, acceleration_norm)
-    mismatch = scratch[ROW.RUN_MAXIMA, 0]  # maximum Q in the run
-    # `may_remain` is condition 2 of the docstring: the reversal may remain within the step. Block
-    # THIRD_TRIAL of the law state contains the drift at the reversal.
+    mismatch = scratch[ROW.RUN_MAXIMA, 0]  # Q_max
+    # Condition 2 of the docstring; THIRD_TRIAL contains the drift at the reversal.
     for i in range(n):
         is_near_peak = (
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
@@ -1014,51 +771,20 @@ def keep_negligible_kinks(scene, h, memory):
 
 @outlined
 def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
-    """Add the power-law dashpot of story `i` to its force and impulse.
+    """Add the power-law dashpot of story `i` to its force FORCE_1 (N) and impulse FORCE_S (N s).
 
-    f0, fc and f1 are the dashpot forces at the start, at the inner point (suffix `_c`) and at the
-    end of the step. r0, rc and r1 are the drift rates at these points. The mean of the dashpot
-    force over the step is w0 f0 + wc fc + w1 f1, and its impulse is h times the mean. The drift
-    rate at the inner point is interpolated, with the factors q_d = RATE_BY_INCREMENT,
-    q_0 = RATE_BY_VELOCITY_0 and q_1 = RATE_BY_VELOCITY_1 in `coefficients`:
+    The mean of the dashpot force over the step is w0 f0 + wc fc + w1 f1. The drift rate at the
+    inner point is interpolated, with the factors q_d, q_0 and q_1 = RATE_BY_... in `coefficients`
+    and the change of drift `increment` = d1 - d0:
 
         rc = q_d * (d1 - d0) / h + q_0 * r0 + q_1 * r1
 
-    These scratch rows change:
-
-        FORCE_1             force of the story at the end of the step, N: f1 is added
-        FORCE_S             impulse of the story over the step, N s: the dashpot impulse is added
-        DASHPOT_MISMATCH    set to (f0 + f1) / 2 minus the mean, N
-        SLOPE_C, SLOPE_1    set to the derivatives of fc and f1 with respect to the drift rate,
-                            N s/m
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: the weights w0, wc, w1 and the coefficients RATE_BY_... are
-        used.
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    i : int
-        Index of the story.
-    h : float
-        Length of the step, s.
-    increment : float
-        Change of drift d1 - d0 in the step, m.
-    memory : Memory
-        State and scratch array.
-    factors : int
-        First scratch row of the factorization.
-
-    Returns
-    -------
-    bool
-        True if the existing factorization must be computed again, because it is for another
-        derivative of f1. The derivative of fc is not compared.
+    DASHPOT_MISMATCH is set to (f0 + f1) / 2 minus the mean, and SLOPE_C and SLOPE_1 to the
+    derivatives of fc and f1 with respect to the drift rate. The result is True if the matrix must
+    be factorized again, because SLOPE_1 has changed; SLOPE_C is not compared (see `_factor`).
     """
     state, _, scratch, _ = memory
-    # Compute the drift rates at the start, at the end and at the inner point of the step. For the
-    # first story, column i - 1 is the last column of the tables, and link is 0.
+    # For the first story, column i - 1 is the last column of the tables, and link is 0.
     link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
     rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, i - 1]
     rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, i - 1]
@@ -1070,7 +796,6 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     force_0, _ = power_damper(linear_terms, i, rate_0)
     force_c, derivative_c = power_damper(linear_terms, i, rate_c)
     force_1, derivative_1 = power_damper(linear_terms, i, rate_1)
-    # Add the dashpot to the force at the end and to the impulse of the story.
     scratch[momentum.FORCE_1, i] += force_1
     mean_force = (
         coefficients[WEIGHT_0] * force_0
@@ -1081,8 +806,7 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     scratch[ROW.DASHPOT_MISMATCH, i] = 0.5 * (force_0 + force_1) - mean_force
     scratch[ROW.SLOPE_C, i] = derivative_c
     scratch[ROW.SLOPE_1, i] = derivative_1
-    # In the matrix, h times the derivative is added to the mass of the floor. Its change is
-    # therefore compared with the mass.
+    # In the matrix, h times the derivative is added to the mass of the floor.
     return (
         h * abs(derivative_1 - scratch[factors + _BLOCK.FACTORED_SLOPE, i])
         > TANGENT_TOLERANCE * linear_terms[rows.MASS, i]
@@ -1091,19 +815,7 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 
 @inline
 def _newton_factorization(scratch, factors):
-    """Return the location of the factorization of Newton's method in the scratch array.
-
-    `factors` is the first row of a block of rows that contains two factorizations: of the complex
-    matrix for linear branches and of the matrix of Newton's method. BLOCKS and COUPLING (`_Block`)
-    and _STORE are row numbers relative to `factors`; _STORE is the number of the first row after
-    the rows of `_Block`. The result has four fields:
-
-        table       the scratch array
-        pivot       first row of the 2 x 2 diagonal blocks
-        coupling    first row of the blocks between adjacent floors
-        store       first row of the terms of modal damping: 6 rows per damped mode and a temporary
-                    row (`factor_rows`)
-    """
+    """Return the location of the factorization of Newton's method from row `factors` on."""
     return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
 
@@ -1111,24 +823,10 @@ def _newton_factorization(scratch, factors):
 def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     """Assemble and factorize the matrix of Newton's method for the current tangent stiffnesses.
 
-    The step of length h starts with displacement u0, velocity v0 and acceleration a0 of each floor,
-    and ends with u1, v1 and a1. The two unknowns of a floor are u1 - u0 and v1 - v0. Its two
-    equations, with the mass M, the dampers C, the story forces f and the impulse I of the load, are
-
-        kinematics    M (u1 - u0) = M (h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1))
-        momentum      M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
-
-    The acceleration at the end is eliminated by equilibrium with the load p1, and uc is the
-    displacement at the inner point of the quadrature:
-
-        M a1 = p1 - C v1 - f(u1),   uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
-
-    All other symbols (th, al, be, w0, wc, w1, gd, g0, g1) are coefficients of the method.
-
-    The matrix contains the derivatives of the equations with respect to the unknowns. It has 2 x 2
-    blocks and is block tridiagonal, because a story couples adjacent floors only. Each story
-    contributes one 2 x 2 block. The four rows from `coupling` on receive its entries, the
-    derivatives with respect to the changes of the drift and of the drift rate in the step:
+    The matrix contains the derivatives of the kinematic equation (times M) and of the momentum
+    equation with respect to u1 - u0 and v1 - v0. It is block tridiagonal, because a story couples
+    adjacent floors only. Each story contributes one 2 x 2 block: the derivatives with respect to
+    the changes of its drift and of its drift rate, in the four rows from `coupling` on:
 
         row             equation      with respect to    derivative
         coupling        kinematics    drift              -be h^2 k1
@@ -1143,33 +841,15 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     change of drift rate (RATE_BY_INCREMENT and RATE_BY_VELOCITY_1 of `coefficients`). The impulse
     contains h times the dashpot force; the term h wc sc rd / h is therefore rd wc sc. The
     coefficients of the method satisfy wc gd = th - w1 and wc g1 = -be.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: th, be, weights of the impulse, and the coefficients of the
-        drift rate at the inner point.
-    linear_terms, modal : ndarray
-        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
-        matrix C = sum of w w^T.
-    h : float
-        Length of the step, s.
-    scratch : ndarray
-        Rows TANGENT_C, TANGENT_1 (N/m), SLOPE_C and SLOPE_1 (N s/m) are used. The rows from
-        `factors` on receive the factorization.
-    factors : int
-        First scratch row of the factorization.
     """
     n = linear_terms.shape[1] - 1
     by_a = coefficients[BETA] * h * h
     by_tangent_c = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
     coupling = factors + _BLOCK.COUPLING
-    # For each story, store the tangents without P-delta and s1 in the rows FACTORED_..., and the
-    # four derivatives of the table above in the rows from `coupling` on. `slope_c` is wc sc, and
-    # `slope_1` is s1. Later, `_evaluate_laws` compares the rows FACTORED_... with the new tangents
-    # and the step length, to decide whether the factorization is still valid. sc is not compared,
-    # because it usually changes together with s1, and a comparison would save practically no
-    # iterations. The sc of an earlier factorization only affects the rate of convergence.
+    # `_evaluate_laws` compares the rows FACTORED_... (tangents without P-delta, and s1) with the
+    # new values, to decide whether the factorization is still valid. sc is not compared, because it
+    # usually changes together with s1, and a comparison would save practically no iterations. The
+    # sc of an earlier factorization only affects the rate of convergence.
     for i in range(n):
         tangent_c = scratch[ROW.TANGENT_C, i]
         tangent_1 = scratch[ROW.TANGENT_1, i]
@@ -1191,15 +871,12 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         scratch[coupling + 3, i] += h * (
             coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1
         )
-    # The last column of row FACTORED_1 contains the step length of the factorization.
     scratch[factors + _BLOCK.FACTORED_1, n] = h
-    # Add the masses and the floor dampers, and connect the blocks of adjacent floors.
     assemble_blocks(
         linear_terms, _newton_factorization(scratch, factors), h * coefficients[THETA], by_a, n
     )
-    # Modal damping is a part of C. In the kinematic equation, M a1 contains -C v1: the derivative
-    # with respect to v1 is -be h^2 C. In the momentum equation, C (u1 - u0) has the derivative C
-    # with respect to u1. These factors are the second and third number below.
+    # The factors of the modal part of C in the two equations are -be h^2 (M a1 contains -C v1) for
+    # v1 and 1 for u1: the second and third number.
     factor_blocks(
         _newton_factorization(scratch, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n
     )
