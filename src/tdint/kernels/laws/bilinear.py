@@ -4,8 +4,10 @@
 
 with the force f, the drift d, the initial stiffness k, the yield force Fy and the hardening ratio
 a. The law is the sum of two parallel springs: an elastic spring with the stiffness a k, and an
-elastic-perfectly plastic spring with the force z, which row INTERNAL of the law state contains. The
-second spring yields at the drift Fy / k, as the story does.
+elastic-perfectly plastic spring with the stiffness (1 - a) k and the force z, which row INTERNAL of
+the law state contains. The second spring yields at the drift Fy / k, as the story does.
+
+`tdint.kernels.laws.law.LawFunctions` describes the functions and their arguments.
 """
 
 from __future__ import annotations
@@ -15,47 +17,23 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Rows of `law_parameters` with the parameters of this law: yield force (N), hardening ratio.
+# Yield force (N) and hardening ratio in `law_parameters`. The bounds of `LAW` exclude a = 1, so
+# that a division by 1 - a is possible.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the bilinear law with kinematic hardening.
-
-    f = a k d + z with |z| <= (1 - a) Fy: force f, drift d, initial stiffness k, hardening ratio a,
-    yield force Fy, force z of the plastic spring (row INTERNAL). The bounds of the parameters
-    exclude a = 1, so that a division by 1 - a is possible.
-    """
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Compute the force f = a k d + z at the drift d; return the tangent stiffness, N/m.
-
-        k is the initial stiffness, a the hardening ratio and Fy the yield force. The force z of the
-        plastic spring (row INTERNAL) changes by (1 - a) k times the change of drift and is limited
-        to (1 - a) Fy. FORCE and INTERNAL are written to block `trial`; the caller writes DRIFT. The
-        tangent is k, or a k if the story yields.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        drift : float
-            Drift, m.
-        """
+        """Compute force and z; return the tangent stiffness: k, or a k if the story yields."""
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
-        # Predict the force of the plastic spring elastically, then limit it to the strength.
+        # Predict z elastically, then limit it to the strength.
         z = law_state[previous + rows.INTERNAL, i] + (1.0 - hardening) * k * (
             drift - law_state[previous + rows.DRIFT, i]
         )
@@ -72,17 +50,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the elastic energy of both springs, J.
-
-        The law consists of two parallel springs, with the initial stiffness k, the hardening ratio
-        a, the drift d and the force z of the plastic spring (row INTERNAL):
-
-            elastic spring     stiffness a k          energy a k d^2 / 2
-            plastic spring     stiffness (1 - a) k    energy z^2 / (2 (1 - a) k)
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
-        """
+        """Return the elastic energy of both springs: a k d^2 / 2 + z^2 / (2 (1 - a) k)."""
         d = law_state[rows.DRIFT, i]
         z = law_state[rows.INTERNAL, i]
         k = law_parameters[rows.STIFFNESS, i]
@@ -91,34 +59,14 @@ def _functions() -> LawFunctions:
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-        """Compute the energy dissipated until the state in block `trial`, J.
-
-        A path that ends at the strength (1 - a) Fy of the plastic spring dissipates its force |z|
-        times the plastic part of the change of drift, dd - dz / ((1 - a) k), with the changes dd of
-        the drift and dz of the force z, the hardening ratio a and the stiffness k. The energy of
-        the path plus DISSIPATED of block `previous` is stored in row DISSIPATED of block `trial`.
-        Both blocks already contain DRIFT and INTERNAL.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        """
+        """Add |z| times the plastic part of the change of drift, if the path ends at the
+        strength."""
         law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
         z = law_state[trial + rows.INTERNAL, i]
         plastic_share = 1.0 - law_parameters[_HARDENING, i]
-        # The path was elastic unless z is exactly equal to the strength, to which `force` limits
-        # it.
+        # `force` limits z to exactly this strength; otherwise the path was elastic.
         if abs(z) == plastic_share * law_parameters[_YIELD_FORCE, i]:
             drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
-            # The plastic part of the change of drift is the change minus its elastic part.
             plastic_change = drift_change - (z - law_state[previous + rows.INTERNAL, i]) / (
                 plastic_share * law_parameters[rows.STIFFNESS, i]
             )
@@ -126,18 +74,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the limits of the elastic branch of the committed state: its two yield drifts.
-
-        At a yield drift, the plastic spring with the force z (row INTERNAL) reaches its strength.
-        With the current drift d, the hardening ratio a, the yield force Fy and the initial
-        stiffness k, the limits are
-
-            UPPER    d + ((1 - a) Fy - z) / ((1 - a) k)
-            LOWER    d - ((1 - a) Fy + z) / ((1 - a) k)
-
-        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
-        the first rows of column `i` of `law_state`, is changed.
-        """
+        """Set the limits of the elastic branch: the drifts at which z reaches its strength."""
         plastic_share = 1.0 - law_parameters[_HARDENING, i]
         strength = plastic_share * law_parameters[_YIELD_FORCE, i]
         k = law_parameters[rows.STIFFNESS, i]
@@ -150,29 +87,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def advance(law_parameters, law_state, i, block, step, mean_force):
-        """Update INTERNAL or DISSIPATED in `block` after a change of drift along one branch.
-
-        The caller has already set DRIFT and FORCE to their values at the end of the path. The force
-        of the story is f = a k d + z, with the hardening ratio a, the initial stiffness k, the
-        drift d and the force z of the plastic spring, row INTERNAL. On an elastic branch
-        (RATE_SIGN 0), z = f - a k d. On a yielding branch, z is constant and the dissipated energy
-        increases by |z| times the absolute change of drift.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        step : float
-            Change of drift, m.
-        mean_force : float
-            Mean force on the path, N; not used by this law.
-        """
+        """Update INTERNAL on an elastic branch (RATE_SIGN 0), or DISSIPATED on a yielding branch,
+        where z is constant."""
         if law_state[block + rows.RATE_SIGN, i] == 0.0:
             elastic_force = (
                 law_parameters[_HARDENING, i]
@@ -187,32 +103,14 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows: elastic after a reversal, yielding after a yield drift.
 
-        The force is f = a k d + z with |z| <= (1 - a) Fy: hardening ratio a, initial stiffness k,
-        drift d, force z of the plastic spring (row INTERNAL) and yield force Fy. After a reversal,
-        the story is elastic until it yields on the other side, at a drift that differs by 2 Fy / k.
-        A yielding branch has the stiffness a k and ends at a reversal.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        event : float
-            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
-            falls below the lower limit) or REVERSED (the drift rate changes its sign).
+        A yielding branch ends only at a reversal.
         """
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
         drift = law_state[block + rows.DRIFT, i]
         if event == rows.REVERSED:
-            # Unload elastically, between the current drift and the yield drift of the other side.
-            # Their distance is 2 Fy / k, and `strength` is (1 - a) Fy.
+            # The yield drift of the other side is at a distance of 2 Fy / k.
             side = law_state[block + rows.RATE_SIGN, i]
             opposite_yield = drift - side * 2.0 * strength / ((1.0 - hardening) * k)
             law_state[block + rows.SLOPE, i] = k
@@ -220,7 +118,7 @@ def _functions() -> LawFunctions:
             law_state[block + rows.UPPER, i] = max(drift, opposite_yield)
             law_state[block + rows.LOWER, i] = min(drift, opposite_yield)
         else:
-            # Yield in the direction of the event (ABOVE is 1, BELOW is -1).
+            # The event ABOVE is 1, BELOW is -1: the direction of yielding.
             law_state[block + rows.INTERNAL, i] = event * strength
             law_state[block + rows.FORCE, i] = hardening * k * drift + event * strength
             law_state[block + rows.SLOPE, i] = hardening * k
