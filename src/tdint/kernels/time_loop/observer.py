@@ -2,6 +2,14 @@
 history.
 
 Without a history, the required memory is proportional to the number of stories.
+
+The work of the load and of the dampers in a step follows from the powers and their rates at both
+endpoints (`_work`). The totals of the run contain the values at the start of the step: `_add_work`
+and `_observe_dashpots` replace them by the values at its end. All rates are linear in the
+accelerations, so that `shift_ground` can update them at a jump of the ground acceleration. Several
+sums are *half* of a rate: the power c v^2 of a damper has the rate 2 c v a.
+
+`tdint.kernels.layout` describes the arguments.
 """
 
 from __future__ import annotations
@@ -74,7 +82,7 @@ class _FloorSums(NamedTuple):
     momentum : float
         Sum of mass times velocity, N s.
     inertia : float
-        Sum of mass times acceleration, N.
+        Sum of mass times relative acceleration, N.
     viscous_power : float
         Power of the dampers, W.
     half_viscous_rate : float
@@ -92,7 +100,8 @@ class _FloorSums(NamedTuple):
 
 @inline
 def observe(scene, span, slope, memory, seen):
-    """Update energies and peaks with the response at the end of a step.
+    """Update energies and peaks with the response at the end of a step; return True if a peak can
+    be exceeded within the step or at its end.
 
     The relative acceleration a of each floor is computed from equilibrium, from the roof downwards,
     and does not depend on the method:
@@ -105,35 +114,19 @@ def observe(scene, span, slope, memory, seen):
     the story above. The total shear of a story is V plus the forces c v and the forces of modal
     damping on all floors that the story supports.
 
-    A loop over the floors does three things:
-
-    1. It computes accelerations and total shears.
-    2. For each quantity, it compares an upper bound over the step with the recorded peak. In most
-       steps no bound exceeds a peak; only in the other steps the peaks are updated. The results of
-       the comparisons are combined without branches (`|=`), because this is faster.
-    3. It adds the momentum, the inertia and the power of the dampers of all floors. The energies of
-       the run are computed from these sums after the loop.
+    For each quantity, an upper bound over the step is compared with the recorded peak. In most
+    steps no bound exceeds a peak; only in the other steps the peaks are updated. The results of the
+    comparisons are combined without branches (`|=`), because this is faster.
 
     At the start of a run, the function is called with a span of zero length.
 
     Parameters
     ----------
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    span : Span
-        Observed time step or substep.
     slope : float
         Rate of the ground acceleration in the step, m/s^3.
     memory : Memory
-        State, law states and status of the step, at the end of the step.
-    seen : Seen
-        Arrays of the observer: response at the start of the step (rows U_PREVIOUS, V_PREVIOUS and
-        A_PREVIOUS), peaks and totals of the run.
-
-    Returns
-    -------
-    bool
-        True if a peak can be exceeded within the step or at its end.
+        State, law states and status at the end of the step. The response at its start is in the
+        rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS of `seen.observer_state`.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state = memory.state, memory.law_state
@@ -143,52 +136,45 @@ def observe(scene, span, slope, memory, seen):
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _store_additional_forces(modal, forces, span.t, state, observer_state, n)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
-    # Forces on floors within the step are not evaluated here; with such forces, all steps are
+    # The bounds do not include forces on floors within the step; with such forces, all steps are
     # searched.
     may_exceed = FORCES and forces.shape[0] > 0
-    # These sums over all floors and stories determine the powers of the load and of the dampers.
-    momentum = 0.0  # mass times velocity, N s
-    total_inertia = 0.0  # mass times relative acceleration, N
-    viscous_power = 0.0  # power of the dampers, W
-    viscous_rate = 0.0  # half of the rate of `viscous_power`, W/s
-    viscous_per_acceleration = 0.0  # increase of `viscous_rate` per m/s^2 of all accelerations
-    # These variables transfer values from a floor to the next lower floor. The floors of several
-    # independent buildings can be in successive columns. The variables are then zero at the roof of
-    # each building, because the next column belongs to the lowest story of another building.
+    # Sums over all floors and stories (`_FloorSums`); `viscous_rate` is half of the rate
+    momentum = 0.0
+    total_inertia = 0.0
+    viscous_power = 0.0
+    viscous_rate = 0.0
+    viscous_per_acceleration = 0.0
+    # Values that a floor transfers to the next lower floor. They are zero at the roof of each
+    # building: the floors of several independent buildings can be in successive columns.
     story_force_above = 0.0  # force V_above of the story above, N
     floor_damping_above = 0.0  # sum of c v and modal damping over all floors down to here, N
     inertia_above = 0.0  # sum of mass times absolute acceleration at the step start, N
     bulge_above = 0.0  # sum of mass times `bulge`, a measure of the acceleration in the step, N
     story_factor_above = 0.0  # factor of the drift acceleration of the story above, N
-    # Velocity at the end of the step; displacement, velocity and acceleration at its start (suffix
-    # _0). They start with the uppermost floor.
+    # Velocity at the end of the step; response at its start (_0), beginning with the uppermost
+    # floor.
     v = state[rows.VELOCITY, n - 1]
     u_0 = observer_state[rows.U_PREVIOUS, n - 1]
     v_0 = observer_state[rows.V_PREVIOUS, n - 1]
     a_0 = observer_state[rows.A_PREVIOUS, n - 1]
     # The bounds of a story depend on its drift acceleration at the end of the step, and therefore
-    # on the accelerations of its upper and its lower floor. The upper floor of story i is floor i,
-    # the lower floor is floor i - 1. Story i is therefore compared with its peaks in two passes:
-    # pass i computes the part of the bounds that is known, and pass i - 1, which computes the
-    # acceleration of floor i - 1, adds the rest and compares. Pass i stores three values for this
-    # purpose:
-    #     reach_above    bounds of drift (m) and shear (N) from `story_reach`, without the effect of
-    #                    the drift acceleration at the end
-    #     a_above        relative acceleration of the upper floor at the end, m/s^2
-    #     link_above     LINK of the story: 1 on the lower floor, 0 on the ground
-    # A drift acceleration A at the end increases the bound of the drift by h^2 |A| / 20, because
-    # one of the Bezier points of the drift is u1 - 2 h v1 / 5 + h^2 A / 20.
+    # on the accelerations of its upper floor i and its lower floor i - 1. Story i is therefore
+    # compared with its peaks in two passes: pass i computes the part of the bounds that is known
+    # (`story_reach`: drift, m, and shear, N), and pass i - 1, which computes the acceleration of
+    # floor i - 1, adds the rest and compares. A drift acceleration A at the end increases the bound
+    # of the drift by h^2 |A| / 20, because one of the Bezier points of the drift is u1 - 2 h v1 / 5
+    # + h^2 A / 20.
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
     excess = 0.05 * span.h * span.h  # h^2 / 20, s^2
     for i in range(n - 1, -1, -1):
-        above, below = min(i + 1, n - 1), max(i - 1, 0)  # neighbors, limited to existing floors
+        above, below = min(i + 1, n - 1), max(i - 1, 0)  # limited to existing floors
         v_below = state[rows.VELOCITY, below]
         u_0_below = observer_state[rows.U_PREVIOUS, below]
         v_0_below = observer_state[rows.V_PREVIOUS, below]
         a_0_below = observer_state[rows.A_PREVIOUS, below]
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         mass = linear_terms[rows.MASS, i]
-        # Compute the force of story `i`: restoring force, P-delta, story damper and dashpot.
         drift = law_state[rows.DRIFT, i]
         shear = law_state[rows.FORCE, i]
         rate = v - link * v_below
@@ -198,7 +184,6 @@ def observe(scene, span, slope, memory, seen):
         story_force = (
             shear + linear_terms[rows.GEOMETRIC, i] * drift + story_damping + dashpot_force
         )
-        # Compute the relative acceleration of floor `i` from equilibrium.
         a = (
             linear_terms[rows.INVERSE_MASS, i]
             * (
@@ -210,18 +195,14 @@ def observe(scene, span, slope, memory, seen):
             - ground
         )
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
-        # The total shear is the force of the story plus the viscous forces of this floor and of all
-        # floors above.
         floor_damping_above += floor_damping
         if MODAL:
             floor_damping_above += observer_state[rows.MODAL_FORCE, i]
         total_shear = story_force + floor_damping_above
         observer_state[rows.TOTAL_SHEAR, i] = total_shear
-        # Compare bounds of the displacement and velocity of the floor with their peaks, then bounds
-        # of the drift and force of the story above, which the previous pass has prepared. For the
-        # uppermost floor, these bounds are zero and exceed no peak. The last two fields of `Ends`
-        # are velocity and acceleration one step before the start. The bounds do not use these
-        # fields, so any values are allowed: here v_0 and a_0 for the floor, zeros for the story.
+        # The bounds of the story above were prepared by the previous pass; for the uppermost floor,
+        # they are zero and exceed no peak. The last two fields of `Ends` (values one step earlier)
+        # are not used by the bounds, so any values are allowed.
         floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
         may_exceed |= may_exceed_story_peaks(
@@ -245,13 +226,11 @@ def observe(scene, span, slope, memory, seen):
         stiffness = limit_stiffness(linear_terms, law_parameters, i)
         reach_above = story_reach(span, story_ends, shear, stiffness)
         a_above, link_above = a, link
-        # Compare bounds of the absolute acceleration and of the total shear with their peaks.
         # Without forces on floors, the total shear is minus the sum of mass times absolute
         # acceleration of all floors that the story supports. With forces, this bound is not valid,
-        # but `may_exceed` is then already True.
-        # `bulge` is the symmetric deviation of the acceleration from a straight line in the step.
-        # The bound that follows from `bulge` also covers the tilt, the antisymmetric deviation
-        # (`may_exceed_acceleration_peak`).
+        # but `may_exceed` is then already True. `bulge` is the symmetric deviation of the
+        # acceleration from a straight line in the step. The bound that follows from `bulge` also
+        # covers the tilt, the antisymmetric deviation (`may_exceed_acceleration_peak`).
         bulge = acceleration_bulge(by_h, floor_ends)
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
@@ -261,23 +240,21 @@ def observe(scene, span, slope, memory, seen):
         may_exceed |= may_exceed_acceleration_peak(
             inertia_above, -total_shear, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
         )
-        # Add the contributions of the floor and of the story to the sums.
         momentum += mass * v
         total_inertia += mass * a
         viscous_power += floor_damping * v + (story_damping + dashpot_force) * rate
-        # The rate of the power of all dampers is twice `viscous_rate`. The power c v^2 of a linear
-        # damper has the rate 2 (c v) a. The power F v of a dashpot at the drift rate v has the rate
-        # (F + F' v) a, with the drift acceleration a. Half of the rate of the story is therefore a
-        # times the factor c v + (F + F' v) / 2. Until here, `story_damping` is c v; from here on,
-        # it is this factor. The drift acceleration is the difference of two floor accelerations.
-        # The factor of a floor acceleration is therefore the factor of its story minus the factor
-        # of the story above (`story_factor_above`).
+        # The power F v of a dashpot at the drift rate v has the rate (F + F' v) a, with the drift
+        # acceleration a; for a linear damper, this is 2 (c v) a. Half of the rate of the story is
+        # therefore a times the factor c v + (F + F' v) / 2. Until here, `story_damping` is c v;
+        # from here on, it is this factor. The drift acceleration is the difference of two floor
+        # accelerations. The factor of a floor acceleration is therefore the factor of its story
+        # minus the factor of the story above.
         story_damping += 0.5 * (dashpot_force + dashpot_tangent * rate)
         viscous_rate += (floor_damping + story_damping - story_factor_above) * a
         # An equal change of all floor accelerations only changes the drift acceleration of stories
         # on the ground.
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
-        # Prepare the values above for the floor below; they are zero if the story is on the ground.
+        # The values above are zero for the next column if the story is on the ground.
         story_force_above = link * story_force
         floor_damping_above *= link
         inertia_above *= link
@@ -288,7 +265,6 @@ def observe(scene, span, slope, memory, seen):
     # The drift acceleration of the lowest story is the acceleration of floor 1.
     stiffness = law_parameters[rows.STIFFNESS, 0]
     may_exceed |= may_exceed_story_peaks(reach_above, excess * abs(a_above), stiffness, peaks, 0)
-    # Add the work of the load and of the dampers in the step to the energies.
     sums = _FloorSums(
         momentum, total_inertia, viscous_power, viscous_rate, viscous_per_acceleration
     )
@@ -304,47 +280,20 @@ def observe(scene, span, slope, memory, seen):
 def _update_energies(scene, span, slope, sums, memory, seen):
     """Add the work of the load and of the dampers in a step to the energies of the run.
 
-    The power of the load is -ag (sum of m v) plus the power of the forces on floors, with the
-    ground acceleration ag and the masses m, velocities v and accelerations a of the floors. Its
-    rate has the terms -ag (sum of m a), -ag' (sum of m v) and the rate of the power of the forces.
-    `_add_work` adds the second term, with ag' = `slope`. Modal damping is added to the power of the
-    dampers. The work follows from the powers and their rates at both endpoints of the step: the
-    values at the start are in the totals of the run, the values at the end are computed here and
-    replace them. If the kernel of the step has computed the work (flag OWN_WORK is not 0), this
-    work is added instead.
+    The power of the load is -ag (sum of m v) plus the power of the forces on floors. Its rate has
+    the terms -ag (sum of m a), -ag' (sum of m v), which `_add_work` adds with ag' = `slope`, and
+    the rate of the power of the forces. If the kernel of the step has computed the work (flag
+    OWN_WORK), this work is added instead.
 
-    The reference energy (ENERGY_REFERENCE) is the maximum until now of the sum of initial energy
-    and work of the load. It is the divisor of the relative energy imbalance.
-
-    Parameters
-    ----------
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    span : Span
-        Observed time step or substep; `span.t` is the time at its end, `span.ground_1` the ground
-        acceleration at this time.
-    slope : float
-        Rate of the ground acceleration in the step, m/s^3.
-    sums : _FloorSums
-        Sums over all floors and stories at the end of the step: momentum (sum of m v), inertia (sum
-        of m a), power of the dampers, and half of its rate (`half_viscous_rate`). The last field,
-        `viscous_per_acceleration`, is the increase of `half_viscous_rate` if all accelerations
-        increase by 1 m/s^2.
-    memory : Memory
-        State and status of the step.
-    seen : Seen
-        Arrays of the observer. In the totals of the run, the energies of the load and of the
-        dampers and the reference energy are updated. If OWN_WORK is 0, TOTAL_INERTIA and
-        VISCOUS_PER_ACCELERATION are stored for `shift_ground`, which updates the rates at a jump of
-        the ground acceleration.
+    ENERGY_REFERENCE, the divisor of the relative energy imbalance, is the maximum until now of
+    initial energy plus work of the load. TOTAL_INERTIA and VISCOUS_PER_ACCELERATION are stored for
+    `shift_ground`.
     """
     _, modal, _, forces, flags = scene
     totals = seen.totals
     n = scene.linear_terms.shape[1] - 1
     if flags[rows.OWN_WORK] == 0.0:
-        # Power of the ground motion and of the dampers at the end of the step, and their rates.
-        # `rate` excludes the term -ag' (sum of m v). `viscous_rate` is half of the rate; it is
-        # doubled below.
+        # `rate` excludes the term -ag' (sum of m v). `viscous_rate` is half of the rate.
         power = -span.ground_1 * sums.momentum
         rate = -span.ground_1 * sums.inertia
         viscous_power = sums.viscous_power
@@ -352,8 +301,6 @@ def _update_energies(scene, span, slope, sums, memory, seen):
         totals[rows.TOTAL_INERTIA] = sums.inertia
         totals[rows.VISCOUS_PER_ACCELERATION] = sums.viscous_per_acceleration
         if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-            # `additional` is the power of the forces on floors and its rate, then the power of
-            # modal damping and half of its rate.
             additional = _additional_powers(
                 modal, forces, span.t, memory.state, seen.observer_state, n
             )
@@ -377,39 +324,14 @@ def _update_energies(scene, span, slope, sums, memory, seen):
 
 @outlined
 def _observe_dashpots(span, linear_terms, state, seen):
-    """Update the work of the dashpots and the peaks of the drift rates.
+    """Update the work of the dashpots and the peaks of the drift rates; return True if a drift rate
+    can exceed its peak in the step.
 
     The force F of a dashpot, linear or of a power law, depends on the drift rate v of its story
     only. Its power P = F v has the rate P' = (F + F' v) a, with the drift acceleration a and F' =
-    dF/dv. `_work` computes the work over the step from P and P' at the start and at the end. The
-    work of the dashpots is included in the work of all dampers (ENERGY_VISCOUS). It is subtracted
-    there and reported separately (ENERGY_DASHPOTS). The drift rates at the end of the step are
-    recorded as peaks. In the totals, sums over all stories are stored:
-
-        POWER_DASHPOTS               P at the end, W
-        RATE_DASHPOTS                P' at the end, W/s; both are the values at the start of the
-                                     next step
-        DASHPOTS_PER_ACCELERATION    half of the increase of P' if the accelerations of all floors
-                                     increase by 1 m/s^2; `shift_ground` uses it to update
-                                     RATE_DASHPOTS at a jump of the ground acceleration
-
-    Parameters
-    ----------
-    span : Span
-        Observed time step or substep.
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    state : ndarray
-        State of the method at the end of the step: displacements (m) and velocities (m/s).
-    seen : Seen
-        Arrays of the observer: response of the floors at the start of the step (rows U_PREVIOUS,
-        V_PREVIOUS, A_PREVIOUS), accelerations at its end (row OBSERVED_ACCELERATION), peaks and
-        totals.
-
-    Returns
-    -------
-    bool
-        True if a drift rate can exceed its peak in the step.
+    dF/dv. The work of the dashpots is part of the work of all dampers (ENERGY_VISCOUS). It is
+    subtracted there and reported separately (ENERGY_DASHPOTS). DASHPOTS_PER_ACCELERATION is half of
+    the increase of P' if the accelerations of all floors increase by 1 m/s^2, for `shift_ground`.
     """
     observer_state, peaks, _, totals, _ = seen
     h = span.h
@@ -424,7 +346,6 @@ def _observe_dashpots(span, linear_terms, state, seen):
         v_0, a_0 = observer_state[rows.V_PREVIOUS, i], observer_state[rows.A_PREVIOUS, i]
         rate = v - link * v_below
         drift_acceleration = a - link * a_below
-        # The last two fields, values one step before the start, are not used.
         ends = Ends(
             u_0 - link * u_0_below,
             v_0 - link * v_0_below,
@@ -440,16 +361,13 @@ def _observe_dashpots(span, linear_terms, state, seen):
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         linear_force = linear_terms[rows.DASHPOT, i] * rate
         power += (linear_force + dashpot_force) * rate
-        # Half of the derivative of the power with respect to the drift rate. The linear dashpot has
-        # the power c v^2 with the derivative 2 c v, the power-law dashpot the derivative F + F' v.
+        # Half of the derivative of the power with respect to the drift rate: c v of the linear
+        # dashpot, (F + F' v) / 2 of the power-law dashpot.
         half_derivative = linear_force + 0.5 * (dashpot_force + dashpot_tangent * rate)
         power_rate += 2.0 * half_derivative * drift_acceleration
-        # An equal change of all floor accelerations only changes the drift acceleration of stories
-        # on the ground.
         per_acceleration += (1.0 - link) * half_derivative
         u_below, v_below, a_below = u, v, a
         u_0_below, v_0_below, a_0_below = u_0, v_0, a_0
-    # At the start of a run (h = 0) there is no work.
     if h > 0.0:
         work = _work(h, totals[rows.POWER_DASHPOTS], power, totals[rows.RATE_DASHPOTS] - power_rate)
         totals[rows.ENERGY_DASHPOTS] += work
@@ -462,22 +380,7 @@ def _observe_dashpots(span, linear_terms, state, seen):
 
 @outlined
 def _update_peaks(ground, state, law_state, seen):
-    """Raise the peaks (maximum absolute values) by the response at the end of the step.
-
-    The quantities are drift, restoring force and total shear of the stories, displacement, velocity
-    and absolute acceleration of the floors.
-
-    Parameters
-    ----------
-    ground : float
-        Ground acceleration, m/s^2.
-    state : ndarray
-        State of the method: displacements (m) and velocities (m/s) relative to the ground.
-    law_state : ndarray
-        States of the hysteretic laws: drifts (m) and restoring forces (N).
-    seen : Seen
-        Arrays of the observer, with the relative accelerations (m/s^2) and total shears (N).
-    """
+    """Raise all peaks by the response at the end of the step."""
     observer_state, peaks, _, _, _ = seen
     for i in range(observer_state.shape[1] - 1):
         raise_peak(peaks, rows.PEAK_DRIFT, i, law_state[rows.DRIFT, i])
@@ -492,35 +395,11 @@ def _update_peaks(ground, state, law_state, seen):
 
 @outlined
 def _additional_powers(modal, forces, t, state, observer_state, n):
-    """Compute the power of the forces on floors and its rate, and the power of modal damping and
-    half of its rate.
+    """Return the power of the forces on floors (W) and its rate (W/s), the power of modal damping
+    and half of its rate.
 
-    A force p on a floor with the velocity v and the acceleration a has the power p v and its rate p
-    a + p' v. A damped mode with the row w of the modal damping matrix C = sum of w w^T has the
-    power (w^T v)^2 and its rate 2 (w^T v) (w^T a). The result contains half the rate,
-    because `_update_energies` doubles the sum over all dampers.
-
-    Parameters
-    ----------
-    modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
-    t : float
-        Time, s.
-    state : ndarray
-        State of the method with the velocities, m/s.
-    observer_state : ndarray
-        Memory of the observer with the accelerations, m/s^2.
-    n : int
-        Number of floors.
-
-    Returns
-    -------
-    float, float, float, float
-        Power of the floor forces (W) and its rate (W/s); power of modal damping (W) and half of its
-        rate (W/s).
+    A force p on a floor has the power p v with the rate p a + p' v. A damped mode with the row w
+    has the power (w^T v)^2; half of its rate is (w^T v) (w^T a).
     """
     power = 0.0
     rate = 0.0
@@ -547,41 +426,18 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
 
 @outlined
 def _change_per_acceleration(modal, forces, t, state, n):
-    """Compute the change of the rates of power for a unit increase of the floor accelerations.
+    """Return the change of two rates if all floor accelerations increase by 1 m/s^2: of the power
+    of the floor forces, and half of the rate of the power of modal damping.
 
-    If the ground acceleration jumps between two steps, the relative accelerations a of all floors
-    jump by the same value, and so do the rates of the powers (`shift_ground`). The velocities v do
-    not change. A force p on a floor has the power p v with the rate p' v + p a. A damped mode with
-    the row w of the modal damping matrix has the power (w^T v)^2; half of its rate is
-    (w^T v) (w^T a). If all accelerations increase by 1 m/s^2, the rate of the force increases by p,
-    and half of the rate of the mode by (w^T v) (sum of the elements of w).
-
-    Parameters
-    ----------
-    modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
-    t : float
-        Time, s.
-    state : ndarray
-        Row VELOCITY (m/s) is used.
-    n : int
-        Number of floors.
-
-    Returns
-    -------
-    float, float
-        Change of the rate of the power of all floor forces, and change of half of the rate of the
-        power of modal damping, each per 1 m/s^2.
+    With the rates of `_additional_powers`, these are the sum of all forces p and, for each mode,
+    (w^T v) (sum of the elements of w).
     """
     rate = 0.0
     half_viscous_rate = 0.0
     for j in range(forces.shape[0]):
         rate += force_value(forces, j, t)
     for j in range(modal.shape[0]):
-        # v_modal is w^T v, and a_modal is w^T a for accelerations of 1 m/s^2.
+        # w^T v, and w^T a for accelerations of 1 m/s^2
         v_modal = 0.0
         a_modal = 0.0
         for i in range(n):
@@ -596,31 +452,19 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     """Update the peaks with the response within the last step, and store its end as the next start.
 
     The kernel of the method can compute peaks within the step (`span.cornered`). These are merged
-    into the peaks of the run. If `may_exceed` is True, `find_interstep_peaks` computes further
-    peaks from the response at the endpoints. The quantities depend on the method:
+    into the peaks of the run. If `may_exceed` (the result of `observe`) is True,
+    `find_interstep_peaks` computes further peaks from the response at the endpoints. The quantities
+    depend on the method:
 
         no peaks computed by the method                     all quantities
         peaks computed, parabolic displacements (on_path)   all quantities except absolute
                                                             accelerations and total shears
         peaks computed, other methods                       no quantity
 
-    The response at the end is then stored in the rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS of the
-    memory of the observer. If the building has modes that the step does not resolve (`span.fast`),
-    the former contents of V_PREVIOUS and A_PREVIOUS are kept in the rows V_EARLIER and A_EARLIER.
-    `find_interstep_peaks` needs the response of two successive steps to detect unresolved motion.
-
-    Parameters
-    ----------
-    may_exceed : bool
-        True if a peak may be exceeded in the step: result of `observe`.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    span : Span
-        Observed step.
-    memory : Memory
-        State, law states, scratch array and status of the step.
-    seen : Seen
-        Arrays of the observer.
+    The response at the end then replaces the rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS. If the
+    building has modes that the step does not resolve (`span.fast`), the former velocities and
+    accelerations are kept in the rows V_EARLIER and A_EARLIER: `find_interstep_peaks` needs the
+    response of two successive steps to detect unresolved motion.
 
     Returns
     -------
@@ -634,22 +478,15 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     n = scene.linear_terms.shape[1] - 1
     reversals = 0
     if span.cornered:
-        # STEP_PEAKS is the first row of the peaks that the step has computed in `scratch`, or 0 if
-        # it has computed no peaks (`span.cornered` is then False).
         _merge_step_peaks(int(step_status[rows.STEP_PEAKS]), scratch, peaks, n)
         step_status[rows.STEP_PEAKS] = 0.0
     if may_exceed and (span.on_path or not span.cornered):
-        # The fields are table and first row of the response at the start of the step, table with
-        # displacement and velocity at its end, table and row of the acceleration at its end.
         passage = Passage(
             observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
         )
-        # The last argument, 0, is the first row of the peaks in `peaks`.
         reversals = find_interstep_peaks(
             span, scene, passage, law_state, observer_state, rows.REVERSAL_DRIFT, peaks, 0
         )
-    # Store the response at the end as the start of the next step, and the response at the start as
-    # the earlier response.
     if span.fast:
         for i in range(n):
             observer_state[rows.V_EARLIER, i] = observer_state[rows.V_PREVIOUS, i]
@@ -660,21 +497,9 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
 
 @outlined
 def _merge_step_peaks(first, scratch, peaks, n):
-    """Merge the peaks that the step has computed into the peaks of the run.
+    """Merge the peaks in the scratch rows from `first` on into the peaks of the run.
 
-    The scratch rows of the step receive the merged peaks, so that the next step can compare with
-    them.
-
-    Parameters
-    ----------
-    first : int
-        First scratch row of the peaks.
-    scratch : ndarray
-        Scratch array of the step: one row per quantity, one column per floor or story.
-    peaks : ndarray
-        Peaks of the run.
-    n : int
-        Number of floors.
+    The scratch rows receive the merged peaks, so that the next step can compare with them.
     """
     for row in range(peaks.shape[0]):
         for i in range(n):
@@ -684,19 +509,7 @@ def _merge_step_peaks(first, scratch, peaks, n):
 
 @inline
 def store_previous(state, observer_state, n):
-    """Store displacements, velocities and accelerations as the start of the next observed step.
-
-    Rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS of the memory of the observer are set.
-
-    Parameters
-    ----------
-    state : ndarray
-        State of the method: rows DISPLACEMENT (m) and VELOCITY (m/s) are used.
-    observer_state : ndarray
-        Memory of the observer: row OBSERVED_ACCELERATION (m/s^2) is used.
-    n : int
-        Number of floors.
-    """
+    """Store displacements, velocities and accelerations as the start of the next observed step."""
     for i in range(n):
         observer_state[rows.U_PREVIOUS, i] = state[rows.DISPLACEMENT, i]
         observer_state[rows.V_PREVIOUS, i] = state[rows.VELOCITY, i]
@@ -720,26 +533,18 @@ def shift_ground(scene, load, shifts, memory, seen):
         RATE_VISCOUS     rate of the power of all dampers, linear in a
         RATE_DASHPOTS    rate of the power of the dashpots, linear in a
 
+    STATE_GROUND of the status, the ground acceleration for which the accelerations of the state are
+    valid, changes from the old to the new value.
+
     Parameters
     ----------
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     shifts : ndarray
-        Change of each row of the state per unit increase of the accelerations.
-    memory : Memory
-        State and status of the step. STATE_GROUND of the status, the ground acceleration for which
-        the accelerations of the state are valid, changes from the old to the new value.
-    seen : Seen
-        Arrays of the observer: accelerations of the floors and totals of the run are changed.
+        Change of each row of the state per unit increase of the accelerations. In a multi-step
+        method, several rows depend on accelerations.
     """
     linear_terms, modal, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
     ground = load[rows.GROUND_0]
-    # All relative accelerations change by the old minus the new ground acceleration. The rows of
-    # the state of a multi-step method can also depend on accelerations: the factor of a row is in
-    # `shifts`.
     shift = memory.step_status[rows.STATE_GROUND] - ground
     memory.step_status[rows.STATE_GROUND] = ground
     n = linear_terms.shape[1] - 1
@@ -751,11 +556,8 @@ def shift_ground(scene, load, shifts, memory, seen):
         a = observer_state[rows.A_PREVIOUS, i] + shift
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
         observer_state[rows.A_PREVIOUS, i] = a
-    # The ground acceleration ag changes by -shift, and all accelerations a by shift. Update the
-    # power of the load, -ag (sum of m v), and the term -ag (sum of m a) of its rate. MOMENTUM is
-    # the sum of m v. TOTAL_INERTIA is the sum of m a before the jump. It is also updated here,
-    # because the next jump occurs before `observe` stores a new sum if the step fails and is
-    # halved.
+    # TOTAL_INERTIA is still the sum before the jump. It is updated here, because the next jump
+    # occurs before `observe` stores a new sum if the step fails and is halved.
     totals[rows.POWER_INPUT] += shift * totals[rows.MOMENTUM]
     totals[rows.RATE_INPUT] += shift * (
         totals[rows.TOTAL_INERTIA] - ground * totals[rows.TOTAL_MASS]
@@ -765,8 +567,6 @@ def shift_ground(scene, load, shifts, memory, seen):
     totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
     totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        # `rate` is the change of RATE_INPUT per unit change of a by the forces on floors,
-        # `half_viscous_rate` half of the change of RATE_VISCOUS by modal damping.
         rate, half_viscous_rate = _change_per_acceleration(modal, forces, load[rows.TIME], state, n)
         totals[rows.RATE_INPUT] += shift * rate
         totals[rows.RATE_VISCOUS] += 2.0 * shift * half_viscous_rate
@@ -774,27 +574,10 @@ def shift_ground(scene, load, shifts, memory, seen):
 
 @outlined
 def _store_additional_forces(modal, forces, t, state, observer_state, n):
-    """Store the forces on floors and the modal damping forces at time `t`.
+    """Store the forces on floors minus the modal damping forces (FLOOR_FORCE) and the modal damping
+    forces (MODAL_FORCE), N.
 
-    Row FLOOR_FORCE receives the forces on floors minus the modal damping forces, row MODAL_FORCE
-    the modal damping forces. The function is not called for a building without modal damping and
-    without forces on floors; both rows then remain zero.
-
-    Parameters
-    ----------
-    modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
-    t : float
-        Time, s.
-    state : ndarray
-        State of the method: row VELOCITY (m/s) is used.
-    observer_state : ndarray
-        Rows FLOOR_FORCE and MODAL_FORCE are set, N.
-    n : int
-        Number of floors.
+    In a building without both, the function is not called, and the rows remain zero.
     """
     for i in range(n):
         observer_state[rows.FLOOR_FORCE, i] = 0.0
@@ -810,47 +593,21 @@ def _store_additional_forces(modal, forces, t, state, observer_state, n):
 def _work(h, power_0, power_1, change):
     """Return the work over a step, J, by the corrected trapezoidal (Hermite) rule of order 4.
 
-    With power P and its rate P' at the start (0) and at the end (1) of the step of length h, the
-    work is h (P0 + P1) / 2 + h^2 (P0' - P1') / 12.
-
-    Parameters
-    ----------
-    h : float
-        Length of the step, s.
-    power_0, power_1 : float
-        Power at both endpoints, W.
-    change : float
-        Rate of the power at the start minus its rate at the end, W/s.
+    `change` is the rate of the power at the start minus its rate at the end, W/s.
     """
     return 0.5 * h * (power_0 + power_1) + h * h / 12.0 * change
 
 
 @inline
 def _add_work(span, slope, current, totals):
-    """Add the work of the load and of the dampers in a step to the energies of the run.
+    """Add the work of the load and of all dampers in a step, and store the powers at its end
+    (`current`).
 
-    The work is h (P0 + P1) / 2 + h^2 (P0' - P1') / 12 with the powers P and their rates P' at the
-    start (in `totals`) and at the end (`current`). The powers at the end are stored for the next
-    step. The dampers are all floor and story dampers, modal damping and all dashpots. Their work is
-    added to ENERGY_VISCOUS; `_observe_dashpots` later moves the work of the dashpots to
+    The work of the dashpots is added to ENERGY_VISCOUS; `_observe_dashpots` later moves it to
     ENERGY_DASHPOTS.
-
-    Parameters
-    ----------
-    span : Span
-        Observed time step; its length h (s) is used.
-    slope : float
-        Rate of the ground acceleration in the step, m/s^3.
-    current : _PowerValues
-        Powers at the end of the step.
-    totals : ndarray
-        Totals of the run: ENERGY_INPUT and ENERGY_VISCOUS are updated. The powers, their rates
-        and MOMENTUM (sum of mass times velocity, N s) change from the values at the start to the
-        values at the end of the step.
     """
-    # `change` is the rate of a power at the start minus its rate at the end. The rate of the ground
-    # acceleration contributes minus `slope` times the momentum to the rate of the power of the
-    # load; RATE_INPUT and `current.rate` do not contain this contribution.
+    # The rate of the ground acceleration contributes -`slope` times the momentum to the rate of the
+    # power of the load; RATE_INPUT and `current.rate` do not contain this contribution.
     change = (
         totals[rows.RATE_INPUT] - current.rate - slope * (totals[rows.MOMENTUM] - current.momentum)
     )
@@ -871,12 +628,8 @@ def initialize_energies(linear_terms, totals):
     """Store the initial energies (J) and the total mass of the building (kg) in `totals`.
 
     The kernel `sum_law_energies` must have stored the kinetic, strain and hysteretic energy of the
-    initial state before. ENERGY_INITIAL is the sum of kinetic and strain energy. ENERGY_REFERENCE,
-    the divisor of the relative energy imbalance, is the largest value so far of the sum
-    ENERGY_INITIAL + work of the load; at the start, it is ENERGY_INITIAL. The energy that the laws
-    have dissipated on the path to the initial drifts, INITIAL_DISSIPATION, is subtracted from all
-    later values of the hysteretic energy. Row MASS of `linear_terms` contains the masses of the
-    floors, kg.
+    initial state before. The energy that the laws have dissipated on the path to the initial
+    drifts, INITIAL_DISSIPATION, is subtracted from all later values of the hysteretic energy.
     """
     totals[rows.TOTAL_MASS] = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -889,34 +642,17 @@ def initialize_energies(linear_terms, totals):
 
 @outlined
 def store(ground, fitted_ground, memory, seen, row):
-    """Write one row of the history: ground acceleration, response of all floors, and energies (J).
-
-    The energies in `totals` must have been updated before.
+    """Write row `row` of the history; the energies in `totals` must have been updated before.
 
     In a step longer than a sampling interval, the load of the equations is not the ground
     acceleration itself, but a straight line fitted to it. The relative accelerations of the floors
     are in equilibrium with this line. The absolute accelerations are therefore their sums with the
     value of the line, `fitted_ground`. The history shows the actual ground acceleration, `ground`.
-
-    Parameters
-    ----------
-    ground : float
-        Ground acceleration of the motion at the time of the row, m/s^2.
-    fitted_ground : float
-        Value of the fitted line at the end of the step, m/s^2. Equal to `ground` at the start of a
-        run and for steps that are not longer than a sampling interval.
-    memory : Memory
-        State and law states.
-    seen : Seen
-        Arrays of the observer; `history` is written.
-    row : int
-        Row of the history.
+    Both are equal at the start of a run and in steps that are not longer than a sampling interval.
     """
     state, law_state = memory.state, memory.law_state
     observer_state, _, _, totals, history = seen
     n = observer_state.shape[1] - 1
-    # The columns are ground acceleration; displacement, velocity and absolute acceleration of n
-    # floors; shear of n stories; energies.
     history[row, 0] = ground
     for i in range(n):
         history[row, 1 + i] = state[rows.DISPLACEMENT, i]
@@ -932,10 +668,9 @@ def store(ground, fitted_ground, memory, seen, row):
 def exceeds_limits(law_state, seen):
     """Return True if the peak drift of a story exceeds its limit or a story has failed.
 
-    `law_state` is the table of the law states, `seen` contains the peaks and the limits. The limit
-    is the drift ratio LIMIT times the story height HEIGHT (m). A story has failed if row INTERNAL
-    of its law state has the value FAILED. Stories without a limit have the height nan, and stories
-    without a failure the value nan in row FAILED: the comparisons are then False.
+    A story has failed if row INTERNAL of its law state has the value FAILED. Stories without a
+    limit have the height nan, and stories without a failure the value nan in row FAILED: the
+    comparisons are then False.
     """
     limits = seen.limits
     is_exceeded = False
@@ -952,21 +687,9 @@ def record_collapse(law_state, steps, seen):
     """Store the story and the step of the collapse, and the energies at this time, in `totals`.
 
     The story is the lowest failed story. If no story has failed, it is the story with the largest
-    excess of its peak drift ratio (peak drift / height) over its limit. A story has failed if its
-    row INTERNAL has the value that its law assigns at a failure (row FAILED of the limits; nan,
-    which is equal to no value, for laws without failure). Call this function only if a story has
-    failed or exceeds its limit (`exceeds_limits`); otherwise only the energies would be stored. The
-    energies in `totals` must have been updated before.
-
-    Parameters
-    ----------
-    law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
-    steps : int
-        Number of complete steps.
-    seen : Seen
-        Arrays of the observer: the peaks and the collapse limits are used; the rows COLLAPSE_STEP,
-        COLLAPSE_STORY, COLLAPSE_FAILED and COLLAPSE_ENERGIES of the totals are set.
+    excess of its peak drift ratio (peak drift / height) over its limit. Call this function only if
+    `exceeds_limits` is True; otherwise only the energies would be stored. The energies in `totals`
+    must have been updated before. `steps` is the number of complete steps.
     """
     _, peaks, limits, totals, _ = seen
     largest_excess = 0.0
@@ -980,7 +703,7 @@ def record_collapse(law_state, steps, seen):
             largest_excess = excess
             totals[rows.COLLAPSE_STEP] = steps
             totals[rows.COLLAPSE_STORY] = i
-    # The first elements of `totals` are the energies, then ENERGY_INITIAL and ENERGY_REFERENCE.
+    # The energies, ENERGY_INITIAL and ENERGY_REFERENCE.
     for j in range(rows.ENERGY_TERMS + 2):
         totals[rows.COLLAPSE_ENERGIES + j] = totals[j]
 
@@ -1000,12 +723,8 @@ _call_update_shear_peaks = indirect_caller(UPDATE_SHEAR_PEAKS)
 
 @inline
 def call_initialize_laws(initialize_laws, scene, memory):
-    """Move the laws of all stories to the initial drifts, by the kernel `initialize_laws`.
-
-    `initialize_laws` is the address of the kernel, `scene` contains the building and the parameters
-    of its laws, and `memory` the initial displacements. The law states in `memory` are set. The
-    kernel receives plain arrays, because a named tuple cannot be an argument of a call by address.
-    """
+    """Call the kernel `initialize_laws` by its address. It receives plain arrays, because a named
+    tuple cannot be an argument of such a call."""
     _call_initialize_laws(
         initialize_laws, scene.linear_terms, scene.law_parameters, memory.state, memory.law_state
     )
@@ -1013,21 +732,10 @@ def call_initialize_laws(initialize_laws, scene, memory):
 
 @inline
 def update_law_energies(sum_law_energies, scene, memory, seen):
-    """Update the kinetic, strain and hysteretic energy in `seen.totals`, J.
+    """Update the kinetic, strain and hysteretic energy in `seen.totals`, by the address of
+    `sum_law_energies`.
 
-    The kernel `sum_law_energies` is called by its address. The energies refer to the current state.
-    They are computed only when they are needed, because all laws must be evaluated.
-
-    Parameters
-    ----------
-    sum_law_energies : Kernel
-        Kernel that sums the energies of the laws.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    memory : Memory
-        State, law states, scratch array and status of the step.
-    seen : Seen
-        Arrays of the observer.
+    The energies are computed only when they are needed, because all laws must be evaluated.
     """
     _call_sum_law_energies(
         sum_law_energies,
@@ -1041,21 +749,8 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
 
 @inline
 def update_reversal_shears(update_shear_peaks, scene, memory, seen):
-    """Update the peak shears at reversals within the last step, by the kernel `update_shear_peaks`.
-
-    The drifts of the reversals are in row REVERSAL_DRIFT of the memory of the observer.
-
-    Parameters
-    ----------
-    update_shear_peaks : Kernel
-        Kernel that computes the shears at reversals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    memory : Memory
-        State, law states, scratch array and status of the step.
-    seen : Seen
-        Arrays of the observer.
-    """
+    """Update the peak shears at the reversals in row REVERSAL_DRIFT, by the address of
+    `update_shear_peaks`."""
     _call_update_shear_peaks(
         update_shear_peaks,
         scene.law_parameters,
@@ -1068,26 +763,7 @@ def update_reversal_shears(update_shear_peaks, scene, memory, seen):
 
 @kernel(INITIALIZE_LAWS, parts=("laws",))
 def initialize_laws(linear_terms, law_parameters, state, law_state):
-    """Move the hysteretic laws of all stories from zero drift to their initial drifts.
-
-    The drift of a story is the difference of the displacements of the floors above and below.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    law_parameters : ndarray
-        Parameters of the hysteretic laws: one row per parameter, one column per story.
-    state : ndarray
-        State of the method with the initial displacements.
-    law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
-
-    Returns
-    -------
-    int
-        Always 0, because the evaluation cannot fail.
-    """
+    """Move the hysteretic laws of all stories from zero drift to their initial drifts; return 0."""
     displacement_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         start(
@@ -1102,30 +778,11 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
 
 @kernel(SUM_LAW_ENERGIES, parts=("laws",))
 def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
-    """Store the kinetic, strain and hysteretic energy of the current state in `totals`, J.
+    """Store the kinetic, strain and hysteretic energy of the current state in `totals`, J; return
+    0.
 
-    The kinetic energy is the sum of m v^2 / 2 over the floors, with velocities relative to the
-    ground. The strain energy is the sum of the energies stored by the laws and of the energy g d^2
-    / 2 of P-delta (geometric stiffness g, drift d). The hysteretic energy is the dissipated energy
-    since the start of the run.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    law_parameters : ndarray
-        Parameters of the hysteretic laws: one row per parameter, one column per story.
-    state : ndarray
-        State of the method: row VELOCITY (m/s) is used.
-    law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
-    totals : ndarray
-        Totals of the run.
-
-    Returns
-    -------
-    int
-        Always 0, because the evaluation cannot fail.
+    The kinetic energy refers to velocities relative to the ground. The strain energy includes
+    P-delta. The hysteretic energy is the dissipated energy since the start of the run.
     """
     kinetic = 0.0
     strain = 0.0
@@ -1148,38 +805,21 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
 
 @kernel(UPDATE_SHEAR_PEAKS, parts=("laws",))
 def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
-    """Update the peak shears of the stories with a reversal within the last step.
+    """Update the peak shears of the stories with a reversal within the last step; return 0.
 
     The law states at the start of the step are no longer available. Therefore, the law moves from
     its state at the end of the step back to the drift of the reversal. The result is the force at
     the reversal if unloading after the reversal and reloading follow the same branch. Otherwise, it
-    is an approximation. The first trial state in `law_state` is overwritten; the state at the end
-    of the step is not changed.
+    is an approximation. FIRST_TRIAL is overwritten.
 
     Parameters
     ----------
-    law_parameters : ndarray
-        Parameters of the hysteretic laws: one row per parameter, one column per story.
-    law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
     reversal_drifts : ndarray
-        Table with the drifts of the reversals.
-    row : int
-        Row of these drifts, m. For a story without a reversal, the row contains the drift at the
-        end of the step.
-    peaks : ndarray
-        Peaks of the run.
-
-    Returns
-    -------
-    int
-        Always 0, because the evaluation cannot fail.
+        Table with the drifts of the reversals, m, in row `row`; the drift at the end of the step
+        for a story without a reversal.
     """
-    # A reversal drift that differs from the drift at the end of the step marks a reversal.
     for i in range(peaks.shape[1]):
         if reversal_drifts[row, i] != law_state[rows.DRIFT, i]:
-            # Compute the force on the path from the state at the end of the step (block COMMITTED)
-            # and store it in block FIRST_TRIAL.
             restoring_force_outlined(
                 law_parameters,
                 law_state,
