@@ -74,10 +74,8 @@ _PAIR_TEXTS = {
 
 
 def pair_text(demand: str) -> str:
-    """Return the text in figures for a measure of both components of a pair.
-
-    `demand` is `geometric-mean`, `rotd50`, `rotd100`, or another text, which is returned unchanged.
-    """
+    """Return the text in figures for a measure of both components of a pair; a `demand` that is not
+    in `_PAIR_TEXTS` is returned unchanged."""
     return _PAIR_TEXTS.get(demand, demand)
 
 
@@ -109,7 +107,7 @@ def measure_words(name: str) -> str:
 def _period_text(period: float) -> str:
     """Return a period with four digits, and with at least two decimals: 0.90, 1.095, 12.00."""
     text = number_text(period)
-    # `partition(".")[2]` is the part after the decimal point; a power of ten is kept.
+    # A power of ten is kept.
     return text if len(text.partition(".")[2]) > 1 or "e" in text else f"{period:.2f}"
 
 
@@ -124,12 +122,8 @@ def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     unit : str
         Unit of the existing axis. For g and for units of other quantities, no axis is added.
-    horizontal : bool
-        True if the accelerations are on the x axis; by default they are on the y axis.
     """
     if unit == "g" or unit not in ACCELERATION:
         return
@@ -150,18 +144,7 @@ def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
 def draw_median(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 3.0) -> Any:
     """Plot the median over all ground motions, and return the line for the legend.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    x : ndarray, shape (k,)
-        Values on the x axis, such as periods.
-    rows : ndarray, shape (motions, k)
-        Values of each ground motion; nan is ignored.
-    color : str
-        Color of the line.
-    zorder : float
-        Position of the line in front of other lines.
+    `rows` has one row of values at `x` for each ground motion; nan is ignored.
     """
     return axes.plot(x, np.nanmedian(rows, axis=0), color=color, linewidth=2.0, zorder=zorder)[0]
 
@@ -169,23 +152,8 @@ def draw_median(axes: Any, x: Array, rows: Array, color: str, *, zorder: float =
 def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 2.5) -> Any:
     """Plot the fractiles `FRACTILES` over all ground motions as dashed lines.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    x : ndarray, shape (k,)
-        Values on the x axis, such as periods.
-    rows : ndarray, shape (motions, k)
-        Values of each ground motion; nan is ignored.
-    color : str
-        Color of the lines.
-    zorder : float
-        Position of the lines in front of other lines.
-
-    Returns
-    -------
-    Line2D
-        The line of the upper fractile, which represents both lines in the legend.
+    `rows` has one row of values at `x` for each ground motion; nan is ignored. The returned line of
+    the upper fractile represents both lines in the legend.
     """
     low, high = np.nanpercentile(rows, FRACTILES, axis=0)
     axes.plot(x, low, color=color, linestyle=DASHES[1], zorder=zorder)
@@ -194,24 +162,13 @@ def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: floa
 
 def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPeriods = ()) -> Figure:
     """Plot the response spectra of a suite of scaled ground motions, with the target of the
-    scaling.
-
-    Parameters
-    ----------
-    scaling : Scaling
-        Scaled ground motions.
-    units : OutputUnits
-        Units of the axes; SI by default.
-    periods : sequence of (str, float)
-        Names and first periods of the buildings, s, which are marked; none by default.
-    """
+    scaling. `periods` are names and first periods (s) of buildings to be marked."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     axes = figure.subplots()
     draw_suite(axes, scaling, units)
     if periods:
         mark_first_periods(axes, periods)
         axes.legend(loc="lower left")
-    # The target is described as a design spectrum, a file, or the value of an intensity measure.
     target = ""
     if scaling.target is not None:
         source = scaling.target.source
@@ -232,8 +189,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
         "ec8": f"scaled to {target} by EN 1998-1",
         "p695": f"normalized by FEMA P-695{median}",
     }
-    # Many names would not fit, so the title states the number of records, or the name of a single
-    # record.
+    # Many names would not fit.
     records = [record for motion in scaling.motions for record in components(motion)]
     noun = "record" if isinstance(scaling.motions[0], Record) else "pair"
     subject = pluralize(len(scaling.motions), noun)
@@ -249,17 +205,10 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
 def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     """Plot the spectra of scaled ground motions with their median, fractiles and target.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel, with the period on the x axis.
-    scaling : Scaling
-        Scaled ground motions. Records that were not selected are drawn in light gray.
-    units : OutputUnits
-        Unit of the accelerations.
+    Records that were not selected are drawn in light gray.
     """
-    # The periods include all periods of the target. The sampling interval limits the shortest
-    # period, because it must be resolved by the samples.
+    # The periods include all periods of the target. The shortest period must be resolved by the
+    # samples.
     low, high, count = _PERIODS
     for target_periods in (scaling.periods, _target_periods(scaling)):
         if target_periods is not None and len(target_periods) and target_periods[0] > 0.0:
@@ -267,8 +216,8 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
             high = max(high, 1.25 * float(target_periods[-1]))
     intervals = [record.dt for motion in scaling.motions for record in components(motion)]
     periods = np.geomspace(max(low, _MIN_INTERVALS * max(intervals)), high, int(count))
-    # The figure contains one line for each ground motion. FEMA P-695 uses the median of all
-    # components; for this rule, the figure therefore contains one line for each component.
+    # One line for each ground motion. FEMA P-695 uses the median of all components: one line for
+    # each component.
     quantity = "record" if isinstance(scaling.motions[0], Record) else "pair"
     if quantity == "pair" and scaling.rule == "p695":
         quantity = "component"
@@ -315,19 +264,8 @@ def _draw_target(
 ) -> None:
     """Plot the target of a scaling: a target spectrum, or the value of an intensity measure.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel, with the period on the x axis.
-    scaling : Scaling
-        Scaled ground motions with their target.
-    periods : ndarray, shape (k,)
-        Periods of the spectra, s.
-    spectra : ndarray, shape (motions, k)
-        Scaled spectra in the unit of the axis. Their average is drawn if the rule of the scaling
-        limits it.
-    units : OutputUnits
-        Unit of the accelerations.
+    `spectra` are the scaled spectra in the unit of the axis, shape (motions, periods). Their
+    average is drawn if the rule of the scaling limits it.
     """
     red = COLORS[1]
     if scaling.target is not None and scaling.periods is not None:
@@ -400,14 +338,8 @@ def ida_picture(study: IdaStudy) -> Figure:
 def draw_ida(axes: Any, study: IdaStudy) -> None:
     """Plot the curves of an incremental dynamic analysis with their fractiles and capacities.
 
-    Each ground motion has a curve. Runs without a result are marked by crosses at the right edge.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    study : IdaStudy
-        Incremental dynamic analysis, with a state for each level of initial damage.
+    Runs without a result are marked by crosses at the right edge. `study` has a state for each
+    level of initial damage.
     """
     # The drift axis ends at the collapse drift if a building collapses or nearly collapses.
     limit = study.model.collapse_drift
@@ -427,7 +359,7 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
     for state in states:
         _draw_capacities(axes, state, limit)
-    # The drift ratio of a failed run is unknown, so that its mark is at the drift limit.
+    # The drift ratio of a failed run is unknown.
     failed_levels = [
         run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)
     ]
@@ -440,7 +372,6 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
             label="run without a result",
             clip_on=False,
         )
-    # The intensity axis ends above the capacities and the maximum levels without collapse.
     capacities = (curve.collapse.capacity for curve in study.motion_curves)
     stable = (run.im for curve in study.motion_curves for run in curve.stable)
     highest = max((*filter(math.isfinite, capacities), *stable), default=0.0)
@@ -457,18 +388,8 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, plot_style: dict[str, 
     """Plot the curve of a ground motion: intensity over maximum drift ratio in percent.
 
     The curve leads from the origin, or from the residual drift of a damaged building, through the
-    runs without collapse. At the capacity, it continues horizontally to the right edge.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    curve : IdaCurve
-        Runs under a ground motion.
-    limit : float
-        Maximum drift ratio of the panel.
-    plot_style : dict
-        Line style.
+    runs without collapse. At the capacity, it continues horizontally to the right edge. `limit` is
+    the maximum drift ratio of the panel.
     """
     drift = [curve.residual_drift_ratio, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
@@ -479,29 +400,17 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, plot_style: dict[str, 
 
 
 def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
-    """Plot the fractiles of the curves for a state of initial damage.
+    """Plot the fractiles of the curves for a state of initial damage; only the median if there are
+    `several` states.
 
     Fewer than `_MIN_MOTIONS` curves have no fractiles; they are drawn in the color of the state if
-    there are several states.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    study : IdaStudy
-        Incremental dynamic analysis of the intact or the damaged building.
-    limit : float
-        Maximum drift ratio of the panel.
-    color : str
-        Color of the state.
-    several : bool
-        True if the figure contains several states; then only the median is drawn.
+    there are several states. `limit` is the maximum drift ratio of the panel.
     """
     damage = study.motion_curves[0].damage
     state = f"damaged to {100.0 * damage:g} %" if damage else "intact"
     if len(study.motion_curves) < _MIN_MOTIONS:
         for i, curve in enumerate(study.motion_curves if several else ()):
-            # All curves of a state have the same style, so only the first has a legend entry.
+            # The curves of a state have the same style and one legend entry.
             style = {"color": color, "linewidth": 1.6, "label": "" if i else state}
             _draw_curve(axes, curve, limit, style)
         return
@@ -522,20 +431,10 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
-    """Mark the capacity of each curve, or the last level of a curve without collapse. A curve
-    without a run that is free of collapse has no mark, because the capacity has no drift.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    study : IdaStudy
-        Incremental dynamic analysis of the intact or the damaged building.
-    limit : float
-        Maximum drift ratio of the panel; marks of larger drifts are at this ratio.
-    """
-    # `groups` contains the points (drift ratio in percent, intensity) of each type of mark, which
-    # is a marker, its filling and its label.
+    """Mark the capacity of each curve, or the last level of a curve without collapse, at a drift
+    ratio of at most `limit`. A curve without a run that is free of collapse has no mark, because
+    the capacity has no drift."""
+    # Points (drift ratio in percent, intensity) of each type of mark: marker, filling and label.
     collapse = ("o", COLORS[1], "capacity against collapse")
     resurrection = ("D", "white", "capacity, no collapse at a higher level")
     censored = ("^", "white", "does not collapse up to here")
@@ -584,15 +483,11 @@ _NAMES = {
 
 
 def fragility_picture(functions: Sequence[Fragility]) -> Figure:
-    """Plot fragility functions with their observations and confidence bands.
+    """Plot fragility functions of the same fit and intensity measure with their observations and
+    confidence bands.
 
     A cloud analysis has a second panel with its regression. If more than `_MAX_IN_PANEL` functions
     have a modeling dispersion, the functions with this dispersion have a separate panel.
-
-    Parameters
-    ----------
-    functions : sequence of Fragility
-        Functions of the same fit and intensity measure; at least one.
     """
     cloud = functions[0].cloud
     crowded = (
@@ -600,15 +495,12 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         and len(functions) > _MAX_IN_PANEL
         and any(function.modeling_dispersion for function in functions)
     )
-    # In a narrow figure, the two panels are below each other.
     stacked = crowded and is_narrow()
     figure = Figure(
         figsize=(6.8, 9.2) if stacked else (9.2 if cloud or crowded else 6.8, 4.6),
         layout="constrained",
     )
     if crowded:
-        # The fitted functions with their confidence bands are in the first panel, the functions
-        # with the modeling dispersion in the second panel.
         first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
         draw_functions(first, functions, total=False)
         end = _axis_end(functions)
@@ -635,7 +527,6 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         left, right = figure.subplots(1, 2)
         _draw_cloud(left, cloud, functions)
         draw_functions(right, functions)
-    # The title states the type of the fit, the estimation method and the number of records or runs.
     function = functions[0]
     title = _NAMES[function.fit]
     censored = {function.censored for function in functions}
@@ -644,20 +535,13 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     number = function.motions if function.fit == "stripes" else function.runs
     title += f"\n{pluralize(number, 'run' if function.fit == 'cloud' else 'record')}"
     if any(censored):
-        # If the number of censored observations differs between the functions, the title states
-        # "up to" the maximum.
+        # The number of censored observations can differ between the functions.
         title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
     return titled(figure, title)
 
 
 def types_picture(functions: Sequence[Fragility]) -> Figure:
-    """Plot fragility functions of building types, with a panel per type and a curve per state.
-
-    Parameters
-    ----------
-    functions : sequence of Fragility
-        Functions of all types and damage states; at least one.
-    """
+    """Plot fragility functions of building types, with a panel per type and a curve per state."""
     types = {
         name: [function for function in functions if function.type == name]
         for name in dict.fromkeys(f.type for f in functions)
@@ -695,17 +579,8 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
 
 
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
-    """Plot the fragility functions of a building type with observations and confidence bands.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    functions : sequence of Fragility
-        Functions of the type.
-    states : sequence of str
-        Damage states of all types. The position of a state determines the style of its curve.
-    """
+    """Plot the fragility functions of a building type with observations and confidence bands. The
+    position of a state in `states` determines the style of its curve."""
     end = _axis_end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for function in functions:
@@ -730,17 +605,8 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
 
 
 def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = True) -> None:
-    """Plot fragility functions with observations and confidence bands.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    functions : sequence of Fragility
-        Functions of the same intensity measure.
-    total : bool
-        True (the default) to add dotted lines that include the modeling dispersion.
-    """
+    """Plot fragility functions of the same intensity measure with observations and confidence
+    bands, and with dotted lines that include the modeling dispersion if `total`."""
     end = _axis_end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):
@@ -782,23 +648,7 @@ def _draw_band(
     alpha: float,
     linewidth: float,
 ) -> None:
-    """Plot the confidence band of a fragility function, unless its covariance is unknown.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    function : Fragility
-        Fragility function with the covariance of its parameters.
-    im : ndarray, shape (k,)
-        Intensities.
-    plot_style : dict
-        Color and dashes of both edges.
-    alpha : float
-        Opacity of the band, from 0 to 1.
-    linewidth : float
-        Line width of the edges, points.
-    """
+    """Plot the confidence band of a fragility function, unless its covariance is unknown."""
     if np.isfinite(function.covariance).all():
         low, high = function.band(im)
         axes.fill_between(im, low, high, color=plot_style["color"], alpha=alpha, linewidth=0.0)
@@ -807,11 +657,9 @@ def _draw_band(
 
 
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
-    """Add the legend of the fragility functions to a panel.
+    """Add the legend of the fragility functions to a panel. The first line of its title is `which`.
 
-    The first line of its title is `which`, for example the modeling dispersion; empty by default.
-    The second line is "exceedance of"; it is omitted for functions without a threshold of the
-    demand.
+    "exceedance of" is omitted for functions without a threshold of the demand.
     """
     exceeded = "" if math.isnan(functions[0].threshold) else "exceedance of"
     title = "\n".join(filter(None, (which, exceeded))) or None
@@ -826,21 +674,11 @@ def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") 
 
 
 def _draw_counted(axes: Any, function: Fragility, end: float, **plot_style: Any) -> None:
-    """Plot the observed fractions to which a fragility function was fitted.
+    """Plot the observed fractions to which a fragility function was fitted, up to the intensity
+    `end`.
 
     They are the fractions at intensity levels, the cumulative distribution of capacities, or the
     fractions of the runs of a cloud in bins of the intensity.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    function : Fragility
-        Fragility function with its observations.
-    end : float
-        End of the intensity axis; observations at larger intensities are omitted.
-    **look
-        Style of the markers.
     """
     points, counted = function.points, function.counted
     if points is None and counted is not None:
@@ -877,15 +715,7 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
     """Plot the runs of a cloud analysis and their regression line on logarithmic axes.
 
     Dashed lines have a distance of a standard deviation of the residuals from the regression line.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    cloud : CloudPoints
-        Demand and intensity of each run, and the regression of their logarithms.
-    functions : sequence of Fragility
-        Functions of the cloud; horizontal lines mark their thresholds.
+    Horizontal lines mark the thresholds of `functions`.
     """
     measured = ~(cloud.censored | cloud.below)
     axes.scatter(
@@ -929,18 +759,9 @@ def _im_label(function: Fragility) -> str:
 
 def _label(function: Fragility, beta_total: float | None = None) -> str:
     """Return the legend entry of a fragility function: demand threshold, initial damage if known,
-    median theta and dispersion beta.
+    median theta and dispersion beta, or `beta_total`, which includes the modeling dispersion.
 
-    The initial damage is the drift ratio that a previous earthquake has caused, in percent
-    ("damaged to 2 %"), or "intact" for zero.
-
-    Parameters
-    ----------
-    function : Fragility
-        Fragility function.
-    beta_total : float, optional
-        Dispersion that includes the modeling dispersion. If it is specified, the entry states it
-        instead of the dispersion of the function.
+    The initial damage is the drift ratio that a previous earthquake has caused, in percent.
     """
     threshold = f"{function.threshold_text}: " if function.threshold_text else ""
     if not math.isnan(function.damage):
