@@ -3,6 +3,41 @@
 Every table has one column for each story and the floor above it, counted from the ground, and one
 additional column that remains zero. The additional column represents the free end of the chain, so
 that a loop can access the next story without a test.
+
+Vocabulary: the following names have the same meaning in every kernel. The docstrings of kernels
+describe only their other arguments, and what they read and change. Units are SI; the comments below
+give the unit of each row.
+
+    i                  index of a story and of the floor above it, from 0 at the ground
+    n                  number of stories
+    h                  length of the step or substep, s
+    link               row LINK of a story: 1 on the floor below, 0 on the ground
+    ground             ground acceleration, m/s^2
+    u, v, a            displacement, velocity and acceleration of a floor relative to the ground;
+                       drift, rate and drift acceleration of a story
+    _0, _1, _c         suffixes: start and end of the step, inner point of a quadrature
+    by_x               derivative or factor of a quantity with respect to x
+    tangent, slope     stiffness of a law at a point, of a linear branch, N/m
+    side, direction    1 for increasing, -1 for decreasing drift
+
+    linear_terms       masses, dampers, geometric stiffnesses: one row per property
+    law_parameters     parameters of the hysteretic laws: one row per quantity
+    law_state          states of the laws: blocks of rows. A block is named by its first row:
+                       COMMITTED (0) is the state at the end of the last step or substep;
+                       FIRST_TRIAL, SECOND_TRIAL and THIRD_TRIAL are free for the current step.
+    block              first row of the state that a function reads and changes
+    previous, trial    first row of the state at the start and at the end of a path
+    state              memory of the method: displacements, velocities, accelerations
+    modal              rows w of the modal damping matrix C = sum of w w^T, one per damped mode
+    forces             harmonic forces on floors: one row per force
+    load               time and ground accelerations of the step
+    scratch            intermediate results of a step. A module numbers its rows by a named tuple
+                       (`chained`); an argument such as `out`, `first`, `row` or `factors` is the
+                       number of the first row of a group.
+    observer_state, peaks, totals, limits, history, flags, step_status    see below
+
+`scene`, `memory`, `seen`, `span`, `ends`, `results` and `segment` are the named tuples `Scene`,
+`Memory`, `Seen`, `Span`, `Ends`, `Integrals` and `PathSegment` of `tdint.kernels.stepping`.
 """
 
 from __future__ import annotations

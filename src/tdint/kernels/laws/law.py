@@ -69,16 +69,16 @@ class LawParameter:
 class LawFunctions:
     """Compiled functions of a drift law.
 
-    All functions use column `i` of the tables `law_parameters` and `law_state` (see
-    `tdint.kernels.layout`). A block (`previous`, `trial`, `block`) is the first row of one of the
-    states in `law_state`. Functions with a default of None are optional.
+    `tdint.kernels.layout` describes the tables and blocks that the arguments denote. Functions with
+    a default of None are optional. A law documents only its formulas, not these arguments.
 
     Attributes
     ----------
     force : function
         (law_parameters, law_state, i, previous, trial, drift) -> tangent stiffness, N/m. Computes
         the force of the story if the drift changes monotonically from the state in block `previous`
-        to `drift` (m). Writes FORCE and all other rows of the law's state to block `trial`.
+        to `drift` (m). Writes FORCE and all other rows of the law's state except DRIFT, which the
+        caller writes, to block `trial`.
     strain_energy : function
         (law_parameters, law_state, i) -> energy stored in the committed state, J.
     hysteretic_energy : function, optional
@@ -86,8 +86,8 @@ class LawFunctions:
         row DISSIPATED.
     accumulate_dissipation : function, optional
         (law_parameters, law_state, i, previous, trial). Sets DISSIPATED of block `trial` to
-        DISSIPATED of block `previous` plus the energy dissipated between the two states. Default:
-        copies DISSIPATED.
+        DISSIPATED of block `previous` plus the energy dissipated between the two states (J). Both
+        blocks already contain the other rows of the state. Default: copies DISSIPATED.
     keep : function, optional
         (law_parameters, law_state, i, previous, trial). Copies all rows except the common rows from
         block `trial` to the committed state. A law with this function stores its branch in every
@@ -98,8 +98,8 @@ class LawFunctions:
         initial stiffness and no limits.
     advance : function, optional
         (law_parameters, law_state, i, block, step, mean_force). Updates the rows other than DRIFT
-        and FORCE after a change of the drift by `step` (m) along a branch, with the mean force
-        `mean_force` (N). Default: adds the work to row WORK.
+        and FORCE, which the caller has set, after a change of the drift by `step` (m) along a
+        branch, with the mean force `mean_force` (N). Default: adds the work to row WORK.
     switch : function, optional
         (law_parameters, law_state, i, block, event). Selects the branch that follows when the
         current branch ends by `event` (ABOVE, BELOW or REVERSED). Sets SLOPE, LOWER, UPPER and
