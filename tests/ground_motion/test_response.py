@@ -9,7 +9,7 @@ from facts import states
 from ground_motion.files import START, counts, trace, wave, write
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.instrument import read_instruments
+from tdint.ground_motion.reading.instrument import parse_input_unit, read_instruments
 from tdint.ground_motion.reading.read import read_record, read_records
 
 with quiet_import():
@@ -26,10 +26,21 @@ GAIN = 40000.0
 """Counts per m/s^2."""
 
 
-def response(poles=(), zeros=(), factor=1.0, units="M/S**2", stages=True, taps=None):
+def response(
+    poles=(),
+    zeros=(),
+    factor=1.0,
+    units="M/S**2",
+    stages=True,
+    taps=None,
+    gain=GAIN,
+    sensitivity=GAIN,
+    sensitivity_units=None,
+    frequency=1.0,
+):
     sensor = PolesZerosResponseStage(
         1,
-        GAIN / 100,
+        gain / 100,
         1.0,
         units,
         "V",
@@ -57,7 +68,9 @@ def response(poles=(), zeros=(), factor=1.0, units="M/S**2", stages=True, taps=N
         denominator=[],
         **{f"decimation_{name}": value for name, value in decimation.items()},
     )
-    sensitivity = InstrumentSensitivity(GAIN, 1.0, units, "COUNTS")
+    stated = sensitivity and InstrumentSensitivity(
+        sensitivity, frequency, units if sensitivity_units is None else sensitivity_units, "COUNTS"
+    )
     chain = [sensor, digitizer] if stages else []
     if taps:
         delay = 0.01 * (len(taps) // 2)
@@ -67,7 +80,7 @@ def response(poles=(), zeros=(), factor=1.0, units="M/S**2", stages=True, taps=N
             **{f"decimation_{name}": value for name, value in decimation.items()},
         )  # fmt: skip
         chain.append(fir)
-    return Response(instrument_sensitivity=sensitivity, response_stages=chain)
+    return Response(instrument_sensitivity=stated, response_stages=chain)
 
 
 def station_xml(path, *channels, **options):
@@ -108,9 +121,177 @@ def test_flat_response_divides_by_gain(tmp_path):
     )
     assert any("zero offset" in note for note in record.notes)
     assert any(note.endswith("a.xml) is removed") for note in record.notes)
-    assert any(
-        "records M/S, not acceleration" in note for note in read(tmp_path, data, units="M/S").notes
+
+
+@pytest.mark.parametrize(
+    ("units", "value"),
+    [
+        ("M/S**2", 1.0),
+        ("M/S^2", 1.0),
+        ("m/s2", 1.0),
+        ("M/S/S", 1.0),
+        ("M/(S**2)", 1.0),
+        ("m s-2", 1.0),
+        ("M*S**-2", 1.0),
+        ("m.s^-2", 1.0),
+        ("m/s\N{SUPERSCRIPT TWO}", 1.0),
+        ("meters/second**2", 1.0),
+        ("Metre per second per second", 1.0),
+        ("M/SEC2 - Acceleration in meters per second per second", 1.0),
+        ("CM/S/S", 1e-2),
+        ("cm/sec^2", 1e-2),
+        ("GAL", 1e-2),
+        ("nm/s**2", 1e-9),
+        ("\N{MICRO SIGN}m/s**2", 1e-6),
+        ("\N{GREEK SMALL LETTER MU}m/s^2", 1e-6),
+        ("micrometers/s2", 1e-6),
+        ("G", 9.80665),
+        ("mg", 9.80665e-3),
+        ("IN/S**2", 0.0254),
+    ],
+)
+def test_acceleration_in_any_unit(tmp_path, units, value):
+    """The gain per unit is the gain per m/s^2 times the value of the unit; the record is equal."""
+    gain = GAIN * value
+    record = read(tmp_path, PULSE * 1e5, units=units, gain=gain, sensitivity=gain)
+    expected = read(tmp_path, PULSE * 1e5)
+    np.testing.assert_allclose(
+        record.acceleration, expected.acceleration, rtol=1e-9, atol=1e-9 * expected.pga
     )
+    assert record.warnings == expected.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "derivatives", "value"),
+    [
+        ("M", 0, 1.0),
+        ("nm", 0, 1e-9),
+        ("M/S", 1, 1.0),
+        ("m s-1", 1, 1.0),
+        ("CM/SEC", 1, 1e-2),
+        ("millimeters per second", 1, 1e-3),
+        ("feet/s", 1, 0.3048),
+    ],
+)
+def test_units_of_velocity_and_displacement(text, derivatives, value):
+    unit = parse_input_unit(text)
+    assert (unit.derivatives, unit.value, unit.text) == (derivatives, value, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["V", "COUNTS", "PA", "RAD/S", "M/M", "", None, "M/S**3", "MS2", "M*S**2", "S/M", "M/S-2", "T"],
+)
+def test_other_units_are_no_ground_motion(text):
+    assert parse_input_unit(text) is None
+
+
+@pytest.mark.parametrize("units", ["V", "PA", "M/S**3"])
+def test_first_stage_must_be_ground_motion(tmp_path, units):
+    """ObsPy would evaluate the stage as if its input were a displacement."""
+    with pytest.raises(
+        RecordError, match="must start with a ground motion.*is in " + re.escape(units)
+    ):
+        read(tmp_path, counts(), units=units)
+
+
+def velocity_sensor(corner=0.01):
+    """Return poles, zeros and factor of a velocity sensor whose gain is stated at 1 Hz."""
+    omega, s = 2 * np.pi * corner, 2j * np.pi
+    poles = [omega * (-1 + 1j) / np.sqrt(2), omega * (-1 - 1j) / np.sqrt(2)]
+    factor = abs((s - poles[0]) * (s - poles[1]) / s**2)
+    return {"poles": poles, "zeros": [0, 0], "factor": factor}
+
+
+def test_velocity_sensor_in_cm(tmp_path):
+    """A velocity of amplitude v at 2 Hz is an acceleration of amplitude 2 pi f v."""
+    time, omega = np.arange(4000) * 0.01, 2 * np.pi * 2.0
+    envelope = np.exp(-(((time - 20) / 5) ** 2))
+    data = 1e7 * envelope * np.sin(omega * time)
+    options = velocity_sensor() | {"units": "CM/S"}
+    record = read(tmp_path, data, **options)
+    expected = 1e7 / GAIN * 0.01 * omega
+    assert record.pga == pytest.approx(expected, rel=5e-3)
+    (warning,) = record.warnings
+    assert "records CM/S, not acceleration" in warning
+    # The response at the corner frequency is 1 / sqrt(2) of the gain, which is no contradiction.
+    at_corner = read(tmp_path, data, **options, frequency=0.01)
+    assert at_corner.pga == pytest.approx(record.pga, rel=1e-12)
+
+
+@pytest.mark.parametrize("sensitivity", [GAIN, GAIN / (2 * np.pi * 4.0)], ids=["label", "quantity"])
+def test_sensitivity_of_other_quantity_is_compared(tmp_path, sensitivity):
+    """A sensitivity per M/S**2 at 4 Hz is the sensitivity per M/S divided by 2 pi f. In some files,
+    only the label is wrong."""
+    options = velocity_sensor() | {"units": "M/S", "frequency": 4.0}
+    record = read(
+        tmp_path, counts(), **options, sensitivity=sensitivity, sensitivity_units="M/S**2"
+    )
+    assert any("sensitivity is stated per M/S**2, but" in text for text in record.warnings)
+    with pytest.raises(RecordError, match="contradicts its sensitivity") as error:
+        read(
+            tmp_path, counts(), **options,
+            sensitivity=1.2 * sensitivity, sensitivity_units="M/S**2",
+        )  # fmt: skip
+    assert "units=" not in str(error.value)
+
+
+def test_accelerometer_with_sensitivity_labeled_velocity_is_no_velocity_sensor(tmp_path):
+    (warning,) = read(tmp_path, counts(), sensitivity_units="M/S").warnings
+    assert "sensitivity is stated per M/S, but the response starts with M/S**2" in warning
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.94, 1.06, 2.0])
+def test_contradictory_sensitivity_is_error(tmp_path, ratio):
+    with pytest.raises(RecordError) as error:
+        read(tmp_path, counts(), sensitivity=GAIN * ratio)
+    for number in (
+        f"{GAIN * ratio:.6g} counts",
+        f"{GAIN:.6g} counts",
+        f"units={1 / (GAIN * ratio):.6g}",
+    ):
+        assert number in str(error.value)
+
+
+@pytest.mark.parametrize("ratio", [0.96, 1.04, -1.0])
+def test_stages_are_used_if_sensitivity_agrees(tmp_path, ratio):
+    record = read(tmp_path, counts(), sensitivity=GAIN * ratio)
+    assert (record.pga, record.warnings) == (read(tmp_path, counts()).pga, ())
+
+
+def test_missing_pole_is_error(tmp_path):
+    """The gains agree with the sensitivity, but the response is 40 times the gain."""
+    with pytest.raises(RecordError, match=r"give 1\.6e\+06 counts .* of their gains is 40000"):
+        read(tmp_path, counts(), factor=40.0)
+
+
+def test_sensitivity_above_filters_is_compared_with_gains(tmp_path):
+    """The filter cos^2(pi f dt) has the amplitude 0.024 at 45 Hz."""
+    options = {"taps": [0.25, 0.5, 0.25], "frequency": 45.0}
+    assert read(tmp_path, counts(), **options).warnings == ()
+    with pytest.raises(RecordError, match="contradicts its sensitivity"):
+        read(tmp_path, counts(), **options, gain=1.1 * GAIN)
+    with pytest.raises(RecordError, match="contradicts its sensitivity"):
+        read(tmp_path, counts(), **options | {"frequency": 35.0})
+
+
+def test_unchecked_response_is_reported(tmp_path):
+    (warning,) = read(tmp_path, counts(), sensitivity=None).warnings
+    assert "states no sensitivity" in warning
+
+
+def test_sensitivity_without_stages_is_proposed_as_units(tmp_path):
+    """The proposed units give the motion of the flat response."""
+    expected = read(tmp_path, counts())
+    with pytest.raises(RecordError, match="sensitivity, 400 counts per GAL") as error:
+        read(tmp_path, counts(), stages=False, sensitivity=0.01 * GAIN, units="GAL")
+    (units,) = re.findall("`units=([^`]*)`", str(error.value))
+    record = read_record(tmp_path / "a.mseed", units=units)
+    assert record.pga == pytest.approx(expected.pga, rel=1e-3)
+    # An accelerometer has no sensitivity to velocity.
+    with pytest.raises(RecordError, match="must contain the stages") as error:
+        read(tmp_path, counts(), stages=False, units="M/S")
+    assert "units=" not in str(error.value)
 
 
 def test_frequencies_stopped_by_digital_filter_are_faded_out(tmp_path):

@@ -1,8 +1,17 @@
-"""Conversion of recorder counts to m/s^2 by the instrument response in a StationXML file."""
+"""Conversion of recorder counts to m/s^2 by the instrument response in a StationXML file.
+
+A response states the calibration twice: by its stages, and by the sensitivity at one frequency. The
+stages are used, after a comparison with the sensitivity. ObsPy knows few spellings of units; a
+stage with any other unit is evaluated as if its input were a displacement. The unit of the first
+stage is therefore replaced by M, M/S or M/S**2, and the response is divided by the value of the
+unit.
+"""
 
 from __future__ import annotations
 
+import copy
 import math
+import re
 import warnings
 from dataclasses import dataclass
 from importlib.metadata import distribution
@@ -19,6 +28,7 @@ from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.reading.contents import read_bytes, register_input
 from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.record import Input
+from tdint.units import STANDARD_GRAVITY
 
 _BAND_START, _BAND_END = math.sqrt(0.5), 0.1
 """Amplitudes of the digital filters of the recorder at the start and at the end of the frequency
@@ -27,7 +37,107 @@ recovered: a division by the filter response would amplify the rounding of count
 record with a peak of 3 m/s^2, Ridgecrest 2019, CI.CLC)."""
 
 _SPECTRUM = 8192  # number of frequencies used to evaluate the smooth filter response
-_ACCELEROMETER_INPUT = ("M/S**2", "M/S^2", "M/S/S", "M/S2", "M/SEC**2", "M/SEC^2", "M/SEC2")
+
+_MAX_CONTRADICTION = 0.05
+"""Maximum relative difference between the stages and the stated sensitivity. In public files, 239
+of 241 accelerometers agree within 1e-4."""
+
+_CORNER_FACTOR = 2.0
+"""Maximum factor between the response and the stated sensitivity of a sensor of velocity or
+displacement whose gains agree. The sensitivity may be stated near the corner frequency of the
+sensor (factors from 0.81 to 1.6 in public files)."""
+
+_STOPPED = 0.8
+"""Fraction of the highest frequency of the record. At higher frequencies, digital filters reduce
+the response, and only the gains are compared (channels with 1 sample/s may state the sensitivity at
+1 Hz)."""
+
+_QUANTITIES = ("displacement", "velocity", "acceleration")
+_OBSPY_UNITS = ("M", "M/S", "M/S**2")
+"""Ground motions in the order of their derivatives, and the unit of each for ObsPy."""
+
+_LENGTHS = {
+    "NM": 1e-9,
+    "UM": 1e-6,
+    "MM": 1e-3,
+    "CM": 1e-2,
+    "M": 1.0,
+    "KM": 1e3,
+    "IN": 0.0254,
+    "FT": 0.3048,
+}
+"""Values of units of length, m."""
+
+_ACCELERATIONS = {
+    "G": STANDARD_GRAVITY,
+    "GN": STANDARD_GRAVITY,
+    "MG": 1e-3 * STANDARD_GRAVITY,
+    "GAL": 1e-2,
+    "MGAL": 1e-5,
+}
+"""Values of units of acceleration that contain no unit of length, m/s^2."""
+
+_SPELLINGS = (
+    # The upper case of both signs for micro is the Greek capital letter mu.
+    (r"\N{GREEK CAPITAL LETTER MU}|\bMICRO(?=MET)", "U"),
+    (r"\bNANO(?=MET)", "N"),
+    (r"\bMILLI(?=MET)", "M"),
+    (r"\bCENTI(?=MET)", "C"),
+    (r"\bKILO(?=MET)", "K"),
+    (r"MET(?:ER|RE)S?(?![A-Z])", "M"),
+    (r"\bINCH(?:ES)?\b", "IN"),
+    (r"\bF(?:OO|EE)T\b", "FT"),
+    (r"\bSEC(?:OND)?S?(?![A-Z])", "S"),
+    (r"\s+PER\s+", "/"),
+    (r"\N{SUPERSCRIPT TWO}", "2"),
+    (r"[\N{MINUS SIGN}\N{SUPERSCRIPT MINUS}]", "-"),
+    (r"\N{SUPERSCRIPT ONE}", "1"),
+    (r"\*\*|\^", ""),  # the sign of an exponent
+    (r"(?<=[A-Z])[\s.*\N{MIDDLE DOT}]*[\s.*\N{MIDDLE DOT}]S-(?=[12]\b)", "/S"),  # M S-2
+    (r"[\s()\[\]]", ""),
+)
+"""Regular expressions and their replacements, which convert the upper case of a unit in a
+StationXML file to the form M, M/S, M/S2 or M/S/S."""
+
+_LENGTH_AND_TIME = re.compile(rf"({'|'.join(_LENGTHS)})(?:(/S1?)|(/S2|/S/S|/S\*S))?")
+
+
+@dataclass(frozen=True)
+class InputUnit:
+    """Unit of a ground motion in a StationXML file.
+
+    Attributes
+    ----------
+    text : str
+        Unit in the spelling of the file.
+    derivatives : int
+        0 for a displacement, 1 for a velocity, 2 for an acceleration.
+    value : float
+        Value of the unit in SI units (m, m/s, m/s^2).
+    """
+
+    text: str
+    derivatives: int
+    value: float
+
+
+def parse_input_unit(text: str | None) -> InputUnit | None:
+    """Parse the unit of a ground motion in a StationXML file, in the spelling of any data center.
+
+    Examples are `M/S**2`, `m/s^2`, `M/(SEC2)`, `m s-2`, `cm/s/s`, `nm/s`, `GAL` and `G`. A
+    description that follows ` - ` is ignored. Return None for all other units and without a unit.
+    """
+    text = (text or "").partition(" - ")[0].strip()
+    unit = text.upper()
+    for spelling, replacement in _SPELLINGS:
+        unit = re.sub(spelling, replacement, unit)
+    if unit in _ACCELERATIONS:
+        return InputUnit(text, 2, _ACCELERATIONS[unit])
+    match = _LENGTH_AND_TIME.fullmatch(unit)
+    if match is None:
+        return None
+    derivatives = 2 if match[3] else 1 if match[2] else 0
+    return InputUnit(text, derivatives, _LENGTHS[match[1]])
 
 
 @dataclass(frozen=True)
@@ -85,7 +195,7 @@ def read_instruments(source: str | Path) -> Instruments:
 
 def remove_response(
     trace: Any, instruments: Instruments, label: str
-) -> tuple[Array, tuple[str, ...]]:
+) -> tuple[Array, tuple[str, ...], tuple[str, ...]]:
     """Remove the complete instrument response from counts; return the ground acceleration.
 
     The mean (the zero offset of the recorder) is subtracted first. The spectrum is then divided by
@@ -111,39 +221,42 @@ def remove_response(
         Ground acceleration, m/s^2.
     notes : tuple of str
         Notes about the steps.
+    warnings : tuple of str
+        Properties of the response that affect the meaning of the acceleration.
 
     Raises
     ------
     RecordError
-        The inventory has no response for this channel at this time, or the response cannot be
-        removed.
+        The inventory has no response for this channel at this time, the response contradicts its
+        sensitivity or does not start with a ground motion, or it cannot be removed.
     """
-    response = _find_response(trace, instruments, label)
+    file = instruments.input.file
     samples, mean_note = without_mean(trace.data)
     dt = float(trace.stats.delta)
+    response, unit = _with_obspy_unit(_find_response(trace, instruments, label), label, file)
     # The Fourier transform has the smallest power of 2 that is at least twice the number of
     # samples. Without the added zeros, the end of the motion would appear at its start.
     size = 1 << (2 * samples.size - 1).bit_length()
     try:
+        response_warnings = _compare_with_sensitivity(response, unit, dt, label, file)
         with caught_messages():  # Ignore warnings about the sensitivity of a subset of the stages.
             band = _transition_band(response, dt)
         with caught_messages() as messages:
-            counts, frequencies = response.get_evalresp_response(dt, size, output="ACC")
+            # The sensitivity has been compared by the rule of this module, not of evalresp.
+            counts, frequencies = response.get_evalresp_response(
+                dt, size, output="ACC", hide_sensitivity_mismatch_warning=True
+            )
+    except RecordError:
+        raise
     # ObsPy and evalresp raise many exception types for invalid responses.
     except Exception as error:
         reason = one_line(str(error))
         raise RecordError(
-            f"{label}: the instrument response in {instruments.input.file} cannot be removed: "
-            f"{reason}"
+            f"{label}: the instrument response in {file} cannot be removed: {reason}"
         ) from error
+    counts /= unit.value  # from counts per unit of the file to counts per m/s^2
     tapered = f", frequencies are faded out from {band[0]:.4g} to {band[1]:.4g} Hz" if band else ""
-    notes = [mean_note, f"the instrument's response ({instruments.input.file}) is removed{tapered}"]
-    input_stage = response.instrument_sensitivity or response.response_stages[0]
-    unit = str(input_stage.input_units or "unknown units").upper()
-    if unit not in _ACCELEROMETER_INPUT:
-        notes.append(
-            f"the instrument records {unit}, not acceleration: its long periods are amplified noise"
-        )
+    notes = (mean_note, f"the instrument's response ({file}) is removed{tapered}")
     # Divide the spectrum by the response (counts per m/s^2) at frequencies with a finite non-zero
     # response in the pass band. All other frequencies are set to zero.
     taper = np.ones_like(frequencies)
@@ -156,7 +269,7 @@ def remove_response(
     spectrum[is_divided] *= taper[is_divided] / counts[is_divided]
     spectrum[~is_divided] = 0.0
     acceleration = np.fft.irfft(spectrum)[: samples.size]
-    return acceleration, (*notes, *(f"ObsPy: {message}" for message in messages))
+    return acceleration, notes, (*response_warnings, *(f"ObsPy: {text}" for text in messages))
 
 
 def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
@@ -190,11 +303,131 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
             f"{listed or '-'}"
         ) from None
     if not response.response_stages:
+        stated = response.instrument_sensitivity
+        units = _units_of_sensitivity(stated, trace.stats.channel)
+        sensitivity = (
+            f"; it states only the sensitivity, {stated.value:.6g} counts per {stated.input_units}"
+            if units
+            else ""
+        )
+        alternative = f", or, for a flat response, specify `units={units}`" if units else ""
         raise RecordError(
-            f"{label}: {file} must contain the stages of the response of {trace.id}; download the "
-            "StationXML file at the response level"
+            f"{label}: {file} must contain the stages of the response of {trace.id}{sensitivity}; "
+            f"download the StationXML file at the response level{alternative}"
         )
     return response
+
+
+def _units_of_sensitivity(sensitivity: Any, channel: str = "") -> str:
+    """Return the units of a count by a stated sensitivity, in the form that `parse_units` accepts.
+
+    The text is empty if the sensitivity is not stated, not positive, not of a ground motion, or not
+    of an acceleration although the channel code is of an accelerometer (second letter N).
+    """
+    unit = parse_input_unit(sensitivity.input_units) if sensitivity is not None else None
+    if unit is None or not (sensitivity.value and 0.0 < sensitivity.value < math.inf):
+        return ""
+    if channel[1:2] == "N" and unit.derivatives < 2:
+        return ""
+    si_unit = ("m", "m/s", "m/s^2")[unit.derivatives]
+    return f"{unit.value / float(sensitivity.value):.6g} {si_unit}"
+
+
+def _with_obspy_unit(response: Any, label: str, file: str) -> tuple[Any, InputUnit]:
+    """Return a copy of a response with an input in M, M/S or M/S**2, and the unit that the file
+    states; raise RecordError if the first stage does not start with a ground motion."""
+    response = copy.deepcopy(response)
+    first = min(response.response_stages, key=lambda stage: stage.stage_sequence_number)
+    unit = parse_input_unit(first.input_units)
+    if unit is None:
+        stated = f"in {first.input_units}" if first.input_units else "without a unit"
+        raise RecordError(
+            f"{label}: the response in {file} must start with a ground motion, but the input of "
+            f"its first stage is {stated}; correct the file, or specify the value of one count by "
+            "`units`"
+        )
+    first.input_units = _OBSPY_UNITS[unit.derivatives]
+    return response, unit
+
+
+def _compare_with_sensitivity(
+    response: Any, unit: InputUnit, dt: float, label: str, file: str
+) -> tuple[str, ...]:
+    """Compare the stages of a response with its sensitivity; return warnings about the response.
+
+    The response at the frequency of the sensitivity and the product of the gains are compared,
+    because neither is sufficient: without a pole the gains are still right, and digital filters or
+    the corner of a sensor reduce a correct response.
+
+    Raises
+    ------
+    RecordError
+        The stages contradict the sensitivity.
+    """
+    remarks = []
+    if unit.derivatives < 2:
+        remarks.append(
+            f"the instrument records {unit.text}, not acceleration: its long periods are amplified "
+            "noise"
+        )
+    stated = response.instrument_sensitivity
+    if stated is None or not stated.value:
+        return (*remarks, "the response states no sensitivity; its stages are used unchecked")
+
+    # Convert the sensitivity to the unit of the first stage. If a file labels it by another
+    # quantity, its number may be per unit of either quantity.
+    frequency = float(stated.frequency or 0.0)
+    labeled = parse_input_unit(stated.input_units) or unit
+    order = labeled.derivatives - unit.derivatives
+    value = abs(float(stated.value))
+    candidates = (
+        []
+        if order and frequency == 0.0
+        else [value * unit.value / labeled.value * (2.0 * math.pi * frequency) ** order]
+    )
+    if order:
+        candidates.append(value)
+        remarks.append(
+            f"the sensitivity is stated per {labeled.text}, but the response starts with "
+            f"{unit.text}; the stages are used"
+        )
+
+    gains = math.prod(
+        abs(stage.stage_gain) for stage in response.response_stages if stage.stage_gain
+    )
+    with caught_messages():
+        (total,) = response.get_evalresp_response_for_frequencies(
+            [frequency], output="DEF", hide_sensitivity_mismatch_warning=True
+        )
+    total = abs(complex(total))
+
+    # Decide whether the response at this frequency can be expected to equal the sensitivity.
+    is_stopped = frequency > _STOPPED * 0.5 / dt or (frequency == 0.0 and total == 0.0)
+    largest = math.inf if is_stopped else 1.0 + _MAX_CONTRADICTION
+    if not is_stopped and unit.derivatives < 2:
+        largest = _CORNER_FACTOR
+
+    def agrees(candidate: float) -> bool:
+        """Return True if the response, or the gains and roughly the response, equal a value."""
+        if abs(total / candidate - 1.0) <= _MAX_CONTRADICTION:
+            return True
+        is_possible = is_stopped or 1.0 / largest <= total / candidate <= largest
+        return is_possible and abs(gains / candidate - 1.0) <= _MAX_CONTRADICTION
+
+    if not any(map(agrees, candidates)):
+        units = "" if order else _units_of_sensitivity(stated)
+        alternative = (
+            f", or, if the sensitivity is right and the response is flat, specify `units={units}`"
+            if units
+            else ", or specify the value of one count by `units`"
+        )
+        raise RecordError(
+            f"{label}: the response in {file} contradicts its sensitivity of "
+            f"{stated.value:.6g} counts per {stated.input_units}: at {frequency:g} Hz its stages "
+            f"give {total:.6g} counts per {unit.text}, and the product of their gains is "
+            f"{gains:.6g}; correct the file{alternative}"
+        )
+    return tuple(remarks)
 
 
 def _transition_band(response: Any, dt: float) -> tuple[float, float] | None:

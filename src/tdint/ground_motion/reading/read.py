@@ -744,8 +744,10 @@ def _to_record(
     else:
         from tdint.ground_motion.reading.instrument import remove_response
 
-        acceleration, notes = remove_response(trace, instruments, label)
-        motion = Motion(acceleration, "counts", "inventory", notes=notes)
+        acceleration, notes, response_warnings = remove_response(trace, instruments, label)
+        motion = Motion(
+            acceleration, "counts", "inventory", notes=notes, warnings=response_warnings
+        )
     if motion.units_from == "assumed" and specified.entries and not specified.for_all:
         entries = ", ".join(pattern.removeprefix("./") for pattern, _ in specified.entries)
         raise UsageError(
