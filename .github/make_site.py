@@ -34,7 +34,6 @@ from python_reference import GROUPS, PLUGIN_PAGE, link_mentions, reference_pages
 import tdint
 from tdint.methods.catalogue import catalogue, parse, references_of
 from tdint.methods.method import Integrator
-from tdint.units import suffix
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options.grammar import GENERAL, ORDER, Command
 
@@ -42,9 +41,6 @@ ROOT = Path(__file__).parents[1]
 SETTINGS = ROOT / ".github" / "site.yml"
 ASSETS = (ROOT / ".github" / "site.css", ROOT / ".github" / "copy.js")
 METHODS = "src/tdint/methods"
-UNITS = ("m", "m/s", "m/s^2", "s", "Hz", "kg", "N", "N/m", "N*m", "J", "degree")
-"""Units in names of columns."""
-
 PICTURES = {".png", ".svg", ".pdf"}
 _LANGUAGES = {".yaml": "yaml", ".py": "python"}
 _LINK = re.compile(r"\]\((?!\w+:)([^)\s#]+)(#[^)\s]*)?\)")
@@ -68,8 +64,6 @@ git clone {repository}
 """
 _PICTURE = re.compile(r"^!\[[^]]*\]\([^)]*\)\n\n", re.MULTILINE)
 _CAPTION = "`tdint run --plot` plots the response, here of a yielding six-story frame:\n\n"
-_COLUMNS = re.compile(r"<!-- generated: columns -->\n(.*?)<!-- end: columns -->\n", re.DOTALL)
-_COLUMN = re.compile(r"`([^`]+)`(?: \((.*?)\))?(?:, (?=`)|$)")
 _COEFFICIENTS = re.compile(r"^# Coefficients.*\n((?:[A-Z]\w* = \d+.*\n)+)", re.MULTILINE)
 
 STEPS = np.geomspace(1e-3, 1e3, 400)
@@ -147,44 +141,6 @@ def with_links_to_reference(page: str, text: str) -> str:
     parts = FENCE.split(text)
     parts[::2] = [link_mentions(part, prefix) for part in parts[::2]]
     return "".join(parts)
-
-
-def columns_as_tables(text: str) -> str:
-    """Return the README of the commands with a heading and a table for each table of columns.
-
-    Each table states units and meanings of columns.
-    """
-
-    def tabled(match: re.Match[str]) -> str:
-        return "\n".join(map(_column_table, match[1].strip().splitlines())) + "\n"
-
-    return _COLUMNS.sub(tabled, text)
-
-
-def _column_table(line: str) -> str:
-    """Return the section of a line, "- **table**: `column` (meaning), `column`, ..."."""
-    name, _, text = line.removeprefix("- **").partition("**: ")
-    columns = _COLUMN.findall(text)
-    if not columns:
-        return f"### {name}\n\nThe columns are {text}.\n"
-    rows = [
-        f"| `{column}` | {column_unit(column)} | {meaning.replace('|', chr(92) + '|')} |"
-        for column, meaning in columns
-        if meaning
-    ]
-    parts = [f"### {name}\n"]
-    if rows:
-        parts += ["| column | unit | meaning |\n|---|---|---|\n" + "\n".join(rows) + "\n"]
-    if others := [f"`{column}`" for column, meaning in columns if not meaning]:
-        parts += [f"Described above: {', '.join(others)}.\n"]
-    return "\n".join(parts)
-
-
-def column_unit(column: str) -> str:
-    """Return the unit that a column name ends with; empty for texts and dimensionless numbers."""
-    name = column.removesuffix("_error")
-    units = sorted(UNITS, key=lambda unit: len(suffix(unit)), reverse=True)
-    return next((unit for unit in units if name.endswith(suffix(unit))), "")
 
 
 def is_published() -> bool:
@@ -356,7 +312,7 @@ def pages() -> dict[str, str]:
     files = [name for name in sorted(led) if (ROOT / name).is_file() and is_shown(ROOT / name)]
     texts["README.md"] = home(texts["README.md"])
     texts[f"{METHODS}/README.md"] = with_links_to_methods(texts[f"{METHODS}/README.md"])
-    texts["cli/README.md"] = columns_as_tables(with_links_to_commands(texts["cli/README.md"]))
+    texts["cli/README.md"] = with_links_to_commands(texts["cli/README.md"])
     layout = yaml.safe_load(SETTINGS.read_text("utf-8"))["pages"]
     found = assemble(texts, layout, page_of_file)
     found = {page: with_links_to_reference(page, text) for page, text in found.items()}

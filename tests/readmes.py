@@ -290,22 +290,22 @@ def columns():
 
 
 def column_tables():
-    """Return the columns of every table, with the meaning of each column at its first
-    occurrence."""
-    described, lines, groups = set(), [], {}
+    """Return a section with the columns of each table; a dimensionless number and text have no
+    unit. Equal tables refer to the first one."""
+    sections, groups = [], {}
     for name, group in columns().items():
-        cells = [(column.name, column.meaning) for column in group]
-        if same := groups.get(tuple(cells)):
-            lines.append(f"- **{name}**: those of {same}")
-            continue
-        groups[tuple(cells)] = name
-        descriptions = [
-            f"`{head}`" + (f" ({meaning})" if (head, meaning) not in described else "")
-            for head, meaning in cells
-        ]
-        lines.append(f"- **{name}**: {', '.join(descriptions)}")
-        described |= set(cells)
-    return "\n".join(lines) + "\n"
+        rows = tuple(
+            f"| `{column.name}` | {'' if column.unit in ('1', 'text') else column.unit} "
+            f"| {column.meaning.replace('|', chr(92) + '|')} |"
+            for column in group
+        )
+        if same := groups.get(rows):
+            table = f"The columns are those of {same}."
+        else:
+            table = "\n".join(["| column | unit | meaning |", "|---|---|---|", *rows])
+        groups.setdefault(rows, name)
+        sections.append(f"## {name}\n\n{table}\n")
+    return "\n".join(sections)
 
 
 def plugin_names():

@@ -1,4 +1,4 @@
-"""The lists of columns in cli/README.md equal the columns of the tables."""
+"""The tables of cli/COLUMNS.md equal the columns of the tables."""
 
 import functools
 import re

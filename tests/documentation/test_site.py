@@ -184,11 +184,11 @@ def test_each_page_has_links_for_editing_its_files(maker, monkeypatch):
 
 
 def test_the_page_of_columns_has_the_unit_and_meaning_of_each(pages):
-    rows = re.findall(r"^\| `(.+)` \| (\S*) \| (.*) \|$", pages["cli/columns.md"], re.MULTILINE)
+    rows = re.findall(r"^\| `(.+)` \| (\S*) \| (.*) \|$", pages["cli/COLUMNS.md"], re.MULTILINE)
     listed = {column: unit for column, unit, _ in rows}
     meanings = {(column, meaning) for column, _, meaning in rows}
     for table, group in readmes.columns().items():
-        assert f"\n### {table}\n" in pages["cli/columns.md"]
+        assert f"\n## {table}\n" in pages["cli/COLUMNS.md"]
         for column in group:
             unit = "" if column.unit in ("1", "text") else column.unit
             assert listed[column.name] == unit, column.name
@@ -393,7 +393,7 @@ def test_the_search_finds_the_terms_of_the_field(site, term):
         ("tdint.run", "src/reference/runs/"),
         ("which method", "guide/method-and-step/"),
         ("getting started", "guide/first-run/"),
-        ("columns", "cli/columns/"),
+        ("columns", "cli/COLUMNS/"),
     ],
 )
 @pytest.mark.long
