@@ -5,10 +5,11 @@
     python tests/dialect.py --show told    each occurrence of a marker
 
 The total rate has an upper limit (MAX_RATE). The layers have none: a deleted text without markers
-raises the rate of its layer. Seven packages of the field (diffrax, scikit-fem, ObsPy, eqsig, OpenQuake, sqlite-utils, rasterio) have 46
-to 112 markers per 10 000 words. Words like "its" and "one" are English, so zero is not the goal.
-Text in backticks, code blocks and tables is not counted. In the layer `tests`, strings are not
-counted either, because they are inputs and expected outputs; this layer is not part of `total`.
+raises the rate of its layer. Seven packages of the field (diffrax, scikit-fem, ObsPy, eqsig,
+OpenQuake, sqlite-utils, rasterio) have 46 to 112 markers per 10 000 words. Words like "its" and
+"one" are English, so zero is not the goal. Text in backticks, code blocks and tables is not
+counted. In the layer `tests`, strings are not counted either, because they are inputs and expected
+outputs; this layer is not part of `total`.
 `dialect_markers.csv` lists each marker with its pattern (case is ignored) and plain replacements;
 add new ones when they are discovered.
 """
