@@ -18,7 +18,6 @@ from as_printed import ENTRIES, EQUATIONS, MISPRINTS, corrected
 from paper_claims import BETAS, ROUNDING, ROWS, Below
 from tdint import read_horizontals, rotated_spectrum
 from tdint.methods import impulse
-from tdint_cli.options.grammar import LINES
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w])")
 LONG = ("Conclusion 8", "Example 2", "Example 3, ranking", "Eqs. 46 to 54")
@@ -169,7 +168,9 @@ def test_reliability_of_error_estimates_in_readme():
     (row,) = re.findall(
         # Seven columns; the table of the separate solver has six.
         r"^\| impulse4 \| ([\d.]+) /[^|\n]*(?:\|[^|\n]*){5}\| ([\d.]+) / [\d.]+ \|$",
-        (readmes.ROOT / "tests/README.md").read_text().partition("## Reliability of error")[2],
+        (readmes.ROOT / "tests/MEASUREMENTS.md")
+        .read_text()
+        .partition("## Reliability of error")[2],
         re.MULTILINE,
     )
     assert numbers_in_sentence("README.md", text) == [float(number) for number in row]
@@ -180,7 +181,9 @@ def test_speed_of_default_method_on_methods_page():
         r"fastest method in (\d+), (\d+) and (\d+) of 14 yielding buildings, and takes on average "
         r"([\d.]+), ([\d.]+) and ([\d.]+) times the time of the fastest method"
     )
-    rows_of_table = [table_row("tests/README.md", limit) for limit in ("1 %", "0.1 %", "0.01 %")]
+    rows_of_table = [
+        table_row("tests/MEASUREMENTS.md", limit) for limit in ("1 %", "0.1 %", "0.01 %")
+    ]
     means, counts = zip(*[row[:2] for row in rows_of_table], strict=True)
     assert numbers_in_sentence("src/tdint/methods/README.md", text) == [*counts, *means]
     assert all(sum(row[1::2]) <= 14 for row in rows_of_table)
@@ -188,21 +191,25 @@ def test_speed_of_default_method_on_methods_page():
 
 def test_ratios_in_table_of_ten_yielding_stories():
     """The ratios of errors and the decrease of the error per halving agree with the table."""
-    at_step, finer = (table_row("tests/README.md", "impulse4", dt) for dt in ("0.01", "0.0025"))
+    at_step, finer = (
+        table_row("tests/MEASUREMENTS.md", "impulse4", dt) for dt in ("0.01", "0.0025")
+    )
     average, fine_average = (
-        table_row("tests/README.md", "newmark-average", dt) for dt in ("0.01", "0.0025")
+        table_row("tests/MEASUREMENTS.md", "newmark-average", dt) for dt in ("0.01", "0.0025")
     )
     assert numbers_in_sentence(
-        "tests/README.md", r"error is (\d+) times\s+smaller than the error of average"
+        "tests/MEASUREMENTS.md", r"error is (\d+) times\s+smaller than the error of average"
     ) == [round(average[0] / at_step[0], -2)]
     assert fine_average[1] / at_step[1] == pytest.approx(30.0, rel=0.05)  # "thirty times closer"
     assert at_step[-1] < 0.5 * 4.0 * fine_average[-1]  # "in less than half of the time"
     for method in ("impulse", "bathe", "gauss4", "newmark-average"):
-        coarse, fine = (table_row("tests/README.md", method, dt)[0] for dt in ("0.01", "0.0025"))
+        coarse, fine = (
+            table_row("tests/MEASUREMENTS.md", method, dt)[0] for dt in ("0.01", "0.0025")
+        )
         assert 1.85 <= math.log2(coarse / fine) / 2.0 <= 2.35
     assert math.log2(at_step[0] / finer[0]) / 2.0 > 3.7
     quarter, half, full = numbers_in_sentence(
-        "tests/README.md", r"\| moment4 \| (\S+e-\d+) / \S+ \| (\S+) / \S+ \| (\S+) /"
+        "tests/MEASUREMENTS.md", r"\| moment4 \| (\S+e-\d+) / \S+ \| (\S+) / \S+ \| (\S+) /"
     )
     fell = numbers_in_sentence(
         "src/tdint/methods/README.md",
@@ -218,7 +225,7 @@ def test_ratios_in_table_of_ten_yielding_stories():
 def test_cost_of_equal_accuracy_in_joss_paper():
     row = re.findall(
         r"\(([\d.]+)\)",
-        re.findall(r"\| 1e-5 \|(.*)", (readmes.ROOT / "tests/README.md").read_text())[0],
+        re.findall(r"\| 1e-5 \|(.*)", (readmes.ROOT / "tests/MEASUREMENTS.md").read_text())[0],
     )
     assert "a twentieth of the computing time of the average-acceleration method" in page(
         ".github/paper/paper.md"
@@ -243,7 +250,9 @@ def test_error_on_models_page_equals_table():
     stated = numbers_in_sentence(
         "configs/README.md", r"drifts of `impulse4` are at most ([\d.]+) %"
     )
-    assert stated == [pytest.approx(100.0 * table_row("tests/README.md", "impulse4", "0.01")[1])]
+    assert stated == [
+        pytest.approx(100.0 * table_row("tests/MEASUREMENTS.md", "impulse4", "0.01")[1])
+    ]
 
 
 def test_underestimation_of_rotd50_at_samples():
@@ -265,7 +274,7 @@ def test_table_of_moment4_with_unresolved_modes():
     command = [sys.executable, readmes.ROOT / "tests/benchmarks/moment4.py", "stiff"]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     section = (
-        (readmes.ROOT / "tests/README.md")
+        (readmes.ROOT / "tests/MEASUREMENTS.md")
         .read_text()
         .partition("(`stiff`):")[2]
         .partition("## ")[0]
@@ -280,16 +289,14 @@ def test_table_of_moment4_with_unresolved_modes():
         ), method
 
 
-def test_changelog_states_lines_of_help():
-    assert numbers_in_sentence("CHANGELOG.md", r"`COMMAND --help` has at most (\d+) lines") == [
-        LINES
-    ]
-
-
 # ---- Sources of the numbers of a page
 
 
-MEASURED_PAGES = ("tests/README.md", "tests/benchmarks/README.md", "tests/validation/README.md")
+MEASURED_PAGES = (
+    "tests/MEASUREMENTS.md",
+    "tests/benchmarks/README.md",
+    "tests/validation/README.md",
+)
 
 
 def sections(name):
@@ -301,10 +308,10 @@ def sections(name):
 
 
 def test_measured_numbers_have_date_or_test():
-    """Each section of tests/README with numbers states the date of the measurement. A single
-    command writes the other two pages; it states versions and processor at their head."""
-    for heading, text in sections("tests/README.md").items():
-        if heading in ("", "Running the tests"):
+    """Each section of tests/MEASUREMENTS.md with numbers states the date of the measurement. A
+    single command writes the other two pages; it states versions and processor at their head."""
+    for heading, text in sections("tests/MEASUREMENTS.md").items():
+        if not heading:
             continue
         numbers = NUMBER.findall(re.sub(r"`[^`]*`|\]\([^)]*\)", "", text))
         measured = re.search(r"\*Measured once, 20\d\d-\d\d-\d\d( to 20\d\d-\d\d-\d\d)?\.\*", text)
@@ -313,6 +320,30 @@ def test_measured_numbers_have_date_or_test():
         head = sections(name)[""]
         assert re.search(r"(Measured|[Ww]ritten) with tdint [\d.]+, Python [\d.]+", head), name
         assert "2 processors" in head, name
+
+
+def test_summary_repeats_numbers_of_measurements():
+    """Each number of a bullet on accuracy or speed is in the section to which the bullet links, as
+    the same number or as a percentage of it."""
+    summary, measured = sections("tests/README.md"), sections("tests/MEASUREMENTS.md")
+    by_anchor = {
+        re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-"): text
+        for heading, text in measured.items()
+    }
+    checked = 0
+    for bullet in re.split(r"^- ", summary["Accuracy"] + summary["Speed"], flags=re.M)[1:]:
+        if anchors := re.findall(r"MEASUREMENTS\.md#([\w-]+)", bullet):
+            text = "".join(map(by_anchor.__getitem__, anchors))
+            known = {float(number) for number in re.findall(r"\d*\.?\d+(?:e-\d+)?", text)}
+            prose = re.sub(r"`[^`]*`|\]\([^)]*\)|\*[^*]*\*", "", bullet)
+            for number in map(float, re.findall(r"(?<![\w.])\d+\.?\d*(?:e-\d+)?", prose)):
+                assert any(
+                    number == pytest.approx(factor * value)
+                    for value in known
+                    for factor in (1, 100)
+                ), (number, bullet)
+                checked += 1
+    assert checked > 20
 
 
 def test_measured_numbers_of_readme_have_date():
@@ -325,11 +356,12 @@ def test_measured_numbers_of_readme_have_date():
 
 
 def test_number_of_runs_within_limit_equals_table():
-    section = sections("tests/README.md")["Peaks between the steps, of every method"]
+    section = sections("tests/MEASUREMENTS.md")["Peaks between the steps, of every method"]
     counts = re.findall(r"\| (\d+) of (\d+) \|", section)
     sums = [sum(int(count[i]) for count in counts) for i in (0, 1)]
     assert (
-        numbers_in_sentence("tests/README.md", r"(\d+) of (\d+) runs are within the limit") == sums
+        numbers_in_sentence("tests/MEASUREMENTS.md", r"(\d+) of (\d+) runs are within the limit")
+        == sums
     )
 
 
@@ -341,9 +373,9 @@ def test_readme_states_directory_of_its_run():
 
 def test_errors_over_four_samples_on_methods_page():
     """The columns of the table are 1/4, 1/2, 1, 2, 4 and 8 samples in a step, with L2 first."""
-    table = sections("tests/README.md")["Energy conservation and accuracy of moment4"].partition(
-        "(`yielding`)"
-    )[2]
+    table = sections("tests/MEASUREMENTS.md")[
+        "Energy conservation and accuracy of moment4"
+    ].partition("(`yielding`)")[2]
     errors = {
         method: float(
             re.search(rf"^\| {method} \|(.*)$", table, re.M)[1].split("|")[4].split("/")[0]

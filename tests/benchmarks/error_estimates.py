@@ -4,8 +4,8 @@
 
 TABLE is one of the following (default: reliability).
 
-reliability: print the table of tests/README.md for `--buildings` random buildings of all hysteresis
-models from `--seed` on (`random_buildings.any_building`), by eight methods with the time steps of
+reliability: print the table of tests/MEASUREMENTS.md for `--buildings` random buildings of all
+hysteresis models from `--seed` on (`random_buildings.any_building`), by eight methods with the time steps of
 `--samples` sampling intervals. With `--scales`, print a second table for the frames of `configs`
 under the ground motions of `records`, scaled by that number of random factors from 0.2 to 1.1. Each
 cell is the share of true errors that exceed twice the estimate / the share of estimates that are

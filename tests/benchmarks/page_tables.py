@@ -55,7 +55,7 @@ The goal is a median of at most 4 for peak drifts. It is met at .01 % alone, for
   first pair of runs, with 4 and 2 sampling intervals (2 and 1 below .3 %), needs 4.3, 3.2, 2.7,
   2.2, 3.0 and 1.5 times these solves, and the accepted run 2.8, 2.3, 2.0, 2.0, 2.0 and 2.0 times.
   With a first step of eight intervals, twice as many results exceed the tolerance in random
-  buildings, see [tests](../README.md#reliability-of-error-estimates).
+  buildings, see [tests](../MEASUREMENTS.md#reliability-of-error-estimates).
 
 A profile (cProfile; tanh, near-fault, 10 %, a search of two runs) shows no work that is repeated or
 discarded. The time loops take 1.6 ms, the Python code 0.9 ms with 1375 function calls: two fifths
@@ -65,7 +65,7 @@ functions.
 SPECTRA = (
     "tdint at most 5.8e-12, eqsig 0.11 % above 0.1 s and 1.8 % below 0.02 s, pyrotd 5.8 to 31 %"
 )
-"""Errors of elastic spectra in the table of tests/README.md."""
+"""Errors of elastic spectra in the table of tests/MEASUREMENTS.md."""
 LOOPS_NOTE = """\
 The cause is the selection of the law of each story. Loops for all laws without modal damping and
 forces on floors take 1.05 times the time of own loops (base-isolated, `gauss4`; all laws and all
@@ -77,8 +77,8 @@ Loops of a wheel, for the oldest processor of its platform (linux-x86-64-v3), ta
 
 The gap remains: up to 15 % of the time of a loop. Loops for groups of laws would multiply the size
 of a wheel, which has 1.4 MB for one processor. An own loop that is compiled during a long study
-takes 13 to 21 s of processor time for ten stories ([tests](../README.md)). With the median gain of
-6 %, it pays for studies of more than 4 to 6 minutes, and only if numba is installed. It is not
+takes 13 to 21 s of processor time for ten stories ([measured](../MEASUREMENTS.md)). With the median
+gain of 6 %, it pays for studies of more than 4 to 6 minutes, and only if numba is installed. It is not
 built: it would change the loops during a study. `tdint compile MODEL.yaml` compiles own loops
 before a long study; these are used in preference to the loops for all laws.
 """
@@ -485,7 +485,7 @@ def review(chart: FieldChart, lines: Sequence[str], apart: str, seconds: float) 
         f"ratios are between {NEAR[0]:g} and {NEAR[1]:g} (without {OTHER_SCHEME}, see "
         "[Other programs](#other-programs)).\n"
         "3. *How large are the errors of spectra, measured by a second implementation?* "
-        f"{SPECTRA[0].upper()}{SPECTRA[1:]} ([Spectra](../README.md#spectra)).\n"
+        f"{SPECTRA[0].upper()}{SPECTRA[1:]} ([Spectra](../MEASUREMENTS.md#spectra)).\n"
         f"4. *Where are the raw points?* The {len(points)} runs are in [points.csv](points.csv); "
         "`python tests/benchmarks/run.py --page` writes all tables and figures from the CSV files "
         "without a run. Adaptive solvers with located events take "

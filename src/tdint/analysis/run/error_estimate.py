@@ -29,8 +29,8 @@ B and B1 are the possible excesses of the peaks between time steps which do not 
 (`Response.interstep_bound`), of the run and of the additional run. P1 + B1 is the largest peak that
 the additional run does not exclude.
 
-The estimate is not a bound: the section "Reliability of error estimates" of tests/README.md reports
-how often it is too small.
+The estimate is not a bound: the section "Reliability of error estimates" of tests/MEASUREMENTS.md
+reports how often it is too small.
 
 `exact` is its own reference, except under forces on floors. Its errors are those of the peaks
 between time steps.

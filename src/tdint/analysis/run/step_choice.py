@@ -33,7 +33,7 @@ _FIRST_POWER, _FIRST_POWER_TIGHT = 2, 1
 2**_FIRST_POWER_TIGHT for tolerances below `_TIGHT`. With eight intervals, two
 coarse runs may agree although both are wrong, and twice as many results exceed the tolerance. With
 two intervals, runs for tolerances of 1 % and more need 1.1 to 1.4 times as many solves (566 random
-buildings, see "Reliability of error estimates" in tests/README.md)."""
+buildings, see "Reliability of error estimates" in tests/MEASUREMENTS.md)."""
 
 _TIGHT = 0.003
 """Tolerance below which the first time step is 2**_FIRST_POWER_TIGHT sampling intervals. At .3 %
