@@ -78,8 +78,8 @@ Loops of a wheel, for the oldest processor of its platform (linux-x86-64-v3), ta
 The gap remains: up to 15 % of the time of a loop. Loops for groups of laws would multiply the size
 of a wheel, which has 1.4 MB for one processor. An own loop that is compiled during a long study
 takes 13 to 21 s of processor time for ten stories ([measured](../MEASUREMENTS.md)). With the median
-gain of 6 %, it pays for studies of more than 4 to 6 minutes, and only if numba is installed. It is not
-built: it would change the loops during a study. `tdint compile MODEL.yaml` compiles own loops
+gain of 6 %, it pays for studies of more than 4 to 6 minutes, and only if numba is installed. It is
+not built: it would change the loops during a study. `tdint compile MODEL.yaml` compiles own loops
 before a long study; these are used in preference to the loops for all laws.
 """
 OTHER_SCHEME = "bouc-wen"

@@ -171,7 +171,7 @@ def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points(stored):
 
 def test_errors_of_spectra_in_the_review_are_those_of_the_tests_page():
     """Each number of the answer is in the table of tests/MEASUREMENTS.md."""
-    tests_page = (HERE.parent / "README.md").read_text(encoding="utf-8")
+    tests_page = (HERE.parent / "MEASUREMENTS.md").read_text(encoding="utf-8")
     table = tests_page.partition("## Spectra\n")[2].partition("\n## ")[0]
     rows = {row[1]: row[3:] for row in (line.split("|") for line in table.splitlines()) if row[3:]}
     rows = {name.strip(): [cell.strip() for cell in cells] for name, cells in rows.items()}
