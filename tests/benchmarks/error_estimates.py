@@ -11,8 +11,8 @@ steps of `--samples` sampling intervals. With `--scales`, print a second table f
 1.1. Each cell is the share of true errors that exceed twice the estimate / the share of estimates
 that are more than ten times the true error, in %, over all stories. The reference solution is
 impulse4 with 32 steps per sampling interval. An error is not judged if gauss4 (moment4 for
-power-law dashpots) with the same steps differs from the true value by more than a fifth of the error,
-or if it is below 1e-6 of the peak.
+power-law dashpots) with the same steps differs from the true value by more than a fifth of the
+error, or if it is below 1e-6 of the peak.
 
 tolerance: print how many runs for tolerances of 10 to 0.01 % are within them, by the methods of
 `--method`, and the solves of all runs of a search (without runs of impulse4 that estimate errors of
