@@ -1,7 +1,7 @@
 """Equations of the paper of 2022 as printed, their misprints and the corrections.
 
 The linear and the nonlinear step (eqs. 11 to 26, 46 to 54) are functions, in which the misprints
-listed in methods/README are corrected. The closed forms (eqs. 33, 34, 44, 45 and 57 to 65) are
+listed in methods/EQUATIONS are corrected. The closed forms (eqs. 33, 34, 44, 45 and 57 to 65) are
 texts in the notation of the paper: `evaluate(EQUATIONS[33])` is the equation as printed, and
 `evaluate(corrected(33))` has the corrections of `MISPRINTS`. No equation is taken from the program.
 
@@ -143,7 +143,7 @@ class Misprint(NamedTuple):
     description: str = ""
 
     def correction(self):
-        """Return the correction as methods/README and impulse.py list it."""
+        """Return the correction as methods/EQUATIONS and impulse.py list it."""
         return self.description or f"`{self.correct}` for `{self.printed}`"
 
 

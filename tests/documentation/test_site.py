@@ -266,8 +266,8 @@ def test_the_page_of_a_method_has_equations_figure_and_publications(pages, name)
 
 def test_the_table_of_methods_links_to_their_pages(pages):
     rows = re.findall(
-        r"^\| \[`([\w-]+)`\]\(\.\./src/tdint/methods/([\w-]+)\.md\) \|(.*)$",
-        pages["guide/method-and-step.md"],
+        r"^\| \[`([\w-]+)`\]\(([\w-]+)\.md\) \|(.*)$",
+        pages["src/tdint/methods/README.md"],
         re.MULTILINE,
     )
     assert [name for name, target, _ in rows if name == target] == list(catalogue())
