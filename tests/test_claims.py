@@ -1,7 +1,7 @@
 """Claims of the paper and sentences of the READMEs with numbers.
 
-Each row of the tables in methods/README and methods/EQUATIONS is measured again by `paper_claims`; its numbers are read
-from the page, and its verdict follows from the measured values.
+Each row of the tables in methods/README and methods/EQUATIONS is measured again by `paper_claims`;
+its numbers are read from the page, and its verdict follows from the measured values.
 """
 
 import math
