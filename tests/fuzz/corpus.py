@@ -19,9 +19,11 @@ _OWN = {
     "BHRC": {COUNT, STEP},
     "COSMOS": {COUNT, PEAK},
     "CSMIP": {COUNT, PEAK},
+    "CSMNC": {COUNT, PEAK},
     "CWB": {COUNT, STEP, PEAK},
     "ESM": {COUNT, PEAK},
     "GEONET": {COUNT, STEP, PEAK},
+    "SACTEXT": {COUNT, PEAK},
     "SMC": {COUNT, PEAK},
     "TEXT": set(),
     "UNAM": {COUNT, PEAK},
@@ -76,8 +78,8 @@ def corpus() -> list[Sound]:
 
 
 def _units(text: str) -> str | None:
-    """Return the units of a table without column names."""
-    return "gal" if text[:1].isdigit() else None
+    """Return the units of a table without column names and of a SAC file."""
+    return "gal" if text.lstrip()[:1].isdigit() else None
 
 
 def _written() -> list[Sound]:

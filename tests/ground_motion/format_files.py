@@ -221,14 +221,58 @@ def usc(values=None, dt=0.005, times=None):
     )
 
 
+def usc_2(values=None, count=None, peak=None, blocks=("ACC", "VEL", "DIS"), line_first=False):
+    """Volume 2: the header states the units of volume 1, and the peak has the units of the samples.
+    With `line_first`, the line of the acceleration is above the integers and reals."""
+    values = motion(peak=150.5) if values is None else values
+    lines = [
+        f"{len(values) if count is None else count:6d} POINTS OF {word} DATA EQUALLY SPACED AT   "
+        ".010 SEC."
+        for word in blocks
+    ]
+    header = [INTEGER_ROWS, fortran([0.04] * 100, 8, 10, 3)]
+    samples = [fortran(scale * values, 8, 10, 3) for scale in (1.0, 0.1, 0.01)]
+    parts = [part for line, rows in zip(lines, samples, strict=False) for part in (line, rows)]
+    return text(
+        "CORRECTED ACCELEROGRAM DATA OF VOLUME II",
+        "SOME EARTHQUAKE  JAN 17, 1994 -1230 GMT                                 21",
+        "STATION USC# 0057   34 25 09N, 118 25 34W                               39",
+        "COMP N00W                                                               9",
+        "UNITS ARE SEC AND G/10                                                  22",
+        f"PEAK ACCELERATION = {150.5 if peak is None else peak:.4f} CMS/SEC/SEC AT 1.0 SEC",
+        "PEAK VELOCITY = -15.0500 CMS/SEC AT 1.0 SEC",
+        *([lines[0], *header, *parts[1:]] if line_first else [*header, *parts]),
+        "VLEE $",
+    )
+
+
+def sac_text(values=None, npts=None, depmax=None, dt=0.01):
+    values = motion() if values is None else values
+    reals, integers = [-12345.0] * 70, [-12345] * 40
+    reals[0], reals[1] = dt, min(values)
+    reals[2] = max(values) if depmax is None else depmax
+    reals[5], reals[6], reals[56] = 0.0, dt * (len(values) - 1), float(np.mean(values))
+    integers[:7] = [1999, 12, 3, 4, 5, 600, 6]
+    integers[9], integers[15], integers[35] = len(values) if npts is None else npts, 1, 1
+    texts = ["TAP006".ljust(8) + "Somewhere".ljust(16), *["-12345".ljust(8) * 3] * 5]
+    texts += ["-12345".ljust(8) * 2 + "HNE".ljust(8), "TW".ljust(8) + "-12345".ljust(8) * 2]
+    return text(
+        columns(reals, 5, "#14.7g"),
+        ["".join(f"{value:10d}" for value in integers[i : i + 5]) for i in range(0, 40, 5)],
+        texts,
+        columns(values, 5, "#14.7g"),
+    )
+
+
 def smc(
     values=None, title="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, comments=2, **changed
 ):
     values = motion() if values is None else values
+    count = changed.pop("count", len(values))
     integers, reals = [-32768] * 48, [1.7e38] * 50
     integers[1:7] = [1989, 291, 0, 4, 7, 250]
     integers[12], integers[13] = 90, 360
-    integers[15], integers[16] = comments, len(values) if npts is None else npts
+    integers[15], integers[16] = comments, count if npts is None else npts
     reals[1], reals[29], reals[31] = rate, float(np.max(values)), float(np.min(values))
     for numbers, name in ((integers, "integers"), (reals, "reals")):
         for index, number in changed.get(name, {}).items():
@@ -320,3 +364,9 @@ def two_columns(values=None, header="time_s,acceleration_m_s2", separator=",", d
     values = motion() if values is None else values
     rows = [f"{i * dt:.{decimals}f}{separator}{value:.3f}" for i, value in enumerate(values)]
     return text([header] if header else [], rows)
+
+
+def commented(text, rows=29):
+    """Write # before each of the first lines, the header of an SMC file with two comments."""
+    lines = text.splitlines()
+    return "\n".join([*("#" + line for line in lines[:rows]), *lines[rows:], ""])

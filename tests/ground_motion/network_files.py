@@ -51,6 +51,31 @@ def cwb(values=None, length=None, rate=50):
     )
 
 
+def csmnc(values=None, count=None, peak=None, station="64ABC 40.000N 80.000E", component="NS"):
+    """Eight samples in a row; the last row is short."""
+    values = motion(120, 182.34) if values is None else values
+    stated = values[np.argmax(np.abs(values))] if peak is None else peak
+    return text(
+        "064ABC220714091500",
+        "0220714091512 2022-07-14 09:15:12 BTM",
+        "SOMEWHERE,CHINA",
+        "EPICENTER  40.100N 80.200E DEPTH 11 KM",
+        "MAGNITUDE  5.1(Ms)",
+        f"STATION: {station}",
+        "SITE CONDITION: SOIL",
+        "INSTRUMENT TYPE: X-1",
+        "OBSERVING POINT: GROUND",
+        f"COMP. {component}",
+        "UNCORRECTED ACCELERATION          UNIT: CM/SEC/SEC",
+        f"NO. OF POINTS:  {len(values) if count is None else count}  EQUALLY SPACED INTERVALS OF:  "
+        "0.005  SEC",
+        f"PEAK VALUE:    {stated:.3f}   AT    3.71 SEC    DURATION:  1 SEC",
+        "PRE-EVENT TIME:  20  SEC",
+        "",
+        columns(values, 8, "13.6E"),
+    )
+
+
 def unam(values=None, count=None, repeated=0):
     values = components() if values is None else values
     n = len(values[0]) if count is None else count

@@ -9,16 +9,18 @@ SAMPLES = {
     "BHRC": (networks.bhrc,),
     "COSMOS": (files.cosmos,),
     "CSMIP": (files.csmip_v1, files.csmip_v2, files.csmip_pairs),
+    "CSMNC": (networks.csmnc,),
     "CWB": (networks.cwb,),
     "ESM": (files.esm,),
     "GEONET": (files.geonet, lambda: files.geonet(volume=1)),
-    "SMC": (files.smc,),
+    "SACTEXT": (files.sac_text,),
+    "SMC": (files.smc, lambda: files.commented(files.smc())),
     "TEXT": (
         files.one_column,
         files.two_columns,
         lambda: files.two_columns(header=None, separator="  "),
     ),
     "UNAM": (networks.unam,),
-    "USC": (files.usc,),
+    "USC": (files.usc, files.usc_2, lambda: files.usc_2(line_first=True)),
 }
 """Functions that write files of each format."""

@@ -299,6 +299,7 @@ class TestCsmip:
         text = files.csmip_v2()
         refused(text[: text.index("120 POINTS OF DISPL")], "no block of DISPL found")
         refused(files.csmip_pairs(units="VOLTS"), "must be a unit of acceleration")
+        refused(files.usc() + "   1.000  .1000\n", "follows the 120 values stated in the header")
         refused(
             files.csmip_v1().replace("at 200 pts", "at 0 pts"),
             "sampling rate must be positive, but line 37 states 0",
@@ -329,7 +330,91 @@ class TestCsmip:
         )
 
 
+class TestUsc:
+    def test_text_may_follow_the_last_point(self):
+        trace = only(files.usc() + "VLEE $\n\x1a")
+        np.testing.assert_array_equal(trace.data, motion())
+
+    @pytest.mark.parametrize("line_first", [False, True])
+    @pytest.mark.parametrize("blocks", [("ACC",), ("ACC", "VEL", "DIS")])
+    def test_volume_2_has_units_of_its_peak(self, line_first, blocks):
+        """The header also states g/10, the unit of volume 1."""
+        found = contents(files.usc_2(line_first=line_first, blocks=blocks))
+        (trace,) = found.traces
+        np.testing.assert_array_equal(trace.data, motion(peak=150.5))
+        assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (
+            ".0057..N00W",
+            0.01,
+            "cm/s^2",
+        )
+        assert trace.stats.tdint_event == "SOME EARTHQUAKE JAN 17, 1994 -1230 GMT"
+        assert found.compared == ("number of samples", "peak")
+        pgv = 0.1505 if len(blocks) > 1 else None
+        assert trace.stats.tdint_peaks == (pytest.approx(pgv) if pgv else None, None)
+
+    def test_peak_may_have_more_decimals_than_samples(self):
+        assert contents(files.usc_2(peak=150.5004)).notes == ()
+
+    @pytest.mark.parametrize("line_first", [False, True])
+    def test_invalid_volume_2_is_refused(self, line_first):
+        refused(files.usc_2(peak=15.05, line_first=line_first), "states a peak of 15.05 cm/s")
+        for count in (112, 121):
+            refused(files.usc_2(count=count, line_first=line_first), f"states {count} values, but")
+        lines = files.usc_2(line_first=line_first).splitlines()
+        for kept in (lines[:-20] + lines[-19:], [*lines, lines[-5]], lines[:40], lines[:28]):
+            refused("\n".join(kept), "values|cut off")
+        texts = files.usc_2(line_first=line_first).replace("POINTS OF ACC", "POINTS OF XYZ")
+        refused(texts, "no line above line|no values of ACC|unknown format")
+
+
 class TestSmc:
+    def test_samples_at_unequal_times_are_interpolated(self):
+        """The times are hand-digitized: their intervals are 5 to 40 ms."""
+        steps = np.random.default_rng(1).integers(5, 40, 119)
+        times, values = np.concatenate([[0], np.cumsum(steps)]) / 1000.0, motion()
+        pairs = np.column_stack([times, values]).ravel()
+        for order in (pairs, np.concatenate([times, values])):
+            for count in (120, 240):  # of the samples, or of all values
+                options = {"rate": 1.7e38, "npts": count}
+                options["reals"] = {29: float(values.max()), 31: float(values.min())}
+                found = contents(files.smc(order, **options))
+                (trace,) = found.traces
+                assert trace.stats.delta == 0.001
+                np.testing.assert_allclose(trace.data[np.round(times * 1000).astype(int)], values)
+                grid = np.arange(trace.data.size) * 0.001
+                np.testing.assert_allclose(trace.data, np.interp(grid, times, values), atol=1e-12)
+                assert states(found.notes[0], "interpolated linearly ... sampled at 0.001 s")
+
+    def test_times_with_many_decimals_lose_no_peak(self):
+        """The step is a fraction of the mean interval; each time is rounded to it."""
+        rng = np.random.default_rng(2)
+        times = np.cumsum(rng.uniform(0.002, 0.03, 120))
+        printed = np.array([float(f"{time:.4E}") for time in times])
+        values = motion()
+        pairs = np.column_stack([printed, values]).ravel()
+        options = {"reals": {29: float(values.max()), 31: float(values.min())}}
+        trace = only(files.smc(pairs, rate=1.7e38, npts=120, **options))
+        dt = trace.stats.delta
+        assert dt <= np.diff(printed).min()
+        at_times = trace.data[np.round((printed - printed[0]) / dt).astype(int)]
+        np.testing.assert_allclose(at_times, values, atol=1e-12)
+
+    def test_unequal_times_are_counted(self):
+        pairs = np.column_stack([np.cumsum(np.full(120, 0.01)), motion()]).ravel()
+        for npts in (119, 121, 239):
+            refused(
+                files.smc(pairs, rate=1.7e38, npts=npts),
+                f"{npts} times and samples must follow line 29, got 240 values",
+            )
+        refused(files.smc(rate=1.7e38), "contain no increasing times")
+
+    def test_header_of_comments_is_compared(self):
+        """Every line of the header starts with #."""
+        text = files.commented(files.smc())
+        np.testing.assert_array_equal(only(text).data, only(files.smc()).data)
+        assert only(text).stats.delta == 0.005
+        refused(files.commented(files.smc(npts=126)), "states 126 values after line 29, .* has 120")
+
     def test_header_is_read(self):
         trace = only(files.smc())
         np.testing.assert_allclose(trace.data, motion(), rtol=1e-15)
@@ -348,7 +433,6 @@ class TestSmc:
         refused(tmp_path / "a.smc", "does not state the units")
         assert only(files.smc(title="3 VELOCITY")).stats.tdint_units == "cm/s"
         refused(files.smc(title="5 RESPONSE SPECTRA"), "line 1 states '5 response spectra'")
-        refused(files.smc(rate=1.7e38), "does not state the sampling rate")
         refused(files.smc(npts=119), "more than the 119")
         last = len(files.smc().splitlines())
         refused(files.smc(npts=112), f"line {last} follows the 112 values stated in the header")
@@ -471,3 +555,24 @@ class TestNumbersOfSmc:
             assert usgs._start([-99.0, 1994.0, day, *by_day[3:]], texts) is None
         later = usgs._start([-99.0, 1994.0, 20.0, *by_day[3:]], texts)
         assert later == (None if stated_date else datetime(1994, 1, 20, 12, 30, 55, 250000))
+
+
+class TestAlphanumericSac:
+    def test_samples_and_header_are_those_of_sac(self, tmp_path):
+        """The samples keep the digits of the text, of which a binary file keeps about seven."""
+        values = np.round(1000.0 * motion(decimals=6), 4)
+        path = tmp_path / "a.sac"
+        path.write_text(files.sac_text(values))
+        record = read_record(path, units="cm/s^2")
+        np.testing.assert_allclose(record.acceleration, 0.01 * values, rtol=1e-7)
+        assert (record.id, record.dt, record.event) == ("TW.TAP006..HNE", 0.01, "Somewhere")
+        assert record.start == "1999-01-12T03:04:05.600000Z"
+        assert "peak (largest sample)" in record.header_checks
+        refused(path, "does not state the units")
+
+    def test_file_is_compared_with_its_header(self):
+        refused(files.sac_text(npts=121), "cut off: the header states 121 values")
+        refused(files.sac_text(npts=119), "more than the 119 values")
+        refused(files.sac_text(npts=115), "follows the 115 values")
+        refused(files.sac_text(depmax=2.0), r"peak \(largest sample\) of 2")
+        refused(files.sac_text(dt=-0.01), "not valid|sampling interval")

@@ -35,7 +35,9 @@ def test_examples_are_detected_by_their_own_format_only(name, tmp_path):
         path.write_bytes(data)
         assert claims(path) == claims(str(path)) == [name]
         stream = obspy.read(path)
-        assert {trace.stats._format for trace in stream} == {name}
+        # ObsPy also has a reader of alphanumeric SAC files, which does not detect corrupt files.
+        expected = "SACXY" if name == "SACTEXT" else name
+        assert {trace.stats._format for trace in stream} == {expected}
         headers = obspy.read(io.BytesIO(data), format=name, headonly=True)
         assert [trace.stats.npts for trace in headers] == [trace.stats.npts for trace in stream]
         assert all(trace.data.size == 0 for trace in headers)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ground_motion import network_files as files
+from ground_motion.format_files import fortran, motion
 from ground_motion.test_formats import contents, refused
 
 
@@ -73,6 +74,53 @@ def test_wrong_numbers_of_samples_are_refused():
             files.cwb(length=length),
             r"states a number of samples of \d+, but the data that were read have",
         )
+
+
+def test_bhrc_header_is_read_by_width():
+    """From 10 000 samples on, the number in 14I5 is not separated from the number before it."""
+    values = [motion(10_240, peak, 6) for peak in files.PEAKS]
+    text = files.bhrc(values)
+    assert "    010240" in text
+    found = contents(text)
+    for trace, samples in zip(found.traces, values, strict=True):
+        np.testing.assert_array_equal(trace.data, samples)
+    refused(files.bhrc(values, count=10_241), "states a number of samples of 10241, but")
+
+
+@pytest.mark.parametrize(
+    ("station", "code"),
+    [
+        ("64ABC 40.000N 80.000E", "64ABC"),
+        ("ZHONGGUANCUN(91ZGC) 39.800N 116.267E", "91ZGC"),
+        ("ZHONGGUANCUN\N{FULLWIDTH LEFT PARENTHESIS}91ZGC) 39.800N 116.267E", "91ZGC"),
+        ("ZHONGGUANCUN\xa3\xa891ZGC\xa3\xa9 39.800N 116.267E", "91ZGC"),
+    ],
+)
+def test_csmnc_is_read(station, code):
+    found = contents(files.csmnc(station=station, component="V"))
+    (trace,) = found.traces
+    np.testing.assert_array_equal(trace.data, motion(120, 182.34))
+    assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (
+        f".{code}..V",
+        0.005,
+        "cm/s^2",
+    )
+    assert trace.stats.tdint_event == "SOMEWHERE,CHINA 2022-07-14 01:15:12"
+    assert found.compared == ("number of samples", "peak")
+
+
+def test_csmnc_is_compared_with_its_header():
+    refused(files.csmnc(count=121), "cut off: the header states 121 values")
+    refused(files.csmnc(count=119), "more than the 119 values")
+    refused(files.csmnc(count=112), "follows the 112 values")
+    refused(files.csmnc(peak=-192.3), "states a peak of 192.3 cm/s")
+    # Older files have fewer decimals and no blank between the numbers.
+    values = motion(120, -1235.746, 3)
+    older = files.csmnc(values).splitlines()[:15]
+    older[10] = "UNCORRECTED ACCCELERATION UNIT: CM/SEC/SEC"
+    older[13] = "PRE-EVENT TIME: 20 SEC SITE CONDITION: soil"
+    (trace,) = contents("\n".join([*older, "CSMNC", *fortran(values, 8, 10, 3), ""])).traces
+    np.testing.assert_array_equal(trace.data, values)
 
 
 def test_incomplete_header_row_is_refused():

@@ -71,6 +71,7 @@ def test_vertical_components_are_recognized():
         "UD2",
         "HNZ",
         "BNZ",
+        "BHZ00",
         "Z",
         "V",
         "VERT",
@@ -88,6 +89,8 @@ def test_vertical_components_are_recognized():
     [
         (("HNE", "HNN", "HNZ"), "HNN+HNE"),
         (("HN1", "HN2"), "HN1+HN2"),
+        (("BHZ00", "BH100", "BH200"), "BH100+BH200"),
+        (("HHE10", "HHN10"), "HHN10+HHE10"),
         (("HNZ", "HN2", "HN1"), "HN2+HN1"),
         (("EW", "NS", "UD"), "NS+EW"),
         (("67", "UP", "337"), "337+67"),
@@ -163,6 +166,7 @@ def test_longer_component_is_truncated(samples, omitted):
 SAME_MOTION = [
     ("r/AOM0051801241951.EW", "r/AOM0051801241951.NS"),
     ("r/AICH040010061330.EW2", "r/AICH040010061330.NS2"),
+    ("r/RSN8547_ARK_BH100.AT2", "r/RSN8547_ARK_BH200.AT2", "r/RSN8547_ARK_BHZ00.AT2"),
     ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"),
     ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL-UP.AT2"),
     ("H-E01140.AT2", "H-E01230.AT2"),

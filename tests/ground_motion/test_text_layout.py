@@ -99,7 +99,7 @@ class TestStep:
     @pytest.mark.parametrize("name", sorted(SAMPLES))
     def test_step_is_compared_in_every_format(self, file, name):
         content = SAMPLES[name][0]()
-        units = "gal" if content[:1].isdigit() else None
+        units = "gal" if content.lstrip()[:1].isdigit() else None
         dt = read(file, content, units)[0].dt
         assert read(file, content, units, step=dt)[0].dt == dt
         fails("which contradicts `step=.*`; remove it", file, content, units, step=2.0 * dt)

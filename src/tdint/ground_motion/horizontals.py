@@ -19,6 +19,8 @@ from tdint.ground_motion.record import Record
 from tdint.number_parsing import abbreviate
 
 _VERTICAL = re.compile(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z", re.IGNORECASE)
+_WITH_LOCATION = re.compile(r"([A-Z][GHLN][ENZ12])\d\d", re.IGNORECASE)
+"""Pattern of a SEED channel code followed by the location code, as in files of NGA-East (BHZ00)."""
 _AZIMUTH = re.compile(r"\d{1,3}")
 _QUADRANT = re.compile(r"([NS])(\d{1,2})([EW])", re.IGNORECASE)
 _NORTH = re.compile(r"N-?S\d?|([A-Z]{2})?N", re.IGNORECASE)
@@ -301,7 +303,7 @@ def _check_lengths(first: Record, second: Record, source: str) -> None:
 
 def is_vertical(component: str) -> bool:
     """Return True if the name of a component is a vertical direction."""
-    return bool(_VERTICAL.fullmatch(component.strip()))
+    return bool(_VERTICAL.fullmatch(_channel_code(component)))
 
 
 def azimuth(component: str) -> float | None:
@@ -321,18 +323,25 @@ def azimuth(component: str) -> float | None:
         Azimuth from 0 to 360; a number above 360 is returned unchanged. None if the name states no
         direction.
     """
-    name = component.strip()
+    name = _channel_code(component)
     if _AZIMUTH.fullmatch(name):
         # The numbers 1 to 3 are channel numbers, not directions.
         is_direction = int(name) >= _MIN_AZIMUTH or name in ("0", "00", "000")
         return float(name) if is_direction else None
     if match := _QUADRANT.fullmatch(name):
         # The angle is measured from north or south towards east or west.
-        angle = float(match[2]) * (1.0 if match[3].upper() == "E" else -1.0)
-        return angle % 360.0 if match[1].upper() == "N" else (180.0 - angle) % 360.0
+        angle = float(match[2]) * (1.0 if match[3] == "E" else -1.0)
+        return angle % 360.0 if match[1] == "N" else (180.0 - angle) % 360.0
     if _NORTH.fullmatch(name):
         return 0.0
     return 90.0 if _EAST.fullmatch(name) else None
+
+
+def _channel_code(component: str) -> str:
+    """Return a component name in upper case, without the location after a channel code."""
+    name = component.strip().upper()
+    match = _WITH_LOCATION.fullmatch(name)
+    return match[1] if match else name
 
 
 def at_right_angles(component: str, other: str) -> bool:
@@ -343,7 +352,7 @@ def at_right_angles(component: str, other: str) -> bool:
         # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
         angle = abs((second - first + 90.0) % 180.0 - 90.0)
         return abs(angle - 90.0) <= _ANGLE_TOLERANCE
-    name, other_name = component.strip().upper(), other.strip().upper()
+    name, other_name = map(_channel_code, (component, other))
     return (
         bool(name and other_name)
         and name[:-1] == other_name[:-1]
@@ -395,6 +404,9 @@ def _trimmed_to_equal_length(
 # ---- Grouping of files into pairs of horizontal components, by usual or user-specified names
 
 _KNET = re.compile(r"\.(?P<component>EW|NS|UD)(?=\d?$)", re.IGNORECASE)
+_NGA_EAST = re.compile(
+    rf"(?<![A-Z0-9])(?P<component>{_WITH_LOCATION.pattern})(?=\.AT2$)", re.IGNORECASE
+)
 _PEER = re.compile(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)", re.IGNORECASE)
 _SEED = re.compile(r"(?<![A-Z0-9])(?P<component>[A-Z][GHLN][ENZ123])(?![A-Z0-9])", re.IGNORECASE)
 _ENDING = re.compile(
@@ -480,7 +492,7 @@ def motion_name(file: str) -> str:
     unchanged. The recognized components are
 
         .EW, .NS2                  extension of a K-NET file
-        067.AT2, -UP.AT2           end of the name of a PEER file
+        067.AT2, -UP.AT2, BH100    end of the name of a PEER file
         HNE                        channel code of a seismic network
         x_N.csv, x_EW.csv,         end of the name of any file before its extension: also E, NS,
         x-H1.csv, x_FP.csv         H2, X, Y, FN, and vertical components such as Z and UP
@@ -549,9 +561,11 @@ def _replace_component(file: str, match: re.Match[str] | None) -> str:
     before = path.name[:start]
     # The separator before a direction is optional, so that it does not distinguish ground motions.
     name = before.rstrip("-_") if match.re in (_PEER, _DIRECTION) else before
-    # The first two letters of a channel code (HN of HNE) identify the instrument, and are kept.
-    instrument = match["component"][:2] if match.re is _SEED else ""
-    return str(path.with_name(f"{name}{instrument}?{path.name[end:]}"))
+    # The first two letters of a channel code (HN of HNE) identify the instrument, and are kept. The
+    # digits after the code are the location.
+    is_code = match.re in (_SEED, _NGA_EAST)
+    instrument, location = (match["component"][:2], match["component"][3:]) if is_code else ("", "")
+    return str(path.with_name(f"{name}{instrument}?{location}{path.name[end:]}"))
 
 
 def files_of_motions(
@@ -650,7 +664,7 @@ def combine_single_components(failures: Sequence[Failure]) -> list[Failure | Rec
 def _find_component(name: str) -> re.Match[str] | None:
     """Return the match of the component in a file name without directories, in its group
     `component`; None if no pattern matches."""
-    patterns = (_KNET, _PEER, _SEED, _ENDING)
+    patterns = (_KNET, _NGA_EAST, _PEER, _SEED, _ENDING)
     return next((match for pattern in patterns if (match := pattern.search(name))), None)
 
 

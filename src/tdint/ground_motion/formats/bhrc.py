@@ -50,6 +50,10 @@ _COUNT, _RATE = (1, 11), (1, 0)
 """Line and index of the number of points in the integers, and of the samples per second in the
 reals."""
 
+_INTEGER_WIDTH, _REAL_WIDTH = 5, 13
+"""Characters of an integer (14I5) and of a real in the header. Numbers may fill their fields:
+`015616` is 0 and 15616."""
+
 _END = "/&"  # start of the line after the samples of a component
 
 
@@ -87,8 +91,8 @@ def read_bhrc(lines: Lines) -> list[Series]:
         raise RecordError(
             f"the header that starts in line {first_line} must state points, units and component"
         )
-    stated = _header_number(lines, *_COUNT)
-    rate = _header_number(lines, *_RATE)
+    stated = _header_number(lines, *_COUNT, _INTEGER_WIDTH)
+    rate = _header_number(lines, *_RATE, _REAL_WIDTH)
 
     # The text and the numbers of the header must agree. The duration is rounded, so the time step
     # follows from the sampling rate if the header states the rate.
@@ -129,15 +133,12 @@ def read_bhrc(lines: Lines) -> list[Series]:
     ]
 
 
-def _header_number(lines: Lines, row: int, index: int) -> float:
+def _header_number(lines: Lines, row: int, index: int, width: int) -> float:
     """Read the seven lines of integers or of reals of a header and return one of the numbers.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file; the next line is the first of the seven lines.
-    row, index : int
-        Line and position of the number, both counted from 0.
+    `row` and `index` are the line and the position of the number, both counted from 0; `width` is
+    the number of characters of a number. Fields are counted from the start of the line, because the
+    last field of a line may be cut off.
 
     Raises
     ------
@@ -145,10 +146,10 @@ def _header_number(lines: Lines, row: int, index: int) -> float:
         A line contains text other than numbers, or the line has too few numbers.
     """
     rows = [lines.take() for _ in range(_HEADER_LINES)]
-    numbers = row_of_numbers(rows[row]) if all(map(is_row_of_numbers, rows)) else []
-    if len(numbers) <= index:
+    field = rows[row][index * width : (index + 1) * width]
+    if not (all(map(is_row_of_numbers, rows)) and is_row_of_numbers(field)):
         raise RecordError(
             f"the header before line {lines.number} must contain only numbers, and at least "
             f"{index + 1} in its row {row + 1}"
         )
-    return numbers[index]
+    return row_of_numbers(field)[0]

@@ -12,7 +12,6 @@ USC files have the same headers and pairs as volume 1, because both formats are 
 from __future__ import annotations
 
 import re
-import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -24,8 +23,7 @@ from tdint.ground_motion.formats.lines import (
     COUNT,
     NUMBER,
     Lines,
-    equal_steps,
-    finest_step,
+    at_equal_steps,
     recognizes,
 )
 from tdint.ground_motion.formats.series import (
@@ -46,7 +44,7 @@ REALS = 50  # number of real numbers in the header of volume 1
 
 _INTEGERS = re.compile(r"\s*-?\d[-\d\s]{60,}")
 _LAST_INTEGERS = re.compile(r"[-\d\s]+")
-_POINTS = re.compile(rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b", re.IGNORECASE)
+POINTS = re.compile(rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b", re.IGNORECASE)
 _UNITS = re.compile(r"\bSEC AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
 _PAIR_WIDTH = 7  # characters of a time or an acceleration
 
@@ -73,10 +71,8 @@ def text_header(lines: Lines) -> list[str]:
 def read_pairs(lines: Lines, texts: list[str]) -> Series:
     """Read the pairs of time and acceleration of a channel.
 
-    Samples at equal steps are used unchanged. Times of records on film may depart from equal steps
-    by more than their rounding. The motion is then interpolated linearly between the times of the
-    file. Its sampling interval is the last decimal of the times, so that all times of the file are
-    samples and the motion does not change.
+    Times of records on film may depart from equal steps by more than their rounding. The motion is
+    then interpolated linearly (`at_equal_steps`).
 
     Parameters
     ----------
@@ -90,28 +86,17 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
     RecordError
         The pairs are cut off, not in a unit of acceleration, or too far from equal steps.
     """
-    points, units = first_match(_POINTS, texts), first_match(_UNITS, texts)
+    points, units = first_match(POINTS, texts), first_match(_UNITS, texts)
     if not points:
         raise RecordError("the header of the file does not state the number of points")
     # Times and accelerations alternate.
     pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
-    mean, departure = equal_steps(pairs[::2], _MAX_DEPARTURE)
-    samples, dt = pairs[1::2].copy(), mean
-    if departure:
-        times = pairs[::2] - pairs[0]
-        dt = finest_step(pairs[::2], mean)
-        samples = np.interp(dt * np.arange(round(times[-1] / dt) + 1), times, samples)
-        warnings.warn(
-            f"the times in the file depart by up to {departure:.2g} s from equal steps of "
-            f"{mean:.6g} s: the ground motion is interpolated linearly between these times and "
-            f"sampled at {dt:.6g} s",
-            stacklevel=2,
-        )
+    samples, dt = at_equal_steps(pairs[::2], pairs[1::2], _MAX_DEPARTURE)
     return Series(samples, dt, required_units(units[1]) if units else "")
 
 
 _TITLE = re.compile(r"\s*(UN)?CORRECTED ACCELEROGRAM", re.IGNORECASE)
-_CHANNEL = re.compile(
+CHANNEL = re.compile(
     r"^\s*CHAN\w*\.?\s+(\w+)\s*:\s*(.*?)\s*(?:\bDEG\w*\s*)?(?:\(STA\s+CHN.*|LOCATION.*)?$",
     re.IGNORECASE,
 )
@@ -180,7 +165,7 @@ def is_csmip(file: Any, **_: Any) -> bool:
     """Return True if a file starts with the title of a CSMIP file and names a channel within 25
     lines."""
     return recognizes(
-        file, lambda lines: _TITLE.match(lines[0]) and first_match(_CHANNEL, lines[1:25])
+        file, lambda lines: _TITLE.match(lines[0]) and first_match(CHANNEL, lines[1:25])
     )
 
 
@@ -348,6 +333,6 @@ def _codes(texts: list[str]) -> dict[str, Any]:
 
     The channel number is the location code, because several channels may have the same azimuth.
     """
-    channel = first_match(_CHANNEL, texts)
+    channel = first_match(CHANNEL, texts)
     channel_codes = {"location": channel[1], "channel": code(channel[2]).upper()} if channel else {}
     return {"station": header_field(_STATION, texts), **channel_codes}

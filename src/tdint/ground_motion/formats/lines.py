@@ -5,8 +5,11 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from array import array
 from collections.abc import Callable
+from copy import copy
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +51,7 @@ _PLAIN = re.compile(r"[-+.\dEe\s]*")
 1_000."""
 
 _MOST_DECIMALS = 9  # decimals; maximum considered in printed times
+_MOST_SAMPLES = 10_000_000  # maximum number of samples of an interpolated motion
 _FINEST = 40
 """Maximum number of substeps between two printed times."""
 
@@ -78,6 +82,12 @@ class Lines:
     def number(self) -> int:
         """Number of the last line read, counted from 1."""
         return self._next
+
+    def without_prefix(self, prefix: str) -> Lines:
+        """Return the unread lines without a text at their start; the lines keep their numbers."""
+        lines = copy(self)
+        lines._lines = [line.removeprefix(prefix) for line in self._lines]
+        return lines
 
     def skip(self, count: int) -> None:
         """Skip `count` lines.
@@ -240,6 +250,47 @@ class Lines:
             values.extend(self._row_of(columns))
         return self.checked(values, first).reshape(-1, columns).T.copy()
 
+    def following_rows(self, width: int | None = None) -> list[list[float]]:
+        """Read the successive rows of numbers, and return the numbers of each row.
+
+        `width` is the number of characters per number, as for `numbers`.
+
+        Raises
+        ------
+        RecordError
+            The last number is cut off.
+        """
+        rows = []
+        first = self._next
+        while (line := self.peek()) is not None and is_row_of_numbers(line, width):
+            rows.append(self._row(width))
+        self.checked(array("d", chain.from_iterable(rows)), first)
+        return rows
+
+    def expect_no_numbers(self, count: float) -> None:
+        """Skip the text to the end of the file; raise RecordError at a row of numbers, because the
+        header states only `count` values."""
+        while self.peek() is not None:
+            if self.at_numbers():
+                raise RecordError(
+                    f"line {self._next + 1} follows the {count:g} values stated in the header, but "
+                    "contains values; correct the number in the header, or remove the line"
+                )
+            self.take()
+
+    def expect_aligned_end(self, width: int) -> None:
+        """Raise RecordError if the file is cut off within its last number.
+
+        The numbers of a row are right-aligned in fields of `width` characters, so that the last row
+        ends at the end of a number of the row before it. A file that ends with a newline is
+        complete.
+        """
+        if self._ends_with_newline or self._next < len(self._lines) or self._next < 2:
+            return
+        before, last = self._lines[-2:]
+        if (len(before.rstrip()) - len(last.rstrip())) % width:
+            raise RecordError("the file is cut off within its last number")
+
     def expect_end(self) -> None:
         """Raise RecordError if a non-blank line remains in the file."""
         if self.peek() is not None:
@@ -362,10 +413,11 @@ def row_of_numbers(line: str, width: int | None = None) -> list[float]:
     return [_to_float(field) for field in fields]
 
 
-def is_row_of_numbers(line: str | None) -> bool:
-    """Return True if a line contains at least one number and no other text."""
+def is_row_of_numbers(line: str | None, width: int | None = None) -> bool:
+    """Return True if a line contains at least one number and no other text; `width` is the number
+    of characters per number, as for `row_of_numbers`."""
     try:
-        return bool(line and row_of_numbers(line))
+        return bool(line and row_of_numbers(line, width))
     except ValueError:
         return False
 
@@ -503,7 +555,7 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
             f"{times[index]:g} s"
         )
     duration = float(times[-1] - times[0])
-    rounding = _rounding(times)
+    rounding = last_decimal(times)
     dt = duration / (times.size - 1)
     # Use an integer number of samples per second if it agrees with the times within their rounding.
     rate = round(1.0 / dt) if dt > _SHORTEST else 0
@@ -529,25 +581,58 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     )
 
 
-def finest_step(times: NDArray[np.float64], mean: float) -> float:
-    """Return the step, s, of a grid that contains all printed times.
+def at_equal_steps(
+    times: NDArray[np.float64], samples: NDArray[np.float64], slack: float
+) -> tuple[NDArray[np.float64], float]:
+    """Return the samples at equal steps of a motion with printed times, and the step, s.
 
-    The step is the last decimal of the times, but at least a fraction of their mean interval.
+    Samples at equal steps are used unchanged. Otherwise the motion is interpolated linearly between
+    its times, and a warning states the departure. The step is the last decimal of the times, so
+    that all times are samples and the motion does not change. It is at least a fraction
+    (`_FINEST`) of the mean interval, or the shortest interval if that is less; each time is then
+    rounded to a multiple of the step, so that no peak is lost.
 
     Parameters
     ----------
-    times : ndarray, shape (samples,)
-        Printed times, s.
-    mean : float
-        Mean interval, s.
+    times, samples : ndarray, shape (samples,)
+        Printed times, s, and samples.
+    slack : float
+        Permitted departure from equal steps as a fraction of the duration; infinite for a format
+        with samples at unequal times.
+
+    Raises
+    ------
+    RecordError
+        The times do not increase, or depart too far from equal steps.
     """
-    return max(_rounding(times), mean / _FINEST)
+    mean, departure = equal_steps(times, slack)
+    if not departure:
+        return samples.copy(), mean
+    shortest = float(np.min(np.diff(times)))
+    dt = max(last_decimal(times), min(mean / _FINEST, shortest))
+    count = round(float(times[-1] - times[0]) / dt) + 1
+    if count > _MOST_SAMPLES:
+        raise RecordError(
+            f"the shortest interval of the times, {shortest:.3g} s, is too short for equal steps "
+            f"over {times[-1] - times[0]:.6g} s; resample the record to equal steps first"
+        )
+    positions = times - times[0]
+    multiples = dt * np.round(positions / dt)
+    if np.max(np.abs(positions - multiples)) > _SLIP * dt:
+        positions = multiples
+    warnings.warn(
+        f"the times in the file depart by up to {departure:.2g} s from equal steps of {mean:.6g} "
+        "s: the ground motion is interpolated linearly between these times and sampled at "
+        f"{dt:.6g} s",
+        stacklevel=2,
+    )
+    return np.interp(dt * np.arange(count), positions, samples), dt
 
 
-def _rounding(times: NDArray[np.float64]) -> float:
-    """Return the value of the last decimal of the printed times, s."""
-    scale = float(np.max(np.abs(times)))
+def last_decimal(values: NDArray[np.float64]) -> float:
+    """Return the value of the last decimal of printed numbers."""
+    scale = float(np.max(np.abs(values)))
     for decimals in range(_MOST_DECIMALS):
-        if np.max(np.abs(times - np.round(times, decimals))) <= 1e-14 * scale:
+        if np.max(np.abs(values - np.round(values, decimals))) <= 1e-14 * scale:
             return float(10.0**-decimals)
     return float(10.0**-_MOST_DECIMALS)

@@ -227,7 +227,8 @@ def motion_units(text: str) -> str | None:
     """Convert the units in a file header to the spelling of tdint; None if the text is not a unit
     of ground motion.
 
-    `CM/SEC/SEC` gives cm/s^2, `G'S` gives g, `CM/SEC` gives cm/s, and `G/10` gives `0.1 g`.
+    `CM/SEC/SEC` and `CMS/SEC/SEC` give cm/s^2, `G'S` gives g, `CM/SEC` gives cm/s, and `G/10` gives
+    `0.1 g`.
 
     Parameters
     ----------
@@ -235,6 +236,7 @@ def motion_units(text: str) -> str | None:
         Units in the file header.
     """
     stripped = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
+    stripped = re.sub(r"^CMS\b", "CM", stripped, flags=re.IGNORECASE)
     # The unit G/10 is a tenth of g.
     tenth = re.fullmatch(r"(.*\S)\s*/\s*10", stripped)
     try:

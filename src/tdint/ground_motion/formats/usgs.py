@@ -1,30 +1,30 @@
-"""SMC files of the U.S. Geological Survey and volume 1 of the University of Southern California,
-with one component per file.
+"""SMC files of the U.S. Geological Survey (National Strong-Motion Program), with one component per
+file.
 
-SMC (National Strong-Motion Program): eleven lines of text, 48 integers (8I10), 50 reals (5E15.7),
+The file contains eleven lines of text, 48 integers (8I10), 50 reals (5E15.7),
 comments and values (8(1PE10.4E1)), all in cm and s. The first integer and the first real are the
-values that mark unknown quantities (USGS, SMC-format data files, version 2).
-
-USC (Los Angeles Strong Motion Network): lines of text, 100 integers (16I5), 50 reals (8F10.3) and
-pairs of time and acceleration, 10F7.3, in seconds and g/10.
+values that mark unknown quantities (USGS, SMC-format data files, version 2). If the sampling rate
+is unknown, the values are pairs of time and sample, or all times followed by all samples. Some
+programs write `#` before each line of the header.
 """
 
 from __future__ import annotations
 
+import math
 import re
-from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.csmip import REAL_WIDTH, REALS, read_pairs, text_header
-from tdint.ground_motion.formats.lines import Lines, recognizes
+from tdint.ground_motion.formats.lines import Lines, at_equal_steps, recognizes
 from tdint.ground_motion.formats.series import (
     Series,
     StatedPeak,
     code,
     first_match,
-    header_field,
     moment,
     reader,
 )
@@ -34,6 +34,8 @@ _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 
 _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
 """Characters of an integer and of a real in the header, and of a sample."""
+
+_COMMENT = "#"  # start of each line of the header in some files
 
 _QUANTITY = re.compile(
     r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE "
@@ -67,9 +69,13 @@ _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
 def is_smc(file: Any, **_: Any) -> bool:
     """Return True if a file has the header of an SMC file: a type of series in line 1 and eight
     integers in line 12."""
-    return recognizes(
-        file, lambda lines: _QUANTITY.match(lines[0]) and _ROW_OF_INTEGERS.fullmatch(lines[_TEXTS])
-    )
+    return recognizes(file, _matches)
+
+
+def _matches(lines: list[str]) -> bool:
+    """Return True if the first line states a type of series and line 12 contains eight integers."""
+    title, integers = (line.removeprefix(_COMMENT) for line in (lines[0], lines[_TEXTS]))
+    return bool(_QUANTITY.match(title) and _ROW_OF_INTEGERS.fullmatch(integers))
 
 
 @reader
@@ -88,6 +94,8 @@ def read_smc(lines: Lines) -> list[Series]:
         The file is cut off, has more or fewer values than its header states, or contains no ground
         motion.
     """
+    if (lines.peek() or "").startswith(_COMMENT):
+        lines = lines.without_prefix(_COMMENT)
     texts = [lines.take() for _ in range(_TEXTS)]
     quantity = _QUANTITY.match(texts[0])
     if not quantity or quantity[1] not in _UNITS:
@@ -98,11 +106,6 @@ def read_smc(lines: Lines) -> list[Series]:
         )
     integers = lines.numbers(_INTEGERS, _INTEGER_WIDTH).tolist()
     reals = lines.numbers(_REALS, _REAL_WIDTH).tolist()
-    if reals[_RATE] == reals[0] or not reals[_RATE] > 0.0:
-        raise RecordError(
-            "the header of the file does not state the sampling rate: the samples may be unevenly "
-            "spaced; specify a file with samples at equal steps"
-        )
     for _line in range(int(integers[_COMMENTS])):
         comment = lines.take()
         if not comment.startswith("|"):
@@ -124,9 +127,14 @@ def read_smc(lines: Lines) -> list[Series]:
     peak = (
         StatedPeak(max(extremes), _ROUNDING * max(extremes), units) if len(extremes) == 2 else None
     )
+    count = int(integers[_SAMPLES])
+    if reals[_RATE] == reals[0] or not reals[_RATE] > 0.0:
+        samples, dt = _at_unequal_times(lines, count)
+    else:
+        samples, dt = lines.numbers(count, _VALUE_WIDTH), 1.0 / reals[_RATE]
     series = Series(
-        lines.numbers(int(integers[_SAMPLES]), _VALUE_WIDTH),
-        1.0 / reals[_RATE],
+        samples,
+        dt,
         units,
         channel=channel,
         station=code(texts[2].replace("*", "")),
@@ -135,12 +143,37 @@ def read_smc(lines: Lines) -> list[Series]:
         peak=peak,
         units_from="format",
     )
-    if lines.at_numbers():
-        raise RecordError(
-            f"line {lines.number + 1} follows the {integers[_SAMPLES]:g} values stated in the "
-            "header, but contains values; correct the number in the header, or remove the line"
-        )
+    lines.expect_no_numbers(count)
     return [series]
+
+
+def _at_unequal_times(lines: Lines, count: int) -> tuple[NDArray[np.float64], float]:
+    """Read `count` times and samples, and return the samples at equal steps and the step, s.
+
+    The order of times and samples follows from the values: times increase strictly. The stated
+    number may also count all values.
+
+    Raises
+    ------
+    RecordError
+        The number of values differs from the header, or the values contain no times.
+    """
+    first = lines.number
+    values = np.array([value for row in lines.following_rows(_VALUE_WIDTH) for value in row])
+    if values.size not in (count, 2 * count) or values.size % 2 or not values.size:
+        raise RecordError(
+            "the header of the file does not state the sampling rate, so that the samples are at "
+            f"unequal times: {count} times and samples must follow line {first}, got {values.size} "
+            "values"
+        )
+    orders = (values.reshape(-1, 2).T, values.reshape(2, -1))
+    for times, samples in orders:
+        if times.size > 1 and np.all(np.diff(times) > 0.0):
+            return at_equal_steps(times, samples, math.inf)
+    raise RecordError(
+        "the header of the file does not state the sampling rate, and the values after line "
+        f"{first} contain no increasing times; specify a file with a sampling rate or with times"
+    )
 
 
 def _event(texts: list[str]) -> str:
@@ -212,48 +245,3 @@ def _header_time(
     # The time is counted from the start of the month, because the day may be after its end.
     seconds = ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + fraction
     return moment(year, month, 1, 0, 0, seconds)
-
-
-_TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)
-_STATION = re.compile(r"^\s*STATION USC#\s*(\w+)", re.IGNORECASE)
-_COMPONENT = re.compile(r"^\s*COMP\s+(\w+)", re.IGNORECASE)
-_EARTHQUAKE = re.compile(
-    r"^(.*\bEARTHQUAKE\s+[A-Z]{3,9}\.?\s+\d{1,2},?\s+\d{4}(?:[\s,-]+\d{4}\s+(?:GMT|UTC))?)",
-    re.IGNORECASE,
-)
-"""Pattern of name, date and time of the earthquake, which are on one line."""
-
-
-def is_usc(file: Any, **_: Any) -> bool:
-    """Return True if the first line is the title of volume 1 of the University of Southern
-    California (USC)."""
-    return recognizes(file, lambda lines: _TITLE.match(lines[0]))
-
-
-@reader
-def read_usc(lines: Lines) -> list[Series]:
-    """Read a USC file, and return its only component, an acceleration.
-
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
-    Raises
-    ------
-    RecordError
-        The file is cut off, or its times are not in equal steps.
-    """
-    texts = text_header(lines)
-    lines.numbers(REALS, REAL_WIDTH)  # the real numbers of the header are not used
-    station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
-    event = " ".join(header_field(_EARTHQUAKE, texts).split())
-    series = replace(
-        read_pairs(lines, texts), station=station, channel=component.upper(), event=event
-    )
-    if lines.peek() is not None:
-        raise RecordError(
-            f"line {lines.number + 1} follows the last point stated in the header; the file must "
-            "end before this line"
-        )
-    return [series]

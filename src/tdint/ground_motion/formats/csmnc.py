@@ -1,0 +1,116 @@
+"""Text files of the China Strong Motion Networks Center (CSMNC), with one component per file.
+
+The header states the earthquake with its time (BTM is Beijing time, UTC+8), the station, the
+component, the units, the number of samples, the sampling interval and the peak. Samples follow in
+eight columns, row by row.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import timedelta
+from typing import Any
+
+from tdint.ground_motion.formats.lines import (
+    COUNT,
+    NUMBER,
+    Lines,
+    is_row_of_numbers,
+    recognizes,
+)
+from tdint.ground_motion.formats.series import (
+    CLOCK,
+    Series,
+    code,
+    first_match,
+    header_field,
+    moment_in,
+    reader,
+    required_units,
+    stated_peak,
+)
+
+_POINTS = re.compile(
+    rf"\bNO\.?\s*OF POINTS\s*:\s*({COUNT})\s+EQUALLY SPACED INTERVALS OF\s*:\s*({NUMBER})\s*SEC",
+    re.IGNORECASE,
+)
+"""Pattern of the number of samples and the sampling interval, s."""
+_UNITS = re.compile(r"\bACC+ELERATION\s+UNIT\s*:\s*(\S+)", re.IGNORECASE)
+_COMPONENT = re.compile(r"^\s*COMP\.?\s*:?\s*([A-Z0-9-]+)", re.IGNORECASE)
+_STATION = re.compile(r"^\s*STATION\s*:\s*(.*)", re.IGNORECASE)
+_STATION_CODE = re.compile(
+    "(?:\\(|\N{FULLWIDTH LEFT PARENTHESIS}|\xa3\xa8)\\s*([A-Z0-9]+)", re.IGNORECASE
+)
+"""Pattern of a station code after the name of the station; `\\xa3\\xa8` is the full-width
+parenthesis of the encoding GBK, decoded as Latin-1."""
+_PEAK = re.compile(rf"^\s*PEAK VALUE\s*:\s*({NUMBER})\s+AT\b", re.IGNORECASE)
+_EPICENTER = re.compile(r"^\s*EPICENTER\b", re.IGNORECASE)
+_ORIGIN = re.compile(
+    rf"\b(?P<year>\d{{4}})-(?P<month>\d\d?)-(?P<day>\d\d?)\s+{CLOCK}\s+BTM\b", re.IGNORECASE
+)
+_BEIJING = 8.0  # offset of Beijing time from UTC, hours
+_HEADER = 40  # maximum number of lines of a header
+_VALUE_WIDTH = 10  # characters of a sample in files whose samples fill their fields
+
+
+def is_csmnc(file: Any, **_: Any) -> bool:
+    """Return True if the first lines of a file state station, component, and number of samples in
+    the wording of CSMNC."""
+    return recognizes(
+        file,
+        lambda lines: all(
+            first_match(pattern, lines[:_HEADER]) for pattern in (_STATION, _COMPONENT, _POINTS)
+        ),
+    )
+
+
+@reader
+def read_csmnc(lines: Lines) -> list[Series]:
+    """Read a CSMNC file, and return its only component, an acceleration.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
+
+    Raises
+    ------
+    RecordError
+        The file is cut off, has more values than its header states, or its content does not match
+        its header.
+    """
+    texts = [*lines.take_until(_POINTS.search, "line with the number of points"), lines.take()]
+    points = _POINTS.search(texts[-1])
+    assert points is not None  # take_until has found it
+    texts += lines.take_until(is_row_of_numbers, "row of numbers")
+    units = required_units(header_field(_UNITS, texts))
+    peak = first_match(_PEAK, texts)
+    count = int(points[1])
+    series = Series(
+        lines.numbers(count, _VALUE_WIDTH),
+        float(points[2]),
+        units,
+        channel=code(header_field(_COMPONENT, texts)).upper(),
+        station=_station(header_field(_STATION, texts)),
+        event=_event(texts),
+        peak=stated_peak(peak[1], units, units) if peak else None,
+    )
+    lines.expect_no_numbers(count)
+    return [series]
+
+
+def _station(text: str) -> str:
+    """Return the code in parentheses after the name of a station; otherwise the first word."""
+    match = _STATION_CODE.search(text)
+    return match[1] if match else code((text.split() or [""])[0])
+
+
+def _event(texts: list[str]) -> str:
+    """Return the name of the earthquake, which is above the line of the epicenter, and its time in
+    UTC."""
+    index = next((i for i, line in enumerate(texts) if _EPICENTER.match(line)), 0)
+    name = " ".join(texts[index - 1].split()) if index else ""
+    origin = moment_in(_ORIGIN, texts)
+    if origin is None:
+        return name
+    return f"{name} {origin - timedelta(hours=_BEIJING):%Y-%m-%d %H:%M:%S}".strip()

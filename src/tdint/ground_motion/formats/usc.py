@@ -1,0 +1,197 @@
+"""Volumes 1 and 2 of the University of Southern California (USC), Los Angeles Strong Motion
+Network, with one component per file.
+
+Volume 1 contains lines of text, 100 integers (16I5), 50 reals (8F10.3) and pairs of time and
+acceleration, 10F7.3, in seconds and g/10. Volume 2 contains the acceleration, velocity and
+displacement at equal steps, 8F10.3, each after a line that states their number and the step. The
+line of the acceleration may be above the integers and reals of the header. `UNITS ARE SEC AND G/10`
+in volume 2 describes volume 1: the samples are in the units of the peak in the header.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.csmip import (
+    CHANNEL,
+    POINTS,
+    REAL_WIDTH,
+    REALS,
+    read_pairs,
+    text_header,
+)
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, last_decimal, recognizes
+from tdint.ground_motion.formats.series import (
+    Series,
+    code,
+    first_match,
+    header_field,
+    motion_scale,
+    reader,
+    stated_peak,
+)
+
+_TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)
+_TITLE_2 = re.compile(
+    r"\bCORRECTED ACCELEROGRAM\b|\bVOLUME\s+(?:II|2)\b|\bSTATION USC#", re.IGNORECASE
+)
+"""Pattern of a line in the header of volume 2, which has no fixed title."""
+_STATION = re.compile(r"^\s*STATION USC#\s*(\w+)", re.IGNORECASE)
+_COMPONENT = re.compile(r"^\s*COMP\s+(\w+)", re.IGNORECASE)
+_EARTHQUAKE = re.compile(
+    r"^(.*\bEARTHQUAKE\s+[A-Z]{3,9}\.?\s+\d{1,2},?\s+\d{4}(?:[\s,-]+\d{4}\s+(?:GMT|UTC))?)",
+    re.IGNORECASE,
+)
+"""Pattern of name, date and time of the earthquake, which are on one line."""
+
+_BLOCK = re.compile(
+    rf"^\s*({COUNT})\s+POINTS OF\s+(ACC|VEL|DIS)\w*\.?\s+DATA EQUALLY[ -]SPACED "
+    rf"AT\s+({NUMBER})\s*SEC",
+    re.IGNORECASE,
+)
+"""Pattern of the line that states the number of samples, the quantity (ACC, VEL or DIS) and the
+sampling interval (s) of a block of volume 2."""
+
+_PEAKS = {
+    word: re.compile(rf"\bPEAK {quantity}\w*\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE)
+    for word, quantity in (("ACC", "ACC"), ("VEL", "VEL"), ("DIS", "DISP"))
+}
+"""Patterns of the peak of each block and its units."""
+
+_QUANTITIES = {"VEL": "velocity", "DIS": "displacement"}
+
+_HEADER_ROWS = (7, 13, 14, 20)
+"""Numbers of rows of numbers in a header: 100 integers (7 rows), 50 or 100 reals (7 or 13 rows), or
+both."""
+
+_HEADER_TEXT = 60  # maximum number of lines that contain the text of a header
+
+
+def is_usc(file: Any, **_: Any) -> bool:
+    """Return True if the first line is the title of volume 1, or if the first lines name volume 2
+    and state the number of accelerations, and no line names a channel as in CSMIP files."""
+    return recognizes(
+        file,
+        lambda lines: (
+            _TITLE.match(lines[0])
+            or (
+                all(first_match(pattern, lines[:_HEADER_TEXT]) for pattern in (_TITLE_2, _BLOCK))
+                and not first_match(CHANNEL, lines[:_HEADER_TEXT])
+            )
+        ),
+    )
+
+
+@reader
+def read_usc(lines: Lines) -> list[Series]:
+    """Read a USC file, and return its only component, an acceleration.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file.
+
+    Raises
+    ------
+    RecordError
+        The file is cut off, its times are not in equal steps, or the samples of volume 2 do not
+        match the header.
+    """
+    if _TITLE.match(lines.peek() or ""):
+        texts = text_header(lines)
+        lines.numbers(REALS, REAL_WIDTH)  # the real numbers of the header are not used
+        series = read_pairs(lines, texts)
+        # Text may follow the last point.
+        lines.expect_no_numbers(int(header_field(POINTS, texts)))
+    else:
+        series, texts = _volume_2(lines)
+    station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
+    event = " ".join(header_field(_EARTHQUAKE, texts).split())
+    return [replace(series, station=station, channel=component.upper(), event=event)]
+
+
+def _volume_2(lines: Lines) -> tuple[Series, list[str]]:
+    """Read the acceleration of volume 2 and the peaks of velocity and displacement; return also the
+    lines of text.
+
+    Raises
+    ------
+    RecordError
+        The number of samples of a block differs from the stated number, a block contains no
+        acceleration, or the peak in the header is not the peak of the samples.
+    """
+    texts: list[str] = []
+    blocks: dict[str, NDArray[np.float64]] = {}
+    block, dt = None, 0.0
+    while lines.peek() is not None:
+        if not lines.at_numbers():
+            texts.append(lines.take())
+            block = _BLOCK.match(texts[-1]) or block
+            continue
+        first = lines.number + 1
+        rows = lines.following_rows(REAL_WIDTH)
+        if block is None and not blocks and len(rows) in _HEADER_ROWS:
+            continue  # the integers and reals of the header are not used
+        if block is None:
+            raise RecordError(
+                f"no line above line {first} states the number of the values that follow; complete "
+                "or correct the file"
+            )
+        word = block[2].upper()
+        blocks[word] = _samples_of_block(rows, int(block[1]), first, is_first=not blocks)
+        dt = float(block[3]) if word == "ACC" else dt
+        block = None
+    if block or "ACC" not in blocks:
+        word = block[2].upper() if block else "ACC"
+        raise RecordError(f"the file is cut off: no values of {word} after its last line of text")
+
+    # The units of the samples are the units of the peak, if the numbers are equal.
+    samples = blocks["ACC"]
+    stated = first_match(_PEAKS["ACC"], texts)
+    peak = stated_peak(stated[1], stated[2], "cm/s^2") if stated else None
+    if peak:
+        rounding = peak.rounding + last_decimal(samples)
+        peak = replace(peak, factor=1.0, rounding=rounding)
+    pgv, pgd = (_peak(blocks, word, texts) for word in ("VEL", "DIS"))
+    return Series(samples, dt, peak.units if peak else "", peak=peak, pgv=pgv, pgd=pgd), texts
+
+
+def _samples_of_block(
+    rows: list[list[float]], count: int, first: int, *, is_first: bool
+) -> NDArray[np.float64]:
+    """Return the last `count` values of rows, which start in line `first`.
+
+    The rows before these values are the integers and reals of the header; only the first block of a
+    file may follow them.
+
+    Raises
+    ------
+    RecordError
+        The number of values differs from `count`.
+    """
+    sizes = [0, *accumulate(map(len, rows))]
+    starts = [0, *(_HEADER_ROWS if is_first else ())]
+    for start in starts:
+        if start < len(rows) and sizes[-1] - sizes[start] == count:
+            return np.array([value for row in rows[start:] for value in row])
+    raise RecordError(
+        f"the header states {count} values, but {sizes[-1]} values follow from line {first} to "
+        f"line {first + len(rows) - 1}; complete the file, or correct the number"
+    )
+
+
+def _peak(blocks: dict[str, NDArray[np.float64]], word: str, texts: list[str]) -> float | None:
+    """Return the maximum absolute velocity (m/s) or displacement (m) of a block; None without the
+    block, or if the header does not state the peak with its units."""
+    stated = first_match(_PEAKS[word], texts)
+    scale = motion_scale(stated[2], _QUANTITIES[word]) if stated else None
+    if word not in blocks or scale is None:
+        return None
+    return scale * float(np.max(np.abs(blocks[word]), initial=0.0))
