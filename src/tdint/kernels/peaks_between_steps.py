@@ -32,8 +32,9 @@ size of a1 - a0, so the tilt is not reliable. The weight of B and D therefore de
 Search criteria
 ---------------
 Only steps that may exceed a recorded peak are searched. The observer
-(`tdint.kernels.time_loop.observer`) checks this for all floors by `may_exceed_peaks` and
-`may_exceed_acceleration_peak`, which contain no branches. The interior is then searched if
+(`tdint.kernels.time_loop.observer`) checks this for all floors by `may_exceed_floor_peaks`,
+`may_exceed_story_peaks`, `may_exceed_velocity_peak` and `may_exceed_acceleration_peak`, which
+contain no branches. The interior is then searched if
 
     displacement, drift       the velocity or drift rate changes its sign
     velocity, drift rate      the acceleration changes its sign

@@ -55,11 +55,11 @@ class Scene(NamedTuple):
         Properties of building and method that are set before the time integration.
     """
 
-    linear_terms: Array  # properties of the building that act linearly
-    modal: Array  # rows w of the modal damping matrix C = sum of w w^T
-    law_parameters: Array  # parameters of the hysteresis models
-    forces: Array  # harmonic forces on floors
-    flags: Array  # properties of building and method that are set before the time integration
+    linear_terms: Array
+    modal: Array
+    law_parameters: Array
+    forces: Array
+    flags: Array
 
 
 class Memory(NamedTuple):
@@ -78,10 +78,10 @@ class Memory(NamedTuple):
         Values for the next step, for the time loop and for messages.
     """
 
-    state: Array  # memory of the method
-    law_state: Array  # states of the hysteresis models
-    scratch: Array  # scratch rows and reusable factorizations
-    step_status: Array  # values for the next step, for the time loop and for messages
+    state: Array
+    law_state: Array
+    scratch: Array
+    step_status: Array
 
 
 class Seen(NamedTuple):
@@ -215,7 +215,7 @@ class Factors(NamedTuple):
     table: Array
     pivot: int
     coupling: int
-    store: int  # first row of the terms of modal damping
+    store: int
 
 
 class EffectiveCoefficients(NamedTuple):
