@@ -91,10 +91,15 @@ STIFFENING = 10
 LINEAR_TERM_ROWS = 11
 UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 0
 
-# law_parameters: parameters of the hysteresis models (drift laws), by story
-CODE = 0  # number of the law
-STIFFNESS = 1  # initial stiffness, N/m
+# law_parameters: parameters of the hysteresis models (drift laws), by story. A story with several
+# elements (springs in parallel) contains no law. Its elements are the columns after the additional
+# column of zeros, in this table and in `law_state`.
+CODE = 0  # number of the law, or ELEMENTS
+STIFFNESS = 1  # initial stiffness, N/m; of a story with elements, their sum
 FIRST_PARAMETER = 2  # first parameter of the law, in SI units
+ELEMENTS = -1e6  # value of CODE of a story with elements; not the index of a law
+FIRST_ELEMENT = 2  # first column of the elements of such a story, and first column after them
+END_ELEMENT = 3
 
 # law_state: states of the hysteresis models. A block of rows with the committed state, then blocks
 # of the same rows with trial states.
@@ -122,9 +127,16 @@ SECOND_TRIAL = 2 * LAW_STATE_ROWS
 THIRD_TRIAL = 3 * LAW_STATE_ROWS
 LAW_STATE_BLOCKS = 4
 ADDRESS = LAW_STATE_BLOCKS * LAW_STATE_ROWS  # address of a separately compiled law; 0 for others
+# The next rows are used only in the columns of elements. In the column of a story with elements, the
+# committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and RATE_SIGN describe the sum of the elements,
+# and INTERNAL is 1 if all elements have failed.
+FAILED_INTERNAL = ADDRESS + 1  # value of INTERNAL after the failure; nan if the law cannot fail
+PEAK_FORCE = ADDRESS + 2  # maximum absolute force, N
+ENERGY_SPENT = ADDRESS + 3  # dissipated energy since the start, J, when energies were last summed
+INITIAL_SPENT = ADDRESS + 4  # dissipated energy up to the initial drift, J
 # First extra row, for laws that need more rows: one block for the committed state, then the blocks
 # of the trial states
-EXTRA_ROWS = ADDRESS + 1
+EXTRA_ROWS = ADDRESS + 5
 
 # state: memory of the method, by floor
 DISPLACEMENT = 0  # relative to the ground, m

@@ -537,6 +537,10 @@ def find_interstep_peaks(
             # `stiffness` times `drift_excursion`.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
+            if scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
+                shear_margin = _margin_of_elements(
+                    scene.law_parameters, law_state, i, stiffness, shear_margin
+                )
             drift_excursion = _displacement_excursion(span, story)
             if drift_excursion > drift_margin or stiffness * drift_excursion > shear_margin:
                 # If the distance of the drift from its value at the end is at most `margin`, both
@@ -584,6 +588,23 @@ def find_interstep_peaks(
             _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
         floor = floor_below
     return reversal_count
+
+
+@outlined
+def _margin_of_elements(law_parameters, law_state, i, stiffness, margin):
+    """Return the margin of the shear of story `i` that also respects the peaks of its elements, N.
+
+    A change of drift exceeds the result divided by `stiffness` if it exceeds the `margin` of the
+    story or the margin of an element divided by the initial stiffness of the element.
+    """
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        element_stiffness = law_parameters[rows.STIFFNESS, element]
+        if element_stiffness > 0.0:
+            rest = law_state[rows.PEAK_FORCE, element] - abs(law_state[rows.FORCE, element])
+            margin = min(margin, max(rest, 0.0) * stiffness / element_stiffness)
+    return margin
 
 
 @inline

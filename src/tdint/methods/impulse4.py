@@ -40,14 +40,29 @@ from tdint.kernels.equations.impulse4 import (
 )
 from tdint.kernels.equations.iteration import add_rows, copy_rows
 from tdint.kernels.laws.branch_following import copy_extra_rows
-from tdint.kernels.laws.selection import HAS_CURVED_FORCE, HAS_CURVED_LAW, HAS_NONLINEAR_FORCE
+from tdint.kernels.laws.selection import (
+    HAS_CURVED_FORCE,
+    HAS_CURVED_LAW,
+    HAS_ELEMENTS,
+    HAS_NONLINEAR_FORCE,
+)
 from tdint.kernels.linear_terms import FORCES, finite, force_value
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, raise_peak
 from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
-from tdint.kernels.stories.branches import NONE, advance, advance_outlined, first_event, switch
+from tdint.kernels.stories.branches import (
+    NONE,
+    advance,
+    advance_law,
+    advance_outlined,
+    column_of_event,
+    first_event,
+    sum_branches,
+    switch,
+)
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
     commit,
+    raise_element_peaks,
     restoring_force_outlined,
     resume,
 )
@@ -218,7 +233,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
     int
         Number of linear solutions. NOT_CONVERGED (negative), with the initial state, if Newton's
         method fails or if more than 20 + 4 n branch changes are located in a building with n
-        stories; repeated locations of the same change are counted. NOT_FINITE (negative) if the new
+        stories and elements; repeated locations of the same change are counted. NOT_FINITE (negative) if the new
         state is not finite.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
@@ -226,7 +241,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
     n = linear_terms.shape[1] - 1
     is_piecewise_linear = flags[rows.BRANCHES] == rows.ALL_BRANCHES
     ground_rate = (load[rows.GROUND_1] - load[rows.GROUND_0]) / h
-    max_substeps = 20 + 4 * n
+    max_substeps = 20 + 4 * (law_state.shape[1] - 1)
     elapsed = 0.0  # completed part of the time step, s
     substep = h  # length of the present substep, s
     located_changes = 0  # located branch changes, including repeated locations of the same change
@@ -242,6 +257,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
     is_shortened = False
     ends_at_event = False  # True if the substep ends at the located branch change of `story`
     story = -1  # story of the located branch change
+    column = -1  # column of the law that changes its branch: the story or one of its elements
     event = rows.REVERSED  # its type: the drift is ABOVE or BELOW the branch, or has REVERSED
     while True:
         # Complete time steps and substeps have separate factorizations, so that the factorization
@@ -293,6 +309,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                     ROW.KINK,
                 )
                 if fraction != NONE:
+                    column = column_of_event(law_parameters, law_state, story, event)
                     if located_changes == 0:
                         _save_start(state, law_state, scratch, n)
                     located_changes += 1
@@ -315,7 +332,9 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         # The time from the start of the substep to the branch change is at most the
                         # fraction _IMMEDIATE of the time step. Change the branch at the start,
                         # without a substep, and solve again for the remaining step.
-                        _change_branch(linear_terms, law_parameters, state, law_state, story, event)
+                        _change_branch(
+                            linear_terms, law_parameters, state, law_state, story, column, event
+                        )
                         branch_changes += 1
                         substep = h - elapsed
                         if HAS_CURVED_FORCE and is_shortened:
@@ -344,7 +363,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
         # Continue with the remaining step, on the new branch if the substep ended at an event.
         elapsed += substep
         if HAS_NONLINEAR_FORCE and ends_at_event:
-            _change_branch(linear_terms, law_parameters, state, law_state, story, event)
+            _change_branch(linear_terms, law_parameters, state, law_state, story, column, event)
             branch_changes += 1
             ends_at_event = False
         substep = h - elapsed
@@ -483,8 +502,8 @@ def _shorten_increments(fraction, h, state, scratch, n):
 
 
 @outlined
-def _change_branch(linear_terms, law_parameters, state, law_state, story, event):
-    """Change the branch of the law of one story at a located event.
+def _change_branch(linear_terms, law_parameters, state, law_state, story, column, event):
+    """Change the branch of the law in one column at a located event: a story or an element.
 
     The event is one of
 
@@ -507,13 +526,58 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, event)
         Parameters and states of the laws. The committed state of the story is changed.
     state : ndarray
         State of the floors; row ACCELERATION (m/s^2) may be changed.
-    story : int
-        Index of the story.
+    story, column : int
+        Index of the story; column of the law whose branch ends. At a reversal of a story with
+        elements, it is the story, and all elements with its direction change their branches.
     event : float
         Event at the end of the branch: ABOVE, BELOW or REVERSED.
     """
-    drift = law_state[rows.DRIFT, story]
     force = law_state[rows.FORCE, story]
+    if HAS_ELEMENTS and law_parameters[rows.CODE, story] == rows.ELEMENTS:
+        _change_branches_of_elements(law_parameters, law_state, story, column, event)
+    else:
+        _leave_branch(law_parameters, law_state, story, event)
+    jump = law_state[rows.FORCE, story] - force
+    if jump != 0.0:
+        state[rows.ACCELERATION, story] -= jump * linear_terms[rows.INVERSE_MASS, story]
+        if story > 0:
+            state[rows.ACCELERATION, story - 1] += (
+                linear_terms[rows.LINK, story] * jump * linear_terms[rows.INVERSE_MASS, story - 1]
+            )
+
+
+@outlined
+def _change_branches_of_elements(law_parameters, law_state, story, column, event):
+    """Change the branches of the elements of a story at an event; see `_change_branch`.
+
+    Several elements can have the same limit, for example equal devices; they change their branches
+    together. An element that still has the opposite direction, because the reversal was within the
+    tolerances, reverses first.
+    """
+    direction = law_state[rows.RATE_SIGN, story]
+    row = rows.UPPER if event == rows.ABOVE else rows.LOWER
+    limit = law_state[row, column]
+    is_linear = law_state[rows.SLOPE, column] < math.inf
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, story]), int(law_parameters[rows.END_ELEMENT, story])
+    ):
+        rate_sign = law_state[rows.RATE_SIGN, element]
+        if event == rows.REVERSED:
+            if rate_sign == direction:
+                _leave_branch(law_parameters, law_state, element, event)
+        elif element == column or (is_linear and law_state[row, element] == limit):
+            _leave_branch(law_parameters, law_state, element, event)
+        elif rate_sign * event < 0.0:
+            _leave_branch(law_parameters, law_state, element, rows.REVERSED)
+    sum_branches(law_parameters, law_state, story)
+
+
+@outlined
+def _leave_branch(law_parameters, law_state, story, event):
+    """Move the law in column `story` to the end of its branch, change the branch, and return to the
+    drift.
+    """
+    drift = law_state[rows.DRIFT, story]
     # A reversal has no limit. A curved branch has the slope inf, and its state is not moved. The
     # argument 0 of `switch` and `advance_outlined` is the first row of the committed state.
     if event == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
@@ -534,13 +598,6 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, event)
             # evaluate the law at the drift.
             restoring_force_outlined(law_parameters, law_state, story, 0, rows.FIRST_TRIAL, drift)
             commit(law_parameters, law_state, story, 0, rows.FIRST_TRIAL)
-    jump = law_state[rows.FORCE, story] - force
-    if jump != 0.0:
-        state[rows.ACCELERATION, story] -= jump * linear_terms[rows.INVERSE_MASS, story]
-        if story > 0:
-            state[rows.ACCELERATION, story - 1] += (
-                linear_terms[rows.LINK, story] * jump * linear_terms[rows.INVERSE_MASS, story - 1]
-            )
 
 
 @outlined
@@ -691,19 +748,47 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         # The drift of the story is u - LINK u_below. A finite slope marks a linear branch.
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
-        elif HAS_CURVED_LAW and keep_branches and scratch[ROW.KINK, i] != 0.0:
-            # Accumulate the dissipated energy over the inner point and the reversal in
-            # chronological order. Row PREVIOUS_BLOCK contains the block of the later state.
-            second_block = int(scratch[ROW.PREVIOUS_BLOCK, i])
-            first_block = rows.THIRD_TRIAL if second_block == rows.FIRST_TRIAL else rows.FIRST_TRIAL
-            accumulate_dissipation(law_parameters, law_state, i, 0, first_block)
-            accumulate_dissipation(law_parameters, law_state, i, first_block, second_block)
-            commit(law_parameters, law_state, i, second_block, rows.SECOND_TRIAL)
+        elif HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+            drift = u - linear_terms[rows.LINK, i] * u_below
+            _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift)
         else:
-            # The law was evaluated at the inner point (FIRST_TRIAL) and at the end (SECOND_TRIAL).
-            accumulate_dissipation(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
-            commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+            _commit_path(keep_branches, law_parameters, law_state, scratch, i, i)
         u_below = u
+
+
+@inline
+def _commit_path(keep_branches, law_parameters, law_state, scratch, story, column):
+    """Commit the path of the law in `column`, a story or an element of `story`; see
+    `_update_state`.
+    """
+    if HAS_CURVED_LAW and keep_branches and scratch[ROW.KINK, story] != 0.0:
+        # Accumulate the dissipated energy over the inner point and the reversal in chronological
+        # order. Row PREVIOUS_BLOCK contains the block of the later state.
+        second_block = int(scratch[ROW.PREVIOUS_BLOCK, story])
+        first_block = rows.THIRD_TRIAL if second_block == rows.FIRST_TRIAL else rows.FIRST_TRIAL
+        accumulate_dissipation(law_parameters, law_state, column, 0, first_block)
+        accumulate_dissipation(law_parameters, law_state, column, first_block, second_block)
+        commit(law_parameters, law_state, column, second_block, rows.SECOND_TRIAL)
+    else:
+        # The law was evaluated at the inner point (FIRST_TRIAL) and at the end (SECOND_TRIAL).
+        accumulate_dissipation(law_parameters, law_state, column, 0, rows.FIRST_TRIAL)
+        commit(law_parameters, law_state, column, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+
+
+@outlined
+def _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift):
+    """Move the elements of story `i` to the end of a step or substep, each as a law in
+    `_update_state`, and sum their branches.
+    """
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        if keep_branches and law_state[rows.SLOPE, element] < math.inf:
+            advance_law(law_parameters, law_state, element, 0, drift)
+        else:
+            _commit_path(keep_branches, law_parameters, law_state, scratch, i, element)
+    law_state[rows.DRIFT, i] = drift
+    sum_branches(law_parameters, law_state, i)
 
 
 @outlined
@@ -778,6 +863,10 @@ def _update_substep_peaks(scene, span, memory):
             raise_peak(
                 scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i]
             )
+            if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
+                raise_element_peaks(scene.law_parameters, law_state, i, rows.FIRST_TRIAL)
+        if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
+            raise_element_peaks(scene.law_parameters, law_state, i, rows.COMMITTED)
 
 
 @outlined
@@ -800,12 +889,15 @@ def _save_start(state, law_state, scratch, n):
     for i in range(n):
         for row in range(3):
             scratch[ROW.SAVED + row, i] = state[row, i]
+    columns = law_state.shape[1] if HAS_ELEMENTS else n
+    for i in range(columns):
         for row in range(rows.LAW_STATE_ROWS):
             scratch[ROW.SAVED + 3 + row, i] = law_state[row, i]
+        scratch[ROW.SAVED + 3 + rows.LAW_STATE_ROWS, i] = law_state[rows.PEAK_FORCE, i]
     # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
     # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
-        for i in range(n):
+        for i in range(columns):
             # From the committed state (block 0) to block THIRD_TRIAL
             copy_extra_rows(law_state, i, 0, rows.THIRD_TRIAL)
 
@@ -835,12 +927,15 @@ def _restore_start(state, law_state, scratch, n):
             scratch[ROW.PEAKS + row, i] = 0.0
         for row in range(3):
             state[row, i] = scratch[ROW.SAVED + row, i]
+    columns = law_state.shape[1] if HAS_ELEMENTS else n
+    for i in range(columns):
         for row in range(rows.LAW_STATE_ROWS):
             law_state[row, i] = scratch[ROW.SAVED + 3 + row, i]
+        law_state[rows.PEAK_FORCE, i] = scratch[ROW.SAVED + 3 + rows.LAW_STATE_ROWS, i]
     # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
     # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
-        for i in range(n):
+        for i in range(columns):
             # From block THIRD_TRIAL to the committed state (block 0)
             copy_extra_rows(law_state, i, rows.THIRD_TRIAL, 0)
 

@@ -62,12 +62,15 @@ class Variant:
         Forces on floors.
     dashpots : bool
         Dashpots, linear or of a power law.
+    elements : bool
+        Stories with several elements (springs in parallel).
     """
 
     laws: tuple[str, ...] = ()
     modal: bool = True
     forces: bool = True
     dashpots: bool = True
+    elements: bool = True
 
     @property
     def text(self) -> str:
@@ -99,7 +102,8 @@ class Variant:
         Parameters
         ----------
         parts : tuple of str
-            Names of the attributes on which the kernel depends: laws, modal, forces or dashpots.
+            Names of the attributes on which the kernel depends: laws, modal, forces,
+            dashpots or elements.
         """
         # _PARTS contains the names of all attributes.
         unused = {name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}

@@ -16,6 +16,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, R
+from tdint.kernels.laws.selection import HAS_ELEMENTS
 from tdint.kernels.linear_terms import FORCES, add_modal_force, force_value, power_damper
 from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
 from tdint.kernels.stepping import Integrals, PathSegment
@@ -248,6 +249,25 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
 
 
 @outlined
+def _find_corners_of_elements(scene, memory, i):
+    """Find the corners of the piecewise-linear elements of story `i`; raise their peak forces."""
+    law_parameters = scene.law_parameters
+    _, law_state, scratch, _ = memory
+    complete = _story_path(scene.linear_terms, law_state, scratch, i)
+    no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
+    corners = Integrals(scratch, ROW.CORNERS)
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        if path.is_piecewise_linear(law_parameters, element):
+            _find_corners(law_parameters, law_state, element, complete, no_reversal, corners)
+            law_state[rows.PEAK_FORCE, element] = max(
+                law_state[rows.PEAK_FORCE, element],
+                scratch[ROW.PEAKS + rows.PEAK_SHEAR, element],
+            )
+
+
+@outlined
 def _store_nodes(scratch, n):
     """Compute the times of the nodes and return their number.
 
@@ -348,15 +368,40 @@ def _store_forces(coefficients, scene, h, memory, i, count):
     count : int
         Number of nodes.
     """
+    law_parameters, scratch = scene.law_parameters, memory.scratch
+    if (
+        HAS_ELEMENTS
+        and law_parameters[rows.CODE, i] == rows.ELEMENTS
+        and scratch[ROW.LEAVES_BRANCH, i] != 0.0
+    ):
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            _store_law_forces(coefficients, scene, h, memory, i, element, count)
+        _store_sums(scene, memory, i, count)
+    else:
+        _store_law_forces(coefficients, scene, h, memory, i, i, count)
+
+
+@outlined
+def _store_law_forces(coefficients, scene, h, memory, i, column, count):
+    """Compute the force of the law in `column`, story `i` or one of its elements, at all nodes; see
+    `_store_forces`. The force of an element excludes P-delta.
+    """
     _, law_state, scratch, _ = memory
     linear_terms = scene.linear_terms
     n = linear_terms.shape[1] - 1
     story_path = _story_path(linear_terms, law_state, scratch, i)
-    geometric = linear_terms[rows.GEOMETRIC, i]
+    # The rows PATH of an element contain its restoring force only.
+    is_element = HAS_ELEMENTS and column != i
+    geometric = 0.0 if is_element else linear_terms[rows.GEOMETRIC, i]
     leaves_branch = scratch[ROW.LEAVES_BRANCH, i] != 0.0
-    is_curved = leaves_branch and not path.is_piecewise_linear(scene.law_parameters, i)
+    is_curved = leaves_branch and not path.is_piecewise_linear(scene.law_parameters, column)
     mean = moment = 0.0
-    if is_curved:
+    if is_curved and is_element:
+        mean = scratch[ROW.PATH + path.MEAN, column]
+        moment = scratch[ROW.PATH + path.MOMENT, column]
+    elif is_curved:
         # `mean` and `moment` are F0 and F1 of the law. P-delta, dampers and the numerical
         # dissipation r (k + g) bend, which the rows PATH include, are subtracted here.
         mean = scratch[ROW.PATH + path.MEAN, i] - geometric * (
@@ -370,18 +415,18 @@ def _store_forces(coefficients, scene, h, memory, i, count):
         stiffness = scene.law_parameters[rows.STIFFNESS, i] + geometric
         moment -= coefficients[R] * stiffness * story_path.bend
     elif leaves_branch:
-        path.copy(law_state, i, 0, rows.SECOND_TRIAL)
+        path.copy(law_state, column, 0, rows.SECOND_TRIAL)
     previous_t = previous_distance = previous_direction = 0.0
-    slope = law_state[rows.SLOPE, i]
+    slope = law_state[rows.SLOPE, column]
     for k in range(count):
         t = scratch[ROW.NODE_FORCE + k, n]
         s = t - 0.5
         drift = story_path.start + _story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
-        force = law_state[rows.FORCE, i]  # force at the start of the step, N
+        force = law_state[rows.FORCE, column]  # force at the start of the step, N
         if is_curved:
             force = mean + s * moment + (6.0 * s * s - 0.5) * (force - mean + 0.5 * moment)
         elif not leaves_branch:
-            force += law_state[rows.SLOPE, i] * (drift - story_path.start)
+            force += law_state[rows.SLOPE, column] * (drift - story_path.start)
         elif t > 0.0:
             segment = path.path_segment(story_path, previous_t, t)
             direction = _direction(segment, scratch[ROW.NO_REVERSAL, i] != 0.0)
@@ -391,7 +436,7 @@ def _store_forces(coefficients, scene, h, memory, i, count):
             _follow_path(
                 scene.law_parameters,
                 law_state,
-                i,
+                column,
                 rows.SECOND_TRIAL,
                 segment,
                 direction,
@@ -400,23 +445,66 @@ def _store_forces(coefficients, scene, h, memory, i, count):
             )
             # `distance` is d - p(t): drift of the node minus the drift at which the law was
             # evaluated.
-            distance = drift - law_state[rows.SECOND_TRIAL + rows.DRIFT, i]
+            distance = drift - law_state[rows.SECOND_TRIAL + rows.DRIFT, column]
             # An odd `k` is a midpoint between two corners, with an unambiguous slope. At an even
             # `k`, a corner, the slope of the midpoint before the corner is kept.
             if k % 2 == 1:
                 slope_before = slope
-                slope = law_state[rows.SECOND_TRIAL + rows.SLOPE, i]
+                slope = law_state[rows.SECOND_TRIAL + rows.SLOPE, column]
                 if previous_distance * direction > 0.0 and previous_direction * direction > 0.0:
                     # Correct the force at the corner, node k - 1, where the story does not reverse.
                     # Its drift exceeds the drift of the parabola by `previous_distance` in the
                     # direction of the movement. This part of the drift was multiplied by the slope
                     # before the corner, but requires the slope after the corner.
-                    scratch[ROW.NODE_FORCE + k - 1, i] += (slope - slope_before) * previous_distance
-            force = law_state[rows.SECOND_TRIAL + rows.FORCE, i] + slope * distance
+                    scratch[ROW.NODE_FORCE + k - 1, column] += (
+                        slope - slope_before
+                    ) * previous_distance
+            force = law_state[rows.SECOND_TRIAL + rows.FORCE, column] + slope * distance
             previous_distance = distance
             previous_direction = direction
             previous_t = t
-        scratch[ROW.NODE_FORCE + k, i] = force + geometric * drift
+        scratch[ROW.NODE_FORCE + k, column] = force + geometric * drift
+
+
+@outlined
+def _store_sums(scene, memory, i, count):
+    """Store the force of story `i` at all nodes as the sum over its elements, with P-delta, N."""
+    _, law_state, scratch, _ = memory
+    for k in range(count):
+        force = 0.0
+        for element in range(
+            int(scene.law_parameters[rows.FIRST_ELEMENT, i]),
+            int(scene.law_parameters[rows.END_ELEMENT, i]),
+        ):
+            force += scratch[ROW.NODE_FORCE + k, element]
+        drift = law_state[rows.DRIFT, i] + _story_value(
+            scene.linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i
+        )
+        scratch[ROW.NODE_FORCE + k, i] = force + scene.linear_terms[rows.GEOMETRIC, i] * drift
+
+
+@outlined
+def _raise_peaks_of_sums(scene, memory, count):
+    """Raise the peak shears of stories with piecewise-linear elements by their forces at the nodes.
+
+    The peak force of an element is raised at its own corners. The sum can have its peak at a corner
+    of another element.
+    """
+    law_parameters, scratch = scene.law_parameters, memory.scratch
+    for i in range(scene.linear_terms.shape[1] - 1):
+        if (
+            law_parameters[rows.CODE, i] == rows.ELEMENTS
+            and scratch[ROW.LEAVES_BRANCH, i] != 0.0
+            and path.is_piecewise_linear(law_parameters, i)
+        ):
+            for k in range(1, count):
+                drift = memory.law_state[rows.DRIFT, i] + _story_value(
+                    scene.linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i
+                )
+                force = (
+                    scratch[ROW.NODE_FORCE + k, i] - scene.linear_terms[rows.GEOMETRIC, i] * drift
+                )
+                raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
 
 
 @outlined
@@ -620,7 +708,7 @@ def _relative_acceleration(h, load, scratch, k, i, n):
 
 
 @inline
-def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
+def _may_exceed_shear_peak(law_state, i, rise, bend, peak):
     """Return True if the force of a story may exceed its peak within the step.
 
     The drift changes by rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. The force
@@ -638,18 +726,17 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
     law_state : ndarray
         Committed states of the laws: FORCE (N), DRIFT (m), stiffness SLOPE (N/m) and limits LOWER
         and UPPER of the branch (m).
-    scratch : ndarray
-        Scratch array with the peaks of the run, rows PEAKS.
     i : int
-        Index of the story.
+        Index of the story or of the column of an element.
     rise, bend : float
         Coefficients of the change of drift, m.
+    peak : float
+        Peak force of the run, N.
     """
     drift_change = abs(rise) + 0.5 * abs(bend)  # bound of the change of drift within the step
     # The rate rise + bend (t - 1/2) changes its sign within the step if 2 |rise| < |bend|. The
     # force at this reversal is estimated to be at most `max_force`.
     max_force = abs(law_state[rows.FORCE, i]) + abs(law_state[rows.SLOPE, i]) * drift_change
-    peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
     may_exceed = (2.0 * abs(rise) < abs(bend)) & (max_force > peak)
     # Estimate the force at each limit of the branch that the drift can reach within the step.
     for row in (rows.UPPER, rows.LOWER):
@@ -658,6 +745,34 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
             abs(law_state[rows.FORCE, i] + law_state[rows.SLOPE, i] * distance) > peak
         )
     return may_exceed
+
+
+@inline
+def _has_corners(scene, memory, i):
+    """Return True if a law of story `i`, which leaves its branch, has corners in the step.
+
+    A curved law has no corners. A story with elements has corners if one of its piecewise-linear
+    elements leaves its branch.
+    """
+    if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        return _elements_have_corners(scene, memory, i)
+    return path.is_piecewise_linear(scene.law_parameters, i)
+
+
+@outlined
+def _elements_have_corners(scene, memory, i):
+    """Return True if a piecewise-linear element of story `i` leaves its branch in the step."""
+    law_parameters = scene.law_parameters
+    rise = _story_value(scene.linear_terms, memory.scratch, ROW.RISE, i)
+    bend = _story_value(scene.linear_terms, memory.scratch, ROW.BEND, i)
+    has_corners = False
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        has_corners |= path.is_piecewise_linear(
+            law_parameters, element
+        ) and not path.remains_on_branch(memory.law_state, element, rise, bend)
+    return has_corners
 
 
 @inline
@@ -703,11 +818,20 @@ def _may_exceed_peaks(scene, h, load, memory):
         # `deviation` is the bound of the deviation of the story force from a straight line, N. It
         # is 0 for a story that remains on its branch, and for a curved law.
         deviation = 0.0
-        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and path.is_piecewise_linear(law_parameters, i):
+        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and _has_corners(scene, memory, i):
             any_leaves = True
             rise = _story_value(linear_terms, scratch, ROW.RISE, i)
             bend = _story_value(linear_terms, scratch, ROW.BEND, i)
-            may_exceed |= _may_exceed_shear_peak(law_state, scratch, i, rise, bend)
+            peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
+            may_exceed |= _may_exceed_shear_peak(law_state, i, rise, bend, peak)
+            if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+                for element in range(
+                    int(law_parameters[rows.FIRST_ELEMENT, i]),
+                    int(law_parameters[rows.END_ELEMENT, i]),
+                ):
+                    peak = law_state[rows.PEAK_FORCE, element]
+                    if path.is_piecewise_linear(law_parameters, element):
+                        may_exceed |= _may_exceed_shear_peak(law_state, element, rise, bend, peak)
             deviation = (
                 _FORCE_DEVIATION * law_parameters[rows.STIFFNESS, i] * (abs(rise) + 0.5 * abs(bend))
             )
@@ -808,6 +932,13 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     # list to the functions; it contains no integrals here.
     scratch[ROW.CORNERS, 0] = 0.0
     for i in range(n):
+        if (
+            HAS_ELEMENTS
+            and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS
+            and scratch[ROW.LEAVES_BRANCH, i] != 0.0
+        ):
+            _find_corners_of_elements(scene, memory, i)
+            continue
         is_linear = path.is_piecewise_linear(scene.law_parameters, i)
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and is_linear:
             # Store the corners of the story, and raise the peak of its force. `complete` is its
@@ -919,6 +1050,8 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
                 _integrate_accelerations(h, load, memory, i, count)
         for i in range(n):
             _store_forces(coefficients, scene, h, memory, i, count)
+        if HAS_ELEMENTS and pass_index == _PASSES - 1:
+            _raise_peaks_of_sums(scene, memory, count)
         for k in range(count):
             _store_accelerations(scene, h, load, scratch, k)
     for i in range(n):

@@ -59,7 +59,7 @@ from tdint.kernels.equations.tridiagonal import (
     factor_pairs,
     solve_pairs_damped,
 )
-from tdint.kernels.laws.selection import HAS_CURVED_LAW
+from tdint.kernels.laws.selection import HAS_CURVED_LAW, HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
     MODAL,
     add_modal_force,
@@ -68,8 +68,11 @@ from tdint.kernels.linear_terms import (
     power_damper,
 )
 from tdint.kernels.stepping import Factors
-from tdint.kernels.stories.branches import find_sign_change
-from tdint.kernels.stories.law_state import restoring_force_outlined
+from tdint.kernels.stories.branches import find_sign_change, turns_at_reversal
+from tdint.kernels.stories.law_state import (
+    restoring_force_on_branches,
+    restoring_force_outlined,
+)
 
 # Indices of the coefficients (`tdint.methods.impulse4.coefficients`)
 THETA = 0  # coefficients th, al and be of the kinematic equation
@@ -115,7 +118,7 @@ class _Rows(NamedTuple):
     # Real and imaginary part of the right side r1 + l r2, then of the solution w (`solve_linear`)
     COMPLEX: int = 2
     # State and law states at the start of a step that is divided into substeps, for its repetition
-    SAVED: int = 3 + rows.LAW_STATE_ROWS
+    SAVED: int = 4 + rows.LAW_STATE_ROWS
     SUBSTEP_START: int = 3  # displacement, velocity and acceleration at the start of a substep
     # Maxima over the run, which `keep_negligible_kinks` updates: mismatch of the mean acceleration
     # (column 0) and squared norm of the accelerations (column 1)
@@ -574,7 +577,14 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
             tangent_c, tangent, is_reversed = _evaluate_over_reversal(
                 coefficients, scene, h, i, drifts, memory
             )
-        if not is_reversed:
+        if HAS_ELEMENTS and keep_branches and not is_reversed:
+            tangent_c = restoring_force_on_branches(
+                law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
+            )
+            tangent = restoring_force_on_branches(
+                law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
+            )
+        elif not is_reversed:
             tangent_c = restoring_force_outlined(
                 law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
             )
@@ -584,6 +594,14 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
         force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
         force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
     return tangent_c, force_c, tangent, force
+
+
+@inline
+def _force_in_substep(law_parameters, law_state, i, previous, trial, drift):
+    """Compute the force of story `i`; its elements remain on their linear branches."""
+    if HAS_ELEMENTS:
+        return restoring_force_on_branches(law_parameters, law_state, i, previous, trial, drift)
+    return restoring_force_outlined(law_parameters, law_state, i, previous, trial, drift)
 
 
 @outlined
@@ -601,8 +619,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     Row PREVIOUS_BLOCK receives the block that precedes the end, in which order `_update_state`
     (`tdint.methods.impulse4`) later accumulates the dissipated energy.
 
-    The law is not evaluated, and KINK is set to 0, if the story does not reverse, or if a law of
-    the building has extra rows: THIRD_TRIAL then contains these rows at the start of the step
+    The law is not evaluated, and KINK is set to 0, if the story does not reverse, if a linear
+    branch of one of its elements ends at the reversal, or if a law of the building has extra rows: THIRD_TRIAL then contains these rows at the start of the step
     (`_save_start` of impulse4). KINK 0 means that a reversal of the story must be located
     (`first_event`).
 
@@ -643,6 +661,12 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     scratch[ROW.KINK, i] = 0.0
     if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
+    if (
+        HAS_ELEMENTS
+        and law_parameters[rows.CODE, i] == rows.ELEMENTS
+        and turns_at_reversal(law_parameters, law_state, i)
+    ):
+        return 0.0, 0.0, False
     start = law_state[rows.DRIFT, i]
     change = sign * (drift - start)
     # The arguments are the three Bezier points of d'(s). If rounding prevents a sign change, the
@@ -663,24 +687,22 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     # Time of the inner point: the quadrature is exact for linear functions, wc c + w1 = 1/2.
     inner_fraction = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
     if s < inner_fraction:  # reversal, inner point, end
-        loading_tangent = restoring_force_outlined(
+        loading_tangent = _force_in_substep(
             law_parameters, law_state, i, 0, rows.THIRD_TRIAL, reversal_drift
         )
-        tangent_c = restoring_force_outlined(
+        tangent_c = _force_in_substep(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift_c
         )
-        tangent = restoring_force_outlined(
+        tangent = _force_in_substep(
             law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.PREVIOUS_BLOCK, i] = rows.FIRST_TRIAL
     else:  # inner point, reversal, end
-        tangent_c = restoring_force_outlined(
-            law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
-        )
-        loading_tangent = restoring_force_outlined(
+        tangent_c = _force_in_substep(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c)
+        loading_tangent = _force_in_substep(
             law_parameters, law_state, i, rows.FIRST_TRIAL, rows.THIRD_TRIAL, reversal_drift
         )
-        tangent = restoring_force_outlined(
+        tangent = _force_in_substep(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.PREVIOUS_BLOCK, i] = rows.THIRD_TRIAL

@@ -330,12 +330,7 @@ def separate_kernels(law_parameters: NDArray[np.float64] | None = None) -> list[
         Parameters of the laws of a building, with the numbers of the laws in row CODE. Only these
         laws are considered. Default: all laws.
     """
-    codes = (
-        range(len(LAWS))
-        if law_parameters is None
-        # The last column of the table belongs to no story.
-        else sorted(set(law_parameters[rows.CODE, :-1].astype(int).tolist()))
-    )
+    codes = range(len(LAWS)) if law_parameters is None else _used_codes(law_parameters)
     return [_kernel(code) for code in codes if LAWS[code].compiled_separately]
 
 
@@ -348,32 +343,43 @@ def _address(code: int) -> float:
     return float(getattr(_kernel(code).compiled, "address", 0))
 
 
+def _used_codes(law_parameters: NDArray[np.float64]) -> list[int]:
+    """Return the numbers of the laws in a table, in ascending order.
+
+    The column of zeros counts as the linear law; stories with elements have no law.
+    """
+    return sorted(set(law_parameters[rows.CODE].astype(int).tolist()) - {int(rows.ELEMENTS)})
+
+
 def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a new table of law states filled with zeros, except for the addresses of separately
-    compiled laws.
+    compiled laws and the values that mark a failed law.
 
     The function compiles the laws that are not yet compiled.
 
     Parameters
     ----------
-    law_parameters : ndarray, shape (rows, n + 1)
+    law_parameters : ndarray, shape (rows, columns)
         Parameters of the laws (`tdint.kernels.layout`).
 
     Returns
     -------
-    ndarray, shape (EXTRA_ROWS + LAW_STATE_BLOCKS * extra_rows, n + 1)
+    ndarray, shape (EXTRA_ROWS + LAW_STATE_BLOCKS * extra_rows, columns)
         States of the laws. EXTRA_ROWS is the number of rows that all laws have: the blocks of the
         committed state and of the trial states, and the address. Each of the LAW_STATE_BLOCKS
         blocks then has extra_rows further rows, the maximum of `DriftLaw.extra_rows` of the laws.
     """
-    codes = law_parameters[rows.CODE, :-1].astype(int)  # the last column belongs to no story
-    used_codes = sorted(set(codes.tolist()))
+    codes = law_parameters[rows.CODE].astype(int)
+    used_codes = _used_codes(law_parameters)
     extra_rows = max((LAWS[code].extra_rows for code in used_codes), default=0)
     law_state = np.zeros(
         (rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * extra_rows, law_parameters.shape[1])
     )
-    # Store the address of a law for all its stories. The slice of the row is a view of the table.
+    # Store the address of a law for all its columns. The row is a view of the table.
     for code in used_codes:
         if LAWS[code].compiled_separately:
-            law_state[rows.ADDRESS, :-1][codes == code] = _address(code)
+            law_state[rows.ADDRESS][codes == code] = _address(code)
+    if np.any(codes == int(rows.ELEMENTS)):
+        for code in used_codes:
+            law_state[rows.FAILED_INTERNAL][codes == code] = LAWS[code].failed
     return law_state

@@ -87,6 +87,9 @@ HAS_SEPARATE_LAW = not COMPILES or any(LAWS[code].compiled_separately for code i
 """True if a law of the variant is compiled separately. The stiffness of its branches can depend on
 the response history."""
 
+HAS_ELEMENTS = VARIANT.elements
+"""True if a story can have several elements (`tdint.kernels.layout.ELEMENTS`)."""
+
 # The functions of the laws with the smallest numbers are inlined at each place where a law is
 # selected. The same applies to the common function of all separately compiled laws, which tests the
 # branch and then calls the law by address. The functions of the other laws are compiled only once

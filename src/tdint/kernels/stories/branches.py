@@ -15,6 +15,7 @@ from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.laws.branch_following import add_work, advancing
 from tdint.kernels.laws.selection import (
     CURVED_LAWS,
+    HAS_ELEMENTS,
     case_with_3_arguments,
     case_with_5_arguments,
     case_with_6_arguments,
@@ -34,30 +35,40 @@ _ROOT_TOLERANCE = 1e-10
 # the branch is a rounding error and not a reversal.
 _REVERSAL_TOLERANCE = 1e-12
 
-advance = advancing(select_function("advance", case_with_6_arguments, outlined(add_work)))
-"""(law_parameters, law_state, i, block, drift). Moves the state in `block` to `drift` (m) on its
-current linear branch."""
+advance_law = advancing(select_function("advance", case_with_6_arguments, outlined(add_work)))
+"""(law_parameters, law_state, i, block, drift). Moves the state of the law in column `i`, a story with
+one element or an element, to `drift` (m) on its current linear branch."""
+
+
+@inline
+def advance(law_parameters, law_state, i, block, drift):
+    """Move the state of story `i` in a block to a drift on its current linear branch.
+
+    The elements of a story with elements must all be on linear branches.
+    """
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        _advance_elements(law_parameters, law_state, i, block, drift)
+    else:
+        advance_law(law_parameters, law_state, i, block, drift)
+
+
+@outlined
+def _advance_elements(law_parameters, law_state, i, block, drift):
+    """Move all elements of story `i` to a drift on their linear branches; sum their forces."""
+    force = 0.0
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        advance_law(law_parameters, law_state, element, block, drift)
+        force += law_state[block + rows.FORCE, element]
+    law_state[block + rows.DRIFT, i] = drift
+    law_state[block + rows.FORCE, i] = force
 
 
 @outlined
 def advance_outlined(law_parameters, law_state, i, block, drift):
-    """Move the state of story `i` in a block to a drift on its current linear branch.
-
-    The function calls `advance`. It is compiled as a separate function, for rare calls.
-
-    Parameters
-    ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
-    drift : float
-        Drift, m.
-    """
-    advance(law_parameters, law_state, i, block, drift)
+    """Call `advance_law`. The function is compiled separately, for rare calls."""
+    advance_law(law_parameters, law_state, i, block, drift)
 
 
 @inline
@@ -107,6 +118,19 @@ def enter(law_parameters, law_state, i):
     Column `i` of `law_parameters` contains the parameters of the story. The committed state, in the
     first rows of column `i` of `law_state`, is changed.
     """
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            enter_law(law_parameters, law_state, element)
+        sum_branches(law_parameters, law_state, i)
+    else:
+        enter_law(law_parameters, law_state, i)
+
+
+@inline
+def enter_law(law_parameters, law_state, i):
+    """Determine the branch of the law in column `i`, a story with one element or an element."""
     law_state[rows.SLOPE, i] = (
         math.inf
         if law_parameters[rows.CODE, i] in CURVED_LAWS
@@ -136,6 +160,85 @@ def switch(law_parameters, law_state, i, block, event):
         below the lower limit) or REVERSED (the drift rate changes its sign).
     """
     _switch(law_parameters, law_state, i, block, event)
+
+
+# ---- Stories with several elements. The branch of the story is the sum of the branches of its
+# elements. It ends where the first of these branches ends.
+
+
+@outlined
+def sum_branches(law_parameters, law_state, i):
+    """Set force and branch of story `i` to the sum of the committed states of its elements.
+
+    The branch is curved (infinite SLOPE) if an element is on a curved branch. INTERNAL is 1 if all
+    elements have failed, otherwise 0. If a movement within the tolerances of a reversal has left the
+    elements with different directions, the story has the direction of a linear branch: a change of
+    stiffness at a reversal must be located, whereas a curved branch follows its path in any case.
+    """
+    force = 0.0
+    slope = 0.0
+    upper = math.inf
+    lower = -math.inf
+    direction = 0.0
+    failed = 1.0
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        force += law_state[rows.FORCE, element]
+        slope += law_state[rows.SLOPE, element]
+        upper = min(upper, law_state[rows.UPPER, element])
+        lower = max(lower, law_state[rows.LOWER, element])
+        rate_sign = law_state[rows.RATE_SIGN, element]
+        if rate_sign != 0.0 and (direction == 0.0 or law_state[rows.SLOPE, element] < math.inf):
+            direction = rate_sign
+        if law_state[rows.INTERNAL, element] != law_state[rows.FAILED_INTERNAL, element]:
+            failed = 0.0
+    law_state[rows.FORCE, i] = force
+    law_state[rows.INTERNAL, i] = failed
+    law_state[rows.SLOPE, i] = slope
+    law_state[rows.UPPER, i] = upper
+    law_state[rows.LOWER, i] = lower
+    law_state[rows.RATE_SIGN, i] = direction
+
+
+@outlined
+def turns_at_reversal(law_parameters, law_state, i):
+    """Return True if a linear branch of an element of story `i` ends at a reversal."""
+    turns = False
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        turns |= (law_state[rows.SLOPE, element] < math.inf) & (
+            law_state[rows.RATE_SIGN, element] != 0.0
+        )
+    return turns
+
+
+@inline
+def column_of_event(law_parameters, law_state, i, event):
+    """Return the column of the law whose branch ends at the event `event` of story `i`.
+
+    It is an element, or the story itself for a story with one element. At a reversal, the branches
+    of several elements can end, and the result is the story. The branches must not have changed
+    since the event was located.
+    """
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        return _element_of_event(law_parameters, law_state, i, event)
+    return i
+
+
+@outlined
+def _element_of_event(law_parameters, law_state, i, event):
+    """Return the first element of story `i` with the limit of its branch, or `i` at a reversal."""
+    row = rows.UPPER if event == rows.ABOVE else rows.LOWER
+    if event != rows.REVERSED:
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            # The limit of the story is a copy of the limit of the element.
+            if law_state[row, element] == law_state[row, i]:
+                return element
+    return i
 
 
 # ---- First change of branch within a time step

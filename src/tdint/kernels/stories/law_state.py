@@ -6,16 +6,19 @@ of this module call the law of each story.
 
 from __future__ import annotations
 
+import math
+
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import I8, TABLE, VECTOR, inline, kernel, outlined
 from tdint.kernels.laws.selection import (
     BRANCH_STORING_LAWS,
+    HAS_ELEMENTS,
     case_with_3_arguments,
     case_with_5_arguments,
     case_with_6_arguments,
     select_function,
 )
-from tdint.kernels.stories.branches import enter
+from tdint.kernels.stories.branches import enter, sum_branches
 
 # Each `select_function` returns a function that calls the function with this name of the law of
 # story `i`, or the default (last argument) for a law without such a function.
@@ -106,6 +109,13 @@ def strain_energy(law_parameters, law_state, i):
     float
         Strain energy, J.
     """
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        energy = 0.0
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            energy += _strain_energy(law_parameters, law_state, element)
+        return energy
     return _strain_energy(law_parameters, law_state, i)
 
 
@@ -125,7 +135,25 @@ def hysteretic_energy(law_parameters, law_state, i):
     float
         Dissipated energy, J.
     """
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        return _energy_of_elements(law_parameters, law_state, i)
     return _hysteretic_energy(law_parameters, law_state, i)
+
+
+@outlined
+def _energy_of_elements(law_parameters, law_state, i):
+    """Return the energy that the elements of story `i` dissipated until the committed state, J.
+
+    ENERGY_SPENT of each element receives its part, without the energy up to the initial drift.
+    """
+    energy = 0.0
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        spent = _hysteretic_energy(law_parameters, law_state, element)
+        law_state[rows.ENERGY_SPENT, element] = spent - law_state[rows.INITIAL_SPENT, element]
+        energy += spent
+    return energy
 
 
 @inline
@@ -146,7 +174,13 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
     trial : int
         Block of the state at the end of the path, with the result (J) in row DISSIPATED.
     """
-    _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            _accumulate_dissipation(law_parameters, law_state, element, previous, trial)
+    else:
+        _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
 
 
 @inline
@@ -176,8 +210,57 @@ def restoring_force(law_parameters, law_state, i, previous, trial, drift):
     float
         Tangent stiffness at the end of the path, N/m.
     """
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        return _force_of_elements(law_parameters, law_state, i, previous, trial, drift)
     law_state[trial + rows.DRIFT, i] = drift
     return _force(law_parameters, law_state, i, previous, trial, drift)
+
+
+@outlined
+def _force_of_elements(law_parameters, law_state, i, previous, trial, drift):
+    """Compute the force of story `i` as the sum over its elements; return the tangent, N/m."""
+    force = 0.0
+    tangent = 0.0
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        law_state[trial + rows.DRIFT, element] = drift
+        tangent += _force(law_parameters, law_state, element, previous, trial, drift)
+        force += law_state[trial + rows.FORCE, element]
+    law_state[trial + rows.DRIFT, i] = drift
+    law_state[trial + rows.FORCE, i] = force
+    return tangent
+
+
+@outlined
+def restoring_force_on_branches(law_parameters, law_state, i, previous, trial, drift):
+    """Compute the force of story `i` without changes of linear branches; return the tangent, N/m.
+
+    An element that is on a linear branch in the committed state remains on this branch, even if the
+    drift is beyond its limits. A step that locates changes of branch iterates with this force,
+    because an element must not change its branch before the change is located. Other laws follow
+    their path as in `restoring_force`.
+    """
+    if not (HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS):
+        return restoring_force(law_parameters, law_state, i, previous, trial, drift)
+    force = 0.0
+    tangent = 0.0
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        slope = law_state[rows.SLOPE, element]
+        law_state[trial + rows.DRIFT, element] = drift
+        if slope < math.inf:
+            law_state[trial + rows.FORCE, element] = law_state[rows.FORCE, element] + slope * (
+                drift - law_state[rows.DRIFT, element]
+            )
+        else:
+            slope = _force(law_parameters, law_state, element, previous, trial, drift)
+        tangent += slope
+        force += law_state[trial + rows.FORCE, element]
+    law_state[trial + rows.DRIFT, i] = drift
+    law_state[trial + rows.FORCE, i] = force
+    return tangent
 
 
 @outlined
@@ -227,10 +310,43 @@ def commit(law_parameters, law_state, i, previous, trial):
     trial : int
         First row of the block with the trial state.
     """
-    accumulate_dissipation(law_parameters, law_state, i, previous, trial)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            commit_law(law_parameters, law_state, element, previous, trial)
+        _commit_sum(law_parameters, law_state, i, trial)
+    else:
+        commit_law(law_parameters, law_state, i, previous, trial)
+
+
+@inline
+def commit_law(law_parameters, law_state, i, previous, trial):
+    """Make a trial state of the law in column `i`, a story with one element or an element, the
+    committed state.
+    """
+    _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
     _keep(law_parameters, law_state, i, previous, trial)
     for row in range(rows.COMMON_ROWS):
         law_state[row, i] = law_state[trial + row, i]
+
+
+@outlined
+def _commit_sum(law_parameters, law_state, i, trial):
+    """Commit drift and force of story `i`, whose elements are committed.
+
+    INTERNAL is 1 if all elements have failed. The branch is not summed, because most methods do not
+    use it (`sum_branches`).
+    """
+    failed = 1.0
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        if law_state[rows.INTERNAL, element] != law_state[rows.FAILED_INTERNAL, element]:
+            failed = 0.0
+    law_state[rows.DRIFT, i] = law_state[trial + rows.DRIFT, i]
+    law_state[rows.FORCE, i] = law_state[trial + rows.FORCE, i]
+    law_state[rows.INTERNAL, i] = failed
 
 
 @inline
@@ -275,7 +391,14 @@ def resume(law_parameters, law_state, i):
     i : int
         Index of the story.
     """
-    if law_parameters[rows.CODE, i] not in BRANCH_STORING_LAWS:
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            if law_parameters[rows.CODE, element] not in BRANCH_STORING_LAWS:
+                enter(law_parameters, law_state, element)
+        sum_branches(law_parameters, law_state, i)
+    elif law_parameters[rows.CODE, i] not in BRANCH_STORING_LAWS:
         enter(law_parameters, law_state, i)
 
 
@@ -299,6 +422,26 @@ def start(law_parameters, law_state, i, drift):
     restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
     commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
     resume(law_parameters, law_state, i)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        law_state[rows.DRIFT, i] = drift
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            law_state[rows.INITIAL_SPENT, element] = _hysteretic_energy(
+                law_parameters, law_state, element
+            )
+            law_state[rows.PEAK_FORCE, element] = abs(law_state[rows.FORCE, element])
+
+
+@outlined
+def raise_element_peaks(law_parameters, law_state, i, block):
+    """Raise the peak forces of the elements of story `i` by their forces in a block."""
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        law_state[rows.PEAK_FORCE, element] = max(
+            law_state[rows.PEAK_FORCE, element], abs(law_state[block + rows.FORCE, element])
+        )
 
 
 # ---- One story along a specified path of drifts, without mass and time: a cyclic test
@@ -312,7 +455,7 @@ HYSTERETIC_ENERGY = 3
 RESULT_COLUMNS = 4
 
 
-@kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE), parts=("laws",))
+@kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE), parts=("laws", "elements"))
 def follow(law_parameters, i, drifts, law_state, result):
     """Compute forces and energies of story `i` along a path of drifts, for example a cyclic test.
 

@@ -34,12 +34,13 @@ from tdint.kernels.laws.selection import (
     CURVED_LAWS,
     DISSIPATING_LAWS,
     HAS_CURVED_LAW,
+    HAS_ELEMENTS,
     case_with_4_arguments,
     case_with_5_arguments,
     select_function,
 )
 from tdint.kernels.stepping import Integrals, PathSegment
-from tdint.kernels.stories.branches import advance, switch
+from tdint.kernels.stories.branches import advance_law, sum_branches, switch
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
     commit_without_dissipation,
@@ -357,7 +358,42 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
         in the step. A piecewise-linear law does not change to an unloading branch; its force on the
         current branch is still evaluated at the drift of the parabola. Curved laws ignore the flag.
     out : int
-        First of PATH_ROWS scratch rows; the first six receive the results.
+        First of PATH_ROWS scratch rows; the first six receive the results. For a story with
+        elements, they also receive the results of the elements in their columns.
+    """
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        _follow_elements(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out)
+    else:
+        _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out)
+
+
+@outlined
+def _follow_elements(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
+    """Store the results for the elements of story `i` along its path, and their sum.
+
+    An element that remains on its linear branch is only moved to the end of the path.
+    """
+    _clear(Integrals(scratch, out), i)
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        if is_piecewise_linear(law_parameters, element) and remains_on_branch(
+            law_state, element, rise, bend
+        ):
+            integrate_on_branch(law_state, element, rise, bend, scratch, out)
+            copy(law_state, element, 0, rows.FIRST_TRIAL)
+            end_drift = law_state[rows.DRIFT, element] + rise
+            advance_law(law_parameters, law_state, element, rows.FIRST_TRIAL, end_drift)
+        else:
+            _follow_law(law_parameters, law_state, element, rise, bend, no_reversal, scratch, out)
+        for row in range(_RESULTS):
+            scratch[out + row, i] += scratch[out + row, element]
+
+
+@outlined
+def _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
+    """Store the results for the law in column `i`, a story with one element or an element; see
+    `follow`.
     """
     story_path = PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(scratch, out)
@@ -384,6 +420,20 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
 def commit_path_end(law_parameters, law_state, i, rise):
     """Commit the state at the end of the path of the last call of `follow`, at the committed drift
     plus `rise`."""
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            _commit_law_at_path_end(law_parameters, law_state, element, rise)
+        law_state[rows.DRIFT, i] += rise
+        sum_branches(law_parameters, law_state, i)
+    else:
+        _commit_law_at_path_end(law_parameters, law_state, i, rise)
+
+
+@outlined
+def _commit_law_at_path_end(law_parameters, law_state, i, rise):
+    """Commit the state of the law in column `i`, a story with one element or an element."""
     if is_piecewise_linear(law_parameters, i):
         copy(law_state, i, rows.FIRST_TRIAL, 0)
         return
@@ -404,7 +454,15 @@ def is_piecewise_linear(law_parameters, i):
 
     A law that is declared as curved can also have linear branches (a finite SLOPE in its state).
     Its path is integrated like the path of a curved law, because it can end on a curved branch.
+    All elements of a story with elements must be piecewise linear.
     """
+    if HAS_CURVED_LAW and HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            if law_parameters[rows.CODE, element] in CURVED_LAWS:
+                return False
+        return True
     return not HAS_CURVED_LAW or law_parameters[rows.CODE, i] not in CURVED_LAWS
 
 
@@ -605,7 +663,7 @@ def along_branches(add_part, process_end):
             if leaves_branch:
                 t_end = min(t_now + time_to(limit, segment, t_now, side), segment.end)
             add_part(law_state, i, block, path_segment(segment, t_now, t_end), results)
-            advance(law_parameters, law_state, i, block, limit if leaves_branch else target)
+            advance_law(law_parameters, law_state, i, block, limit if leaves_branch else target)
             if not leaves_branch:
                 break
             process_end(results, i, t_end, law_state[block + rows.FORCE, i])
@@ -687,7 +745,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     if law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * direction < 0.0:
         copy(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         shift = -direction * _SHIFT * (abs(story_path.rise) + abs(story_path.bend))
-        advance(
+        advance_law(
             law_parameters,
             law_state,
             i,

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import I8, TABLE, VECTOR, indirect_caller, inline, kernel, outlined
+from tdint.kernels.laws.selection import HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
     DASHPOTS,
     FORCES,
@@ -42,6 +43,7 @@ from tdint.kernels.peaks_between_steps import (
 from tdint.kernels.stepping import Ends, Passage
 from tdint.kernels.stories.law_state import (
     hysteretic_energy,
+    raise_element_peaks,
     restoring_force_outlined,
     start,
     strain_energy,
@@ -271,8 +273,45 @@ def observe(scene, span, slope, memory, seen):
     _update_energies(scene, span, slope, sums, memory, seen)
     if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
         may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
+    if law_state.shape[1] > n + 1:
+        may_exceed |= _observe_elements(span, scene, memory, seen)
     if may_exceed:
         _update_peaks(ground, state, law_state, seen)
+    return may_exceed
+
+
+@outlined
+def _observe_elements(span, scene, memory, seen):
+    """Raise the peak forces of elements; return True if a reversal in the step may exceed one.
+
+    As in `story_reach`, the force of an element at a reversal within the step is at most the force
+    at the end of the step plus the initial stiffness times a bound of the change of drift. An
+    element that stiffens and is symmetric has its peak force at the peak drift of its story.
+    """
+    linear_terms, _, law_parameters, _, _ = scene
+    state, law_state = memory.state, memory.law_state
+    observer_state = seen.observer_state
+    may_exceed = False
+    for i in range(linear_terms.shape[1] - 1):
+        if law_parameters[rows.CODE, i] == rows.ELEMENTS:
+            link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
+            v_0 = observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, below]
+            v_1 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
+            reach = 0.0
+            if span.on_path or v_0 * v_1 < 0.0:
+                a_0 = observer_state[rows.A_PREVIOUS, i]
+                a_0 -= link * observer_state[rows.A_PREVIOUS, below]
+                a_1 = observer_state[rows.OBSERVED_ACCELERATION, i]
+                a_1 -= link * observer_state[rows.OBSERVED_ACCELERATION, below]
+                reach = span.h * max(abs(v_0), abs(v_1))
+                reach += 0.05 * span.h * span.h * (abs(a_0) + abs(a_1))
+            for element in range(
+                int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+            ):
+                force = abs(law_state[rows.FORCE, element])
+                peak = max(law_state[rows.PEAK_FORCE, element], force)
+                law_state[rows.PEAK_FORCE, element] = peak
+                may_exceed |= force + law_parameters[rows.STIFFNESS, element] * reach > peak
     return may_exceed
 
 
@@ -662,6 +701,9 @@ def store(ground, fitted_ground, memory, seen, row):
     energies = 1 + rows.HISTORY_FIELDS * n
     for j in range(rows.ENERGY_TERMS):
         history[row, energies + j] = totals[j]
+    # The forces of the elements follow; their columns are the last columns of the law states.
+    for j in range(law_state.shape[1] - n - 1):
+        history[row, energies + rows.ENERGY_TERMS + j] = law_state[rows.FORCE, n + 1 + j]
 
 
 @inline
@@ -761,7 +803,7 @@ def update_reversal_shears(update_shear_peaks, scene, memory, seen):
     )
 
 
-@kernel(INITIALIZE_LAWS, parts=("laws",))
+@kernel(INITIALIZE_LAWS, parts=("laws", "elements"))
 def initialize_laws(linear_terms, law_parameters, state, law_state):
     """Move the hysteretic laws of all stories from zero drift to their initial drifts; return 0."""
     displacement_below = 0.0
@@ -776,7 +818,7 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
     return 0
 
 
-@kernel(SUM_LAW_ENERGIES, parts=("laws",))
+@kernel(SUM_LAW_ENERGIES, parts=("laws", "elements"))
 def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     """Store the kinetic, strain and hysteretic energy of the current state in `totals`, J; return
     0.
@@ -803,7 +845,7 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     return 0
 
 
-@kernel(UPDATE_SHEAR_PEAKS, parts=("laws",))
+@kernel(UPDATE_SHEAR_PEAKS, parts=("laws", "elements"))
 def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     """Update the peak shears of the stories with a reversal within the last step; return 0.
 
@@ -829,4 +871,6 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
                 reversal_drifts[row, i],
             )
             raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
+            if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+                raise_element_peaks(law_parameters, law_state, i, rows.FIRST_TRIAL)
     return 0
