@@ -127,9 +127,9 @@ SECOND_TRIAL = 2 * LAW_STATE_ROWS
 THIRD_TRIAL = 3 * LAW_STATE_ROWS
 LAW_STATE_BLOCKS = 4
 ADDRESS = LAW_STATE_BLOCKS * LAW_STATE_ROWS  # address of a separately compiled law; 0 for others
-# The next rows are used only in the columns of elements. In the column of a story with elements, the
-# committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and RATE_SIGN describe the sum of the elements,
-# and INTERNAL is 1 if all elements have failed.
+# The next rows are used only in the columns of elements. In the column of a story with elements,
+# the committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and RATE_SIGN describe the sum of the
+# elements, and INTERNAL is 1 if all elements have failed.
 FAILED_INTERNAL = ADDRESS + 1  # value of INTERNAL after the failure; nan if the law cannot fail
 PEAK_FORCE = ADDRESS + 2  # maximum absolute force, N
 ENERGY_SPENT = ADDRESS + 3  # dissipated energy since the start, J, when energies were last summed

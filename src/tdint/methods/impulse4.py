@@ -233,8 +233,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
     int
         Number of linear solutions. NOT_CONVERGED (negative), with the initial state, if Newton's
         method fails or if more than 20 + 4 n branch changes are located in a building with n
-        stories and elements; repeated locations of the same change are counted. NOT_FINITE (negative) if the new
-        state is not finite.
+        stories and elements; repeated locations of the same change are counted. NOT_FINITE
+        (negative) if the new state is not finite.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state, scratch, step_status = memory

@@ -145,10 +145,11 @@ def workspace(
                 f"of memory, {free / 1000000000.0:.3g} GB are free; use fewer time steps, or "
                 "write the history to a file, which needs less memory"
             )
-    # Value of row INTERNAL of a story that has failed; nan for laws that do not fail. The last
-    # column of the table belongs to no story.
-    codes = building.law_parameters[rows.CODE, :-1].astype(int).tolist()
-    failed = np.array([LAWS[code].failed for code in codes])
+    # Value of row INTERNAL of a story that has failed; nan for laws that do not fail. INTERNAL of a
+    # story with elements is 1 if all of them have failed.
+    codes = building.story_laws[rows.CODE].tolist()
+    failed = np.array([1.0 if code == rows.ELEMENTS else LAWS[int(code)].failed for code in codes])
+    columns = building.law_parameters.shape[1]
     totals = np.zeros(rows.TOTALS_SIZE)
     totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
     return Workspace(
@@ -157,7 +158,7 @@ def workspace(
         # The scratch array also contains the small matrix of the Woodbury formula for modal
         # damping. With two unknowns per floor, its order is two times the number of modes. One
         # further column is reserved but not used.
-        scratch=np.zeros((family.scratch_rows(modes), max(n + 1, 2 * modes + 1))),
+        scratch=np.zeros((family.scratch_rows(modes), max(columns, 2 * modes + 1))),
         flags=flags,
         step_status=np.zeros(rows.STEP_STATUS_SIZE),
         observer_state=np.zeros((rows.OBSERVER_ROWS, n + 1)),
@@ -173,9 +174,9 @@ def history_width(building: Building) -> int:
     """Return the number of values in a row of the history.
 
     They are the ground acceleration, HISTORY_FIELDS values of each floor or story of the building,
-    and the energies (ENERGY_TERMS values).
+    the energies (ENERGY_TERMS values), and the forces of the elements.
     """
-    return 1 + rows.HISTORY_FIELDS * building.stories + rows.ENERGY_TERMS
+    return 1 + rows.HISTORY_FIELDS * building.stories + rows.ENERGY_TERMS + building.elements
 
 
 def state_jumps(integrator: Integrator, h: float) -> Array:

@@ -4,7 +4,7 @@ system."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,8 @@ from tdint.model.definition import (
     Story,
     changes_of,
     damped_by,
+    spring_columns,
+    spring_label,
     story_numbers,
 )
 from tdint.model.modes import FreeVibration, Modes
@@ -42,6 +44,7 @@ from tdint.units import STANDARD_GRAVITY
 
 _BOUND_ITERATIONS = 5  # iterations of the upper bound of the frequencies (`Building.fastest`)
 _MAX_LISTED_STORIES = 5  # maximum number of stories named in a message
+_BEYOND_YIELD = 1.1  # drift, in yield drifts, at which an undeclared stiffness is measured
 _SMALL_ORDINATE = 1e-9  # added to the ordinates of a mode with maximum 1, to avoid zeros
 
 
@@ -87,7 +90,7 @@ class Building:
     @property
     def stories(self) -> int:
         """Number of stories n."""
-        return int(self.linear_terms.shape[1]) - 1
+        return int(self.linear_terms.shape[-1]) - 1
 
     @property
     def mass(self) -> Array:
@@ -97,14 +100,28 @@ class Building:
     @property
     def initial_stiffness(self) -> Array:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
-        return self.law_parameters[rows.STIFFNESS, :-1] + self.linear_terms[rows.GEOMETRIC, :-1]
+        return self.story_laws[rows.STIFFNESS] + self.linear_terms[rows.GEOMETRIC, :-1]
+
+    @property
+    def story_laws(self) -> Array:
+        """Columns of `law_parameters` of the stories, without the elements: views of the table."""
+        return np.asarray(self.law_parameters[..., : self.stories])
+
+    @cached_property
+    def law_codes(self) -> set[int]:
+        """Numbers of all laws: of the stories with one law, and of the elements of the others."""
+        codes = np.delete(self.law_parameters[rows.CODE], self.stories, axis=-1)
+        return {int(code) for code in np.unique(codes) if code != rows.ELEMENTS}
+
+    @property
+    def elements(self) -> int:
+        """Number of elements of all stories with several elements."""
+        return int(self.law_parameters.shape[-1]) - self.stories - 1
 
     @cached_property
     def linear(self) -> bool:
         """True if every story has a linear law and no story has a power-law dashpot."""
-        return not self.power_damped and bool(
-            np.all(self.law_parameters[rows.CODE, :-1] == CODES["linear"])
-        )
+        return not self.power_damped and bool(np.all(self.story_laws[rows.CODE] == CODES["linear"]))
 
     @cached_property
     def power_damped(self) -> bool:
@@ -139,24 +156,19 @@ class Building:
         )
 
     @cached_property
-    def _law_codes(self) -> set[float]:
-        """Codes of the laws of all stories."""
-        return set(self.law_parameters[rows.CODE, :-1].ravel().tolist())
-
-    @cached_property
     def piecewise_linear(self) -> bool:
         """True if every story has a piecewise linear law."""
-        return not any(NUMBERED_LAWS[int(code)].curved for code in self._law_codes)
+        return not any(NUMBERED_LAWS[code].curved for code in self.law_codes)
 
     @cached_property
     def kinked(self) -> bool:
         """True if any story has a law with a discontinuous tangent."""
-        return any(NUMBERED_LAWS[int(code)].kinked for code in self._law_codes)
+        return any(NUMBERED_LAWS[code].kinked for code in self.law_codes)
 
     @cached_property
     def curved_hysteresis(self) -> bool:
         """True if any story has a curved law with branches, that is, a curved hysteretic law."""
-        laws = [NUMBERED_LAWS[int(code)] for code in self._law_codes]
+        laws = [NUMBERED_LAWS[code] for code in self.law_codes]
         return any(law.curved and law.kinked for law in laws)
 
     @cached_property
@@ -365,9 +377,7 @@ def assemble(model: Model) -> Building:
             linear_terms[rows.POWER_DAMPER, i] = dashpot.coefficient
             linear_terms[rows.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
             linear_terms[rows.THRESHOLD, i] = dashpot.linear_below**2
-        law = LAWS[story.law.name]
-        parameters = story.law.parameters
-        if law.stiffens(parameters) and not law.symmetric(parameters):
+        if _can_stiffen(story):
             linear_terms[rows.STIFFENING, i] = rows.UNLIMITED
     # The link of the first story remains 0: it is on the ground, so its force acts on no floor
     # below.
@@ -377,18 +387,7 @@ def assemble(model: Model) -> Building:
     )
     if model.p_delta:
         linear_terms[rows.GEOMETRIC, :n] = -weight_over_height(model)
-    # The law with the most parameters determines the number of rows.
-    table_rows = max(len(story.law.parameters) for story in stories)
-    law_parameters = np.zeros((rows.FIRST_PARAMETER + table_rows, n + 1))
-    yield_drift = np.empty(n)
-    for i, story in enumerate(stories):
-        parameters = story.law.parameters
-        law = LAWS[story.law.name]
-        law_parameters[rows.CODE, i] = CODES[story.law.name]
-        law_parameters[rows.STIFFNESS, i] = story.stiffness
-        end = rows.FIRST_PARAMETER + len(parameters)
-        law_parameters[rows.FIRST_PARAMETER : end, i] = parameters
-        yield_drift[i] = law.yield_drift(story.stiffness, parameters)
+    law_parameters, yield_drift = _law_table(stories)
     # P-delta (the row GEOMETRIC, negative) reduces the stiffness of the vibration.
     vibration = FreeVibration(
         linear_terms[rows.MASS, :n],
@@ -401,6 +400,77 @@ def assemble(model: Model) -> Building:
     # w w^T to the damping matrix.
     modal = add_damping(linear_terms, law_parameters[rows.STIFFNESS, :n], model, vibration)
     return Building(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators)
+
+
+def law_columns(stories: Sequence[Story]) -> list[range]:
+    """Return the columns of the springs of each story in the table of the laws.
+
+    The springs are those of `Story.springs`: a story with one law has its own column, and the
+    elements of the other stories follow after the column of zeros.
+    """
+    columns, end = [], len(stories) + 1
+    for i, story in enumerate(stories):
+        columns.append(range(end, end + len(story.elements)) if story.elements else range(i, i + 1))
+        end += len(story.elements)
+    return columns
+
+
+def _law_table(stories: Sequence[Story]) -> tuple[Array, Array]:
+    """Return the table of the laws of all stories and elements, and the yield drifts of stories.
+
+    The yield drift of a story with elements is that of the element that yields first.
+    """
+    columns_of_stories = law_columns(stories)
+    # The law with the most parameters determines the number of rows. A story with elements has the
+    # columns of its elements in the rows of two parameters.
+    counts = [len(spring.law.parameters) for story in stories for spring in story.springs]
+    has_elements = any(story.elements for story in stories)
+    row_count = max(*counts, rows.END_ELEMENT + 1 - rows.FIRST_PARAMETER if has_elements else 0)
+    column_count = len(stories) + 1 + sum(len(story.elements) for story in stories)
+    table = np.zeros((rows.FIRST_PARAMETER + row_count, column_count))
+    yield_drift = np.empty(len(stories))
+    for i, (story, columns) in enumerate(zip(stories, columns_of_stories, strict=True)):
+        if story.elements:
+            table[rows.CODE, i] = rows.ELEMENTS
+            table[rows.STIFFNESS, i] = story.stiffness
+            table[rows.FIRST_ELEMENT, i], table[rows.END_ELEMENT, i] = columns.start, columns.stop
+        for column, spring in zip(columns, story.springs, strict=True):
+            parameters = spring.law.parameters
+            table[rows.CODE, column] = CODES[spring.law.name]
+            table[rows.STIFFNESS, column] = spring.stiffness
+            table[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + len(parameters), column] = (
+                parameters
+            )
+        yield_drift[i] = first_yield_drift(story)
+    return table, yield_drift
+
+
+def element_yield_drifts(story: Story) -> list[float]:
+    """Return the yield drift of each spring of a story, m; nan for a law that does not yield."""
+    return [
+        LAWS[spring.law.name].yield_drift(spring.stiffness, spring.law.parameters)
+        for spring in story.springs
+    ]
+
+
+def first_yield_drift(story: Story) -> float:
+    """Return the smallest yield drift of the springs of a story, m; nan if no spring yields."""
+    return min((drift for drift in element_yield_drifts(story) if drift == drift), default=math.nan)
+
+
+def _can_stiffen(story: Story) -> bool:
+    """Return True if the peak shear of a story can occur at a smaller drift than its peak drift.
+
+    This requires a law that stiffens and is not symmetric, or an element that stiffens in addition
+    to an element with another law that is not elastic.
+    """
+    springs = [(LAWS[spring.law.name], spring.law.parameters) for spring in story.springs]
+    stiffens = any(law.stiffens(parameters) for law, parameters in springs)
+    symmetric = all(
+        law.symmetric(parameters) or (law.name == "linear" and len(springs) > 1)
+        for law, parameters in springs
+    )
+    return stiffens and not symmetric
 
 
 @dataclass(frozen=True)
@@ -437,7 +507,8 @@ class DrawnBuildings:
     def fastest(self) -> Array:
         """Upper bound of the circular frequencies of each sample, rad/s, shape (draws,)."""
         stiffness = (
-            self.law_parameters[:, rows.STIFFNESS, :-1] + self.linear_terms[:, rows.GEOMETRIC, :-1]
+            self.law_parameters[:, rows.STIFFNESS, : self.base.stories]
+            + self.linear_terms[:, rows.GEOMETRIC, :-1]
         )
         return _frequency_bound(stiffness, self.base.linear_terms[rows.LINK], self.mass)
 
@@ -499,6 +570,11 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     law_parameters = np.repeat(base.law_parameters[None], draw_count, axis=0)
     heights = np.repeat(base.heights[None], draw_count, axis=0)
     _insert_numbers(model, changed_values, linear_terms, law_parameters, heights)
+    for i, columns in enumerate(law_columns(model.stories)):
+        if model.stories[i].elements:
+            law_parameters[:, rows.STIFFNESS, i] = sum(
+                law_parameters[:, rows.STIFFNESS, column] for column in columns
+            )
     # Compute the rows of the tables that follow from other rows.
     linear_terms[:, rows.INVERSE_MASS, :n] = 1.0 / linear_terms[:, rows.MASS, :n]
     linear_terms[:, rows.STORY_DAMPER, :n] = linear_terms[:, rows.DASHPOT, :n]
@@ -518,8 +594,10 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     # If no sample changes a mass or a stiffness (with P-delta, a height), all samples have the
     # vibration of the base.
     is_vibration_changed = any(
-        column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta)
-        for _, column in changed_values
+        column in (MASS, STIFFNESS)
+        or (column == HEIGHT and model.p_delta)
+        or (column >= FIRST_LAW_PARAMETER and model.stories[i].elements)
+        for i, column in changed_values
     )
     ratios = values["damping"].tolist() if "damping" in values else [math.nan] * draw_count
     # A sample without a damping ratio (nan) keeps the damping of the model.
@@ -558,12 +636,11 @@ def _insert_numbers(
     linear_terms, law_parameters, heights : ndarray, shape (draws, ...)
         Tables of the buildings, which are changed.
     """
+    columns = law_columns(model.stories)
     for (i, column), values_of_draws in changed_values.items():
-        if column >= FIRST_LAW_PARAMETER:
-            row = rows.FIRST_PARAMETER + column - FIRST_LAW_PARAMETER
-            law_parameters[:, row, i] = values_of_draws
-        elif column == STIFFNESS:
-            law_parameters[:, rows.STIFFNESS, i] = values_of_draws
+        if column == STIFFNESS or column >= FIRST_LAW_PARAMETER:
+            row, table_column = _table_position(model.stories[i], columns[i], column)
+            law_parameters[:, row, table_column] = values_of_draws
         elif column == HEIGHT and not model.stories[i].isolator:
             heights[:, i] = values_of_draws
         elif column in _TABLE_ROW_OF_COLUMN:
@@ -573,6 +650,19 @@ def _insert_numbers(
         elif column == POWER.start + 2:  # drift rate below which the dashpot is linear
             # Squared in Python as in `assemble`: the square of NumPy can differ in the last bit.
             linear_terms[:, rows.THRESHOLD, i] = [rate**2 for rate in values_of_draws.tolist()]
+
+
+def _table_position(story: Story, columns: range, number: int) -> tuple[int, int]:
+    """Return row and column of the table of the laws for an index in `story_numbers`.
+
+    `columns` are the columns of the springs of the story.
+    """
+    for column, spring in zip(columns, spring_columns(story), strict=True):
+        if number == spring.stiffness:
+            return rows.STIFFNESS, column
+        if spring.first <= number < spring.end:
+            return rows.FIRST_PARAMETER + number - spring.first, column
+    raise IndexError(number)
 
 
 def _yield_drifts(
@@ -603,16 +693,25 @@ def _yield_drifts(
     changed_stories = {
         i for i, column in changed_values if column == STIFFNESS or column >= FIRST_LAW_PARAMETER
     }
+    columns = law_columns(model.stories)
     for i in changed_stories:
-        law = LAWS[model.stories[i].law.name]
-        end = rows.FIRST_PARAMETER + len(model.stories[i].law.parameters)
-        table_rows = [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, end)]
-        for draw, (stiffness, *parameters) in enumerate(law_parameters[:, table_rows, i].tolist()):
-            if fault := law.fault(stiffness, parameters):
-                raise UsageError(
-                    f"{model.name}: invalid variation of story {i + 1}: {fault} (sample {draw + 1})"
-                )
-            yield_drift[draw, i] = law.yield_drift(stiffness, parameters)
+        drifts = []
+        for column, spring in zip(columns[i], model.stories[i].springs, strict=True):
+            law = LAWS[spring.law.name]
+            end = rows.FIRST_PARAMETER + len(spring.law.parameters)
+            table_rows = [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, end)]
+            numbers = law_parameters[:, table_rows, column].tolist()
+            for draw, (stiffness, *parameters) in enumerate(numbers):
+                if fault := law.fault(stiffness, parameters):
+                    raise UsageError(
+                        f"{model.name}: invalid variation of {spring_label(i, spring)}: {fault} "
+                        f"(sample {draw + 1})"
+                    )
+            drifts.append(
+                [law.yield_drift(stiffness, parameters) for stiffness, *parameters in numbers]
+            )
+        # The smallest yield drift of the springs; nan if no spring yields
+        yield_drift[:, i] = np.fmin.reduce(drifts)
     return yield_drift
 
 
@@ -651,16 +750,18 @@ def _changed_numbers(
     # Some laws define the initial stiffness by their parameters: compute it again. These laws have
     # no parameter `stiffness` (`changes_of`), so that no sampled value is replaced.
     for i in stories_with_set_law:
-        compute_stiffness = LAWS[model.stories[i].law.name].initial_stiffness
-        if compute_stiffness:
-            columns = [
-                np.broadcast_to(changed.get((i, column), base_numbers[i][column]), draws)
-                for column in range(FIRST_LAW_PARAMETER, len(base_numbers[i]))
-            ]
-            parameters_of_draws = np.stack(columns, axis=1).tolist()
-            changed[i, STIFFNESS] = np.array(
-                [compute_stiffness(parameters) for parameters in parameters_of_draws]
-            )
+        story = model.stories[i]
+        for spring, indices in zip(story.springs, spring_columns(story), strict=True):
+            compute_stiffness = LAWS[spring.law.name].initial_stiffness
+            if compute_stiffness:
+                columns = [
+                    np.broadcast_to(changed.get((i, column), base_numbers[i][column]), draws)
+                    for column in range(indices.first, indices.end)
+                ]
+                parameters_of_draws = np.stack(columns, axis=1).tolist()
+                changed[i, indices.stiffness] = np.array(
+                    [compute_stiffness(parameters) for parameters in parameters_of_draws]
+                )
     return changed
 
 
@@ -716,45 +817,26 @@ def unstable_after_yield(model: Model) -> tuple[str, ...]:
 def stiffness_after_yield(story: Story) -> float:
     """Return the stiffness of a story after yield and before softening, N/m.
 
-    It is infinite for a law that does not yield.
+    It is infinite for a law that does not yield. The stiffness of a story with elements is the sum
+    after all elements that yield have yielded; the others keep their initial stiffness. Before the
+    last of them yields, the story can be stiffer.
     """
-    rule = _STIFFNESS_AFTER_YIELD.get(story.law.name)
-    if rule is None:
-        return math.inf
-    names = [parameter.name for parameter in LAWS[story.law.name].parameters]
-    return rule(story.stiffness, dict(zip(names, story.law.parameters, strict=True)))
+    yields, total = False, 0.0
+    for spring, yield_drift in zip(story.springs, element_yield_drifts(story), strict=True):
+        law = LAWS[spring.law.name]
+        after_yield = spring.stiffness
+        if law.stiffness_after_yield is not None:
+            after_yield = law.stiffness_after_yield(spring.stiffness, spring.law.parameters)
+            yields = True
+        elif yield_drift == yield_drift:
+            # Imported here, because only laws without a declaration are measured.
+            from tdint.model.law_checks import tangent_at
 
-
-def _hardening_stiffness(stiffness: float, law: Mapping[str, float]) -> float:
-    """Return the stiffness after yield of a law with the parameter `hardening`, N/m."""
-    return law["hardening"] * stiffness
-
-
-def _slope_to_ultimate(stiffness: float, law: Mapping[str, float]) -> float:
-    """Return the stiffness from the yield point to the ultimate point, N/m.
-
-    It is 0 if the ultimate drift does not exceed the yield drift.
-    """
-    force = law["ultimate_force"] - law["yield_force"]
-    drift = law["ultimate_drift"] - law["yield_force"] / stiffness
-    return force / drift if drift > 0.0 else 0.0
-
-
-def _slope_to_capping(stiffness: float, law: Mapping[str, float]) -> float:
-    """Return the stiffness from the yield point to the capping point, N/m."""
-    return (law["capping_ratio"] - 1.0) * law["yield_force"] / law["plastic_drift"]
-
-
-_STIFFNESS_AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
-    "bilinear": _hardening_stiffness,
-    "bouc-wen": _hardening_stiffness,
-    "peak-oriented": _hardening_stiffness,
-    "trilinear-pinching": _slope_to_ultimate,
-    "imk": _slope_to_capping,
-    "tanh": lambda stiffness, law: 0.0,
-}
-"""Functions that compute the stiffness after yield (N/m), by the name of the law. Their arguments
-are the initial stiffness (N/m) and the parameters of the law by name. Other laws do not yield."""
+            column = np.array([CODES[law.name], spring.stiffness, *spring.law.parameters])
+            after_yield = tangent_at(law, column, _BEYOND_YIELD * yield_drift)
+            yields = True
+        total += after_yield
+    return total if yields else math.inf
 
 
 def oscillators(omega: Array, damping: Array) -> Building:
@@ -808,9 +890,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     forces : ndarray, optional
         Table of `force_table`. Default: no forces.
     """
-    # Every kernel contains the linear law. The last column of the table is the fictitious story
-    # above the roof.
-    codes = {CODES["linear"], *building.law_parameters[rows.CODE, :-1].tolist()}
+    codes = {CODES["linear"], *building.law_codes}  # every kernel contains the linear law
     # Codes from `OURS` on are laws of plug-ins. The code distinguishes a law from laws of other
     # plug-ins with the same name.
     names = (
@@ -821,6 +901,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
+        elements=building.elements > 0,
     )
     # Return the same instance for equal variants. A lookup in a dictionary compares the identity
     # first, so that lookups of variants are fast.

@@ -159,6 +159,25 @@ class Law:
         return Law, tuple(astuple(self))
 
 
+@dataclass(frozen=True)
+class Element:
+    """Spring of a story: one of several springs in parallel, each with its own law.
+
+    Attributes
+    ----------
+    name : str
+        Name in tables and parameters, unique within the story.
+    stiffness : float
+        Initial stiffness, N/m, zero or positive.
+    law : Law
+        Hysteretic law.
+    """
+
+    name: str
+    stiffness: float
+    law: Law
+
+
 def _restore_law(
     name: str, parameters: tuple[float, ...], code: int, file: str, digest: str
 ) -> Law:
@@ -198,6 +217,9 @@ def _restore_law(
 
 
 LINEAR = Law("linear", ())
+SUM_OF_ELEMENTS = Law("elements", ())
+"""Value of `Story.law` of a story with several elements. It is not a law: its name is not a key of
+`LAWS`, so that a function that ignores the elements fails."""
 
 
 def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
@@ -268,9 +290,9 @@ class Story:
     height : float or None
         Story height, m, positive; None if the file does not specify it.
     stiffness : float
-        Initial stiffness, N/m, positive.
+        Initial stiffness, N/m, positive; of a story with elements, their sum.
     law : Law
-        Hysteretic law.
+        Hysteretic law; SUM_OF_ELEMENTS for a story with several elements.
     dashpot : float
         Viscous damper between the floors, N s/m, zero or positive.
     power_dashpot : PowerDashpot or None
@@ -280,6 +302,8 @@ class Story:
         is used for P-delta only.
     rayleigh : bool
         True if Rayleigh damping applies to the story.
+    elements : tuple of Element
+        Elements of a story with several springs in parallel; empty for a story with one law.
     """
 
     mass: float
@@ -290,6 +314,17 @@ class Story:
     power_dashpot: PowerDashpot | None = None
     isolator: bool = False
     rayleigh: bool = True
+    elements: tuple[Element, ...] = ()
+
+    @property
+    def springs(self) -> tuple[Element, ...]:
+        """The elements, or the law of the story as its single element, without a name."""
+        return self.elements or (Element("", self.stiffness, self.law),)
+
+    @property
+    def law_text(self) -> str:
+        """Name of the law, or the names of the laws of the elements: `bilinear + gap`."""
+        return " + ".join(spring.law.name for spring in self.springs)
 
     @property
     def drift_height(self) -> float | None:
@@ -553,9 +588,12 @@ class Model:
         stories = list(self.stories)
         for i, is_law_changed in changed_stories.items():
             stories[i] = _story_with_numbers(stories[i], table[i], is_law_changed)
-            fault = LAWS[stories[i].law.name].fault(stories[i].stiffness, stories[i].law.parameters)
-            if fault:
-                raise UsageError(f"{self.name}: invalid variation of story {i + 1}: {fault}")
+            for spring in stories[i].springs:
+                fault = LAWS[spring.law.name].fault(spring.stiffness, spring.law.parameters)
+                if fault:
+                    raise UsageError(
+                        f"{self.name}: invalid variation of {spring_label(i, spring)}: {fault}"
+                    )
         # A parameter that has been changed before keeps its position and gets the new value.
         varied = tuple({**dict(self.varied_parameters), **numbers}.items())
         return replace(self, stories=tuple(stories), damping=damping, varied_parameters=varied)
@@ -571,24 +609,29 @@ def _story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: 
     Parameters
     ----------
     story : Story
-        Story with the name of the law; keys that it does not have remain absent.
+        Story with the name of the law; keys that it does not have remain absent. The stiffness of a
+        story with elements is the sum of their stiffnesses.
     numbers : sequence of float
         Numbers in the order of `story_numbers`.
     is_law_changed : bool
         True if a parameter of the law has been changed. If the law defines the initial stiffness,
         the stiffness is then computed from the parameters.
     """
-    law = Law(story.law.name, tuple(numbers[FIRST_LAW_PARAMETER:]))
-    compute_stiffness = LAWS[story.law.name].initial_stiffness
-    stiffness = numbers[STIFFNESS]
-    if is_law_changed and compute_stiffness:
-        stiffness = compute_stiffness(law.parameters)
+    springs = []
+    for spring, columns in zip(story.springs, spring_columns(story), strict=True):
+        law = Law(spring.law.name, tuple(numbers[columns.first : columns.end]))
+        compute_stiffness = LAWS[law.name].initial_stiffness
+        stiffness = numbers[columns.stiffness]
+        if is_law_changed and compute_stiffness:
+            stiffness = compute_stiffness(law.parameters)
+        springs.append(Element(spring.name, stiffness, law))
     return replace(
         story,
         mass=numbers[MASS],
         height=None if story.height is None else numbers[HEIGHT],
-        stiffness=stiffness,
-        law=law,
+        stiffness=sum(spring.stiffness for spring in springs),
+        law=SUM_OF_ELEMENTS if story.elements else springs[0].law,
+        elements=tuple(springs) if story.elements else (),
         dashpot=numbers[DASHPOT],
         power_dashpot=PowerDashpot(*numbers[POWER]) if story.power_dashpot else None,
     )
@@ -677,6 +720,13 @@ _STORY_PARAMETER = re.compile(r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)")
 """Pattern of a parameter of stories. Its groups are the number of the story in `stories[3].mass`,
 the number in `story 3.mass` (both None for all stories), and the key of the parameter."""
 
+_ELEMENT_PARAMETER = re.compile(r"elements\[[^\]]+\]\.\w")
+"""Pattern of the start of the key of a parameter of an element, such as
+`elements[bearings].yield_force`."""
+
+_ELEMENT_NUMBER = re.compile(r"elements\[\d+\]")
+"""Pattern of the start of the key of a parameter of an element that is given by its number."""
+
 _POINT_DIMENSIONS = {"drift": (0, 1), "force": (1, 0)}  # exponents of force and length
 
 
@@ -725,15 +775,59 @@ class Change(NamedTuple):
                 raise UsageError(f"{name} must be between {low:g} and {high:g}, got {value:.6g}")
 
 
+class SpringColumns(NamedTuple):
+    """Indices of the values of a spring in `story_numbers`.
+
+    Attributes
+    ----------
+    stiffness : int
+        Index of its initial stiffness.
+    first, end : int
+        Index of the first parameter of its law, and index after the last parameter.
+    """
+
+    stiffness: int
+    first: int
+    end: int
+
+
+def spring_columns(story: Story) -> list[SpringColumns]:
+    """Return the indices of the values of the springs of a story in `story_numbers`."""
+    if not story.elements:
+        end = FIRST_LAW_PARAMETER + len(story.law.parameters)
+        return [SpringColumns(STIFFNESS, FIRST_LAW_PARAMETER, end)]
+    columns, first = [], FIRST_LAW_PARAMETER
+    for element in story.elements:
+        end = first + 1 + len(element.law.parameters)
+        columns.append(SpringColumns(first, first + 1, end))
+        first = end
+    return columns
+
+
+def column_name(name: str) -> str:
+    """Return the name of an element as a part of the name of a column: `moat wall` is
+    `moat_wall`."""
+    return re.sub(r"\W+", "_", name).strip("_")
+
+
+def spring_label(i: int, spring: Element) -> str:
+    """Return the name of a spring of the story with index `i` in messages."""
+    return f"element {spring.name!r} of story {i + 1}" if spring.name else f"story {i + 1}"
+
+
 def story_numbers(story: Story) -> tuple[float, ...]:
-    """Return the values of a story, SI units: first `_STORY_KEYS`, then the parameters of its law.
+    """Return the values of a story, SI units: first `_STORY_KEYS`, then the parameters of its law,
+    or the stiffness and the parameters of each element.
 
     The values of a missing height or power-law dashpot are nan.
     """
     power = story.power_dashpot
     dashpot = (power.coefficient, power.exponent, power.linear_below) if power else (math.nan,) * 3
     height = math.nan if story.height is None else story.height
-    return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *story.law.parameters)
+    parameters = list(story.law.parameters)
+    for element in story.elements:
+        parameters += [element.stiffness, *element.law.parameters]
+    return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *parameters)
 
 
 def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
@@ -788,25 +882,40 @@ def _changes_by_parameter(story: Story) -> dict[str, list[tuple[int, bool, LawPa
         a factor on it (False: its new value), and the declaration with the bounds. The list is
         empty for a parameter that cannot be changed.
     """
-    has_stiffness = LAWS[story.law.name].initial_stiffness is not None
     # Indices of the values that the factors on the stiffness and on the strength multiply.
-    stiffness_indices, strength_indices = [STIFFNESS], []
+    stiffness_indices, strength_indices = [], []
     set_law: dict[str, list[tuple[int, bool, LawParameter | None]]] = {}
-    for i, described in enumerate(_named_parameters(story.law), start=FIRST_LAW_PARAMETER):
-        name, force, length, declaration = described
-        set_law[f"law.{name}"] = [(i, False, declaration)]
+    has_stiffness = False
+    for number, (spring, columns) in enumerate(
+        zip(story.springs, spring_columns(story), strict=True), start=1
+    ):
+        has_stiffness = LAWS[spring.law.name].initial_stiffness is not None
+        stiffness_indices.append(columns.stiffness)
+        # An element has two prefixes: its number, counted from 1, and its name. The law of a story
+        # is its first element.
+        prefixes = [f"elements[{number}]"]
+        prefixes.append(f"elements[{spring.name}]" if story.elements else "law")
+        for prefix in prefixes:
+            if prefix != "law" and not has_stiffness:
+                bounds = LawParameter("stiffness", low=0.0)
+                set_law[f"{prefix}.stiffness"] = [(columns.stiffness, False, bounds)]
+            for i, described in enumerate(_named_parameters(spring.law), start=columns.first):
+                name, _, _, declaration = described
+                set_law[f"{prefix}.{name}"] = [(i, False, declaration)]
         # Factors apply to all numbers with the dimension of a stiffness or of a strength (force).
-        if force == 1 and (has_stiffness or length == -1):
-            stiffness_indices.append(i)
-        if (force, length) == (1, 0):
-            strength_indices.append(i)
+        for i, described in enumerate(_named_parameters(spring.law), start=columns.first):
+            _, force, length, _ = described
+            if force == 1 and (has_stiffness or length == -1):
+                stiffness_indices.append(i)
+            if (force, length) == (1, 0):
+                strength_indices.append(i)
     changes: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
         "mass_factor": [(MASS, True, None)],
         "stiffness_factor": [(i, True, None) for i in stiffness_indices],
         "strength_factor": [(i, True, None) for i in strength_indices],
         "mass": [(MASS, False, None)],
         "height": [] if story.height is None else [(HEIGHT, False, None)],
-        "stiffness": [] if has_stiffness else [(STIFFNESS, False, None)],
+        "stiffness": [] if has_stiffness or story.elements else [(STIFFNESS, False, None)],
         "dashpot": [] if story.power_dashpot else [(DASHPOT, False, None)],
     }
     if story.power_dashpot:
@@ -865,12 +974,14 @@ def changes_of(model: Model, name: str) -> list[Change]:
         available |= dict.fromkeys(
             parameter for parameter, numbers in story_changes.items() if numbers
         )
-    names = list(available)
+    # An element is listed by its name only.
+    names = [parameter for parameter in available if not _ELEMENT_NUMBER.match(parameter)]
     story_has_no = (
         f"story {number} of {model.name} has no" if number else f"no story of {model.name} has a"
     )
+    hint = "; counting starts at 1" if key.startswith("elements[0]") else did_you_mean(key, names)
     raise UsageError(
-        f"{name}: {story_has_no} parameter {key!r} that can be changed{did_you_mean(key, names)} "
+        f"{name}: {story_has_no} parameter {key!r} that can be changed{hint} "
         f"(available parameters: {', '.join(names)})"
     )
 
@@ -900,7 +1011,9 @@ def check_parameter(name: str) -> None:
     """
     story_match = _STORY_PARAMETER.fullmatch(name)
     key = story_match[3] if story_match else ""
-    if name in PARAMETERS or key in _STORY_KEYS or key in _FACTOR_NAMES or key.startswith("law."):
+    if name in PARAMETERS or key in _STORY_KEYS or key in _FACTOR_NAMES:
+        return
+    if key.startswith("law.") or _ELEMENT_PARAMETER.match(key):
         return
     similar_key = nearest(key, (*_STORY_KEYS, *_FACTOR_NAMES)) if story_match else None
     # The hint is the name with its key, which is at the end of the name, replaced.
@@ -918,7 +1031,7 @@ def check_parameter(name: str) -> None:
 
 def check_value(name: str, value: float) -> None:
     """Raise UsageError if a value is outside the range that follows from its name."""
-    is_law_parameter = ".law." in name
+    is_law_parameter = ".law." in name or ".elements[" in name
     if name == "damping":
         is_valid, allowed = 0.0 <= value < 1.0, "a ratio from 0 to less than 1"
     elif name.endswith((".dashpot", ".linear_below")):

@@ -169,7 +169,7 @@ def verify_laws(law_parameters: Array) -> None:
 
     Parameters
     ----------
-    law_parameters : ndarray, shape (..., rows, n + 1)
+    law_parameters : ndarray, shape (..., rows, columns)
         Table of the drift laws of a building, or of buildings that share a model.
 
     Raises
@@ -178,11 +178,11 @@ def verify_laws(law_parameters: Array) -> None:
         A declaration of a law is missing or wrong.
     """
     # Laws of plug-ins are numbered from `OURS` on.
-    codes = law_parameters[..., rows.CODE, :-1]
+    codes = law_parameters[..., rows.CODE, :]
     if not np.any(codes >= OURS):
         return
     # Each row of `columns` is the column of the table for a story with a plug-in law.
-    columns = np.moveaxis(law_parameters[..., :-1], -2, -1)[codes >= OURS]
+    columns = np.moveaxis(law_parameters, -2, -1)[codes >= OURS]
     for column in np.unique(columns, axis=0):
         code = int(column[rows.CODE])
         law = LAWS[code]
@@ -345,6 +345,20 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
 
 
 # ---- Execution of a law in plain Python
+
+
+def tangent_at(law: DriftLaw, column: Array, drift: float) -> float:
+    """Return the tangent stiffness of a law that is loaded from rest to a drift (m), N/m.
+
+    `column` contains number, initial stiffness and parameters, as in `law_parameters`.
+    """
+    functions = law.functions()
+    table = np.column_stack([column, np.zeros_like(column)])
+    law_state = np.zeros((rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * law.extra_rows, 2))
+    _enter(law, functions, table, law_state)
+    _evaluate(functions, table, law_state, 0.0)
+    _commit(law, functions, table, law_state)
+    return _evaluate(functions, table, law_state, drift)[1]
 
 
 def _path_drifts(size: float) -> Array:

@@ -117,7 +117,9 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
 # ---- Amplification matrices measured on the compiled steps, and the stability that follows from
 # them
 
-LINEAR_OSCILLATORS = Variant(laws=("linear",), modal=False, forces=False, dashpots=False)
+LINEAR_OSCILLATORS = Variant(
+    laws=("linear",), modal=False, forces=False, dashpots=False, elements=False
+)
 """Variant of the kernels for linear oscillators."""
 
 STABLE = 1e-9

@@ -64,7 +64,7 @@ _MAX_COEFFICIENT_SETS = 4
 
 def _verify_laws(law_parameters: Array) -> None:
     """Verify the laws of plug-ins in a table of law parameters (`law_checks.verify_laws`)."""
-    if np.any(law_parameters[..., rows.CODE, :-1] >= OURS):
+    if np.any(law_parameters[..., rows.CODE, :] >= OURS):
         # Imported here, because only buildings with laws of plug-ins need the checks.
         from tdint.model.law_checks import verify_laws
 

@@ -15,7 +15,13 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
+from tdint.kernels.laws.law import (
+    DriftLaw,
+    LawFunctions,
+    LawParameter,
+    hardening_stiffness,
+    yields_at_its_strength,
+)
 
 # Yield force (N) and hardening ratio in `law_parameters`. The bounds of `LAW` exclude a = 1, so
 # that a division by 1 - a is possible.
@@ -146,4 +152,5 @@ LAW = DriftLaw(
     ),
     kinked=True,
     yield_drift=yields_at_its_strength,
+    stiffness_after_yield=hardening_stiffness,
 )

@@ -22,7 +22,13 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
+from tdint.kernels.laws.law import (
+    DriftLaw,
+    LawFunctions,
+    LawParameter,
+    hardening_stiffness,
+    yields_at_its_strength,
+)
 
 # Rows of `law_parameters` with the parameters of this law: yield force (N), hardening ratio,
 # exponent n and parameter beta.
@@ -557,4 +563,5 @@ LAW = DriftLaw(
     kinked=True,
     curved=True,
     yield_drift=yields_at_its_strength,
+    stiffness_after_yield=hardening_stiffness,
 )

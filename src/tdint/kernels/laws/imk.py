@@ -900,6 +900,12 @@ _SIDE_PARAMETERS = (
 )
 
 
+def _slope_to_capping(stiffness: float, values: Sequence[float]) -> float:
+    """Return the stiffness from the yield point to the capping point, N/m."""
+    yield_force, plastic_drift, _, capping_ratio = values[:4]
+    return (capping_ratio - 1.0) * yield_force / plastic_drift
+
+
 _CAPACITY = LawParameter(
     "strength", length=1, low=0.0, low_allowed=False, group="deterioration", shared=True
 )
@@ -927,6 +933,7 @@ LAW = DriftLaw(
     compiled_separately=True,
     extra_rows=_EXTRA_ROWS,
     yield_drift=yields_at_its_strength,
+    stiffness_after_yield=_slope_to_capping,
     fault=_fault,
     failed=_FAILED,
 )

@@ -168,6 +168,10 @@ class DriftLaw:
     fault : callable
         (initial stiffness, parameter values) -> error message if the combination of parameters is
         invalid, otherwise None.
+    stiffness_after_yield : callable, optional
+        (initial stiffness, parameter values) -> stiffness after the first yield and before
+        softening, N/m. Default: the slope is measured a tenth beyond `yield_drift`. A law without
+        `yield_drift` does not yield.
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
@@ -186,6 +190,7 @@ class DriftLaw:
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
     fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
+    stiffness_after_yield: Callable[[float, Sequence[float]], float] | None = None
     failed: float = math.nan
 
 
@@ -200,3 +205,9 @@ def yields_at_its_strength(stiffness: float, values: Sequence[float]) -> float:
         Parameters of the law.
     """
     return values[0] / stiffness
+
+
+def hardening_stiffness(stiffness: float, values: Sequence[float]) -> float:
+    """Return the stiffness after yield, N/m, of a law whose second parameter is the hardening
+    ratio."""
+    return values[1] * stiffness

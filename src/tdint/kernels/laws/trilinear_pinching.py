@@ -514,6 +514,16 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     return None
 
 
+def _slope_to_ultimate(stiffness: float, values: Sequence[float]) -> float:
+    """Return the stiffness from the yield point to the ultimate point, N/m.
+
+    It is 0 if the ultimate drift does not exceed the yield drift.
+    """
+    yield_force, ultimate_force, ultimate_drift = values[:3]
+    drift = ultimate_drift - yield_force / stiffness
+    return (ultimate_force - yield_force) / drift if drift > 0.0 else 0.0
+
+
 LAW = DriftLaw(
     "trilinear-pinching",
     "backbone to (dy, Fy), (ultimate_drift, Fu), flat beyond; unloads with k (dy / "
@@ -529,5 +539,6 @@ LAW = DriftLaw(
     kinked=True,
     compiled_separately=True,
     yield_drift=yields_at_its_strength,
+    stiffness_after_yield=_slope_to_ultimate,
     fault=_fault,
 )

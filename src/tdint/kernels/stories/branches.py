@@ -36,8 +36,8 @@ _ROOT_TOLERANCE = 1e-10
 _REVERSAL_TOLERANCE = 1e-12
 
 advance_law = advancing(select_function("advance", case_with_6_arguments, outlined(add_work)))
-"""(law_parameters, law_state, i, block, drift). Moves the state of the law in column `i`, a story with
-one element or an element, to `drift` (m) on its current linear branch."""
+"""(law_parameters, law_state, i, block, drift). Moves the state of the law in column `i`, a story
+with one element or an element, to `drift` (m) on its current linear branch."""
 
 
 @inline
@@ -171,9 +171,10 @@ def sum_branches(law_parameters, law_state, i):
     """Set force and branch of story `i` to the sum of the committed states of its elements.
 
     The branch is curved (infinite SLOPE) if an element is on a curved branch. INTERNAL is 1 if all
-    elements have failed, otherwise 0. If a movement within the tolerances of a reversal has left the
-    elements with different directions, the story has the direction of a linear branch: a change of
-    stiffness at a reversal must be located, whereas a curved branch follows its path in any case.
+    elements have failed, otherwise 0. If a movement within the tolerances of a reversal has left
+    the elements with different directions, the story has the direction of a linear branch: a change
+    of stiffness at a reversal must be located, whereas a curved branch follows its path in any
+    case.
     """
     force = 0.0
     slope = 0.0

@@ -7,8 +7,9 @@ The value of `law` is the name of a law, or a mapping with `type` and the parame
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.sections import ModelUnits
@@ -16,9 +17,12 @@ from tdint.model.definition import (
     LAWS,
     LINEAR,
     MAX_STORIES,
+    SUM_OF_ELEMENTS,
+    Element,
     Law,
     PowerDashpot,
     Story,
+    column_name,
     four_points,
     laws,
 )
@@ -35,6 +39,7 @@ from tdint.model.keys.fields import (
     Keys,
     Schema,
     Section,
+    TextLine,
     Value,
     ValueType,
 )
@@ -115,6 +120,29 @@ class _LawType:
 LAW = _LawType()
 
 
+@dataclass(frozen=True)
+class _ElementType:
+    """Type of an entry of `elements`: a mapping with the type of a law and its parameters."""
+
+    def schema(self) -> Schema:
+        """Return the JSON schema: a mapping for each law."""
+        mappings = [
+            Keys(
+                (
+                    Key("type", Choice((law.name,)), law.formula, True),
+                    Key("name", TextLine(), "name in tables, unique within the story"),
+                    Key("stiffness", NOT_NEGATIVE, "initial stiffness; default for a gap: 0"),
+                    *_law_keys(law),
+                )
+            )
+            for law in laws().values()
+        ]
+        return Either(tuple(mappings)).schema()
+
+
+ELEMENTS = EntriesOf(_ElementType(), least=1)
+
+
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     """Return a law, and its initial stiffness (N/m) if the parameters of the law determine it.
 
@@ -130,6 +158,12 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     """
     if value is None:
         return LINEAR, None
+    if value.is_list:
+        value.fault(
+            "must be a law, got a list; several laws in one story are written as "
+            "`elements: [{type: ..., stiffness: ...}, ...]`"
+        )
+        return LINEAR, math.nan
     law, section = _read_law_type(value)
     if law is None:
         return LINEAR, math.nan
@@ -151,11 +185,11 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     return result, stiffness
 
 
-def _read_law_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
+def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, Section | None]:
     """Return the law and the section with its parameters.
 
     The law is None after an error. The section is None if the value is only the
-    name of the law.
+    name of the law. The section can contain `further_keys`.
     """
     # The name without parameters is valid only if the law has no parameters.
     if not value.is_mapping:
@@ -174,7 +208,7 @@ def _read_law_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     # After an error in the name, the keys of all laws are allowed, so that no correct key is
     # reported as unknown.
     possible_laws = [LAWS[name]] if name else LAWS.values()
-    allowed_keys = ["type"]
+    allowed_keys = ["type", *further_keys]
     for law in possible_laws:
         allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
     section = value.section(list(dict.fromkeys(allowed_keys)))
@@ -398,6 +432,7 @@ _STORY = Keys(
         Key("height", POSITIVE, "story height, for drift ratios and P-delta"),
         Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
         Key("law", LAW, "hysteretic law; default: linear"),
+        Key("elements", ELEMENTS, "springs in parallel, instead of `stiffness` and `law`"),
         Key(
             "dashpot",
             Either((NOT_NEGATIVE, _DASHPOT)),
@@ -464,8 +499,18 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
-    law_entry = section.get("law")
-    law, stiffness_of_law = read_law(law_entry, unit)
+    law_entry, elements_entry = section.get("law"), section.get("elements")
+    elements: tuple[Element, ...] = ()
+    if elements_entry:
+        for name in ("law", "stiffness"):
+            if section.has(name):
+                section.value.fault(
+                    f"give either `{name}` or `elements`, not both; move the {name} into an element"
+                )
+        elements = _read_elements(elements_entry, unit)
+        law_entry, law, stiffness_of_law = None, SUM_OF_ELEMENTS, None
+    else:
+        law, stiffness_of_law = read_law(law_entry, unit)
     dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
     if p_delta:
         height_entry = section.need("height", "p_delta needs the height of every story")
@@ -473,7 +518,12 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         height_entry = section.get("height")
     mass = _read_mass(section, unit)
     height = height_entry.number(scale=unit.length) if height_entry else None
-    stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
+    if elements_entry:
+        stiffness = sum(element.stiffness for element in elements) if elements else math.nan
+        if len(elements) == 1:  # a story with one element is a story with a law
+            law, elements = elements[0].law, ()
+    else:
+        stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
 
     # The value of `isolator` is true, false or `rayleigh`. The Rayleigh damping of the building
     # does not apply to an isolator unless the value is `rayleigh`.
@@ -490,6 +540,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         power_dashpot,
         is_isolator,
         has_rayleigh_damping,
+        elements,
     )
 
     # Parameters and stiffness can be valid separately, but their combination invalid.
@@ -499,6 +550,76 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         if fault:
             law_entry.fault(fault)
     return story, section.read("repeat", 1)
+
+
+_FORBIDDEN_IN_NAMES = re.compile(r"[\[\],=\"']")
+"""Characters with a meaning in the names of parameters and in lists of options."""
+
+
+def _read_elements(value: Value, unit: ModelUnits) -> tuple[Element, ...]:
+    """Return the elements of a story; errors are added to the errors of the file."""
+    entries = value.items("a list of elements", "must contain at least one element")
+    elements = [_read_element(entry, unit) for entry in entries or ()]
+    # An element without a name has the name of its law, and its number if the name is not unique.
+    used: dict[str, int] = {}
+    for i, element in enumerate(elements, start=1):
+        if element.name:
+            used.setdefault(column_name(element.name), i)
+    for i, (element, entry) in enumerate(zip(elements, entries or (), strict=True), start=1):
+        name = element.name
+        if name and used[column_name(name)] != i:
+            where = entry.peek("name") or entry
+            where.fault(
+                f"{name!r} is already the name of element {used[column_name(name)]}; names must "
+                "be unique within the story"
+            )
+        if not name:
+            name = element.law.name
+            if column_name(name) in used:
+                name = f"{name} {i}"
+            used[column_name(name)] = i
+            elements[i - 1] = replace(element, name=name)
+    if elements and sum(element.stiffness for element in elements) <= 0.0:
+        value.fault(
+            "the sum of the initial stiffnesses of the elements must be positive; add the "
+            "stiffness of an element"
+        )
+    return tuple(elements)
+
+
+def _read_element(entry: Value, unit: ModelUnits) -> Element:
+    """Return an element; its name is empty if the file does not specify it, and its stiffness is nan
+    after an error.
+    """
+    unknown = Element("", math.nan, LINEAR)
+    if not entry.is_mapping:
+        entry.fault("must be a mapping with `type`, `stiffness` and the parameters of the law")
+        return unknown
+    if nested := entry.peek("elements"):
+        nested.fault("an element cannot contain elements; add them to the list of the story")
+    law, section = _read_law_type(entry, "name", "stiffness", "elements")
+    if law is None or section is None:
+        return unknown
+    name_entry = section.get("name")
+    name = (name_entry.text() or "") if name_entry else ""
+    if name_entry and (_FORBIDDEN_IN_NAMES.search(name) or not re.search(r"[^\W\d]", name)):
+        name_entry.fault(
+            f"must contain a letter and none of [ ] , = and quotation marks, got {name!r}"
+        )
+    parameters = _read_parameters(section, law, unit) if law.parameters else ()
+    has_unknown = any(map(math.isnan, parameters))
+    stiffness_of_law = law.initial_stiffness(parameters) if law.initial_stiffness else None
+    # An element that stiffens, such as a stop, may have no stiffness before it stiffens.
+    if stiffness_of_law is None and (has_unknown or law.stiffens(parameters)):
+        factor = unit.factor(force=1, length=-1)
+        stiffness = section.number("stiffness", NOT_NEGATIVE, factor, default=0.0)
+    else:
+        stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
+    if has_unknown:
+        return Element(name, math.nan, Law(law.name, parameters))
+    if not math.isnan(stiffness) and (fault := law.fault(stiffness, parameters)):
+        entry.fault(fault)
+    return Element(name, stiffness, Law(law.name, parameters))
 
 
 def _read_stiffness(
