@@ -588,7 +588,7 @@ def _read_elements(value: Value, unit: ModelUnits) -> tuple[Element, ...]:
 
 
 def _read_element(entry: Value, unit: ModelUnits) -> Element:
-    """Return an element; its name is empty if the file does not specify it, and its stiffness is nan
+    """Return an element. Its name is empty if the file does not specify it; its stiffness is nan
     after an error.
     """
     unknown = Element("", math.nan, LINEAR)
