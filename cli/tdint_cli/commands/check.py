@@ -173,10 +173,11 @@ def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
 
     plugin_laws = {law.name for plugin in plugins for law in load_plugin(plugin)[1]}
     model = load_model(file)
+    # The stories with a plug-in law, each set of laws once
     story_of_law = {
-        story.law: number
+        tuple(spring.law for spring in story.springs): number
         for number, story in enumerate(model.stories, start=1)
-        if story.law.name in plugin_laws
+        if any(spring.law.name in plugin_laws for spring in story.springs)
     }
     return [
         AnalysisError(f"{file}: {inconsistency}")

@@ -135,7 +135,8 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
     from tdint.model.definition import LAWS
 
     # Describe the law, with the stiffness and yield drift of the model.
-    text = f"{test.model.name}, story {test.story}, {test.law} law: {LAWS[test.law].formula}\n"
+    formulas = "; ".join(LAWS[name].formula for name in test.law.split(" + "))
+    text = f"{test.model.name}, story {test.story}, {test.law} law: {formulas}\n"
     text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"
     if not math.isnan(test.yield_drift):
         text += f", yield drift {units.text(test.yield_drift, 'm')}"

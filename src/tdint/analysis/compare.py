@@ -656,7 +656,8 @@ def is_linear(model: Model) -> bool:
     All stories must be linear, and the model must not have forces on floors.
     """
     has_linear_stories = all(
-        story.law.name == "linear" and story.power_dashpot is None for story in model.stories
+        story.power_dashpot is None and all(spring.law.name == "linear" for spring in story.springs)
+        for story in model.stories
     )
     return has_linear_stories and not model.excitation.forces
 

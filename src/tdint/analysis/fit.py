@@ -621,6 +621,11 @@ def _stiffness(model: Model, i: int) -> _FreeValue:
         The stiffness is not a parameter of the model, because the law of the story determines it.
     """
     story = model.stories[i]
+    if story.elements:
+        raise UsageError(
+            f"{model.name}: the stiffness of story {i + 1} cannot be fitted, because it is the sum "
+            f"of {len(story.elements)} elements; fit only damping, or write the story as one law"
+        )
     if LAWS[story.law.name].initial_stiffness is not None:
         raise UsageError(
             f"{model.name}: the stiffness of story {i + 1} cannot be fitted, because it follows "

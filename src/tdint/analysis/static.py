@@ -161,7 +161,7 @@ class CyclicTest(Tabular):
     @property
     def law(self) -> str:
         """Name of the drift law."""
-        return self.model.stories[self.story - 1].law.name
+        return self.model.stories[self.story - 1].law_text
 
     @property
     def cycle_numbers(self) -> NDArray[np.int64] | None:

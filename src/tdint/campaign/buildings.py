@@ -56,7 +56,12 @@ def plugin_files(buildings: Buildings) -> dict[str, str]:
     methods = {
         f"method {building.method.partition(':')[0]}" for building in with_all_methods(buildings)
     }
-    laws = {f"law {story.law.name}" for model in models_of(buildings) for story in model.stories}
+    laws = {
+        f"law {spring.law.name}"
+        for model in models_of(buildings)
+        for story in model.stories
+        for spring in story.springs
+    }
     return code_of(methods | laws)
 
 

@@ -121,7 +121,7 @@ class Building:
     @cached_property
     def linear(self) -> bool:
         """True if every story has a linear law and no story has a power-law dashpot."""
-        return not self.power_damped and bool(np.all(self.story_laws[rows.CODE] == CODES["linear"]))
+        return not self.power_damped and self.law_codes <= {CODES["linear"]}
 
     @cached_property
     def power_damped(self) -> bool:
@@ -456,6 +456,14 @@ def element_yield_drifts(story: Story) -> list[float]:
 def first_yield_drift(story: Story) -> float:
     """Return the smallest yield drift of the springs of a story, m; nan if no spring yields."""
     return min((drift for drift in element_yield_drifts(story) if drift == drift), default=math.nan)
+
+
+def yield_strength(story: Story) -> float:
+    """Return the sum of the yield forces of the springs of a story, N; nan if no spring yields."""
+    drifts = element_yield_drifts(story)
+    forces = [drift * spring.stiffness for drift, spring in zip(drifts, story.springs, strict=True)]
+    known = [force for force in forces if force == force]
+    return sum(known) if known else math.nan
 
 
 def _can_stiffen(story: Story) -> bool:

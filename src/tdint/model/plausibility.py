@@ -14,7 +14,12 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.ground_motion.record import peak_warnings
 from tdint.kernels import layout as rows
-from tdint.model.building import Building, stiffness_after_yield, unstable_after_yield
+from tdint.model.building import (
+    Building,
+    stiffness_after_yield,
+    unstable_after_yield,
+    yield_strength,
+)
 from tdint.model.definition import Model
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
@@ -245,7 +250,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     # The strength is divided by the weight of the floors above, because codes specify base shears
     # in this form.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
-    strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
+    strength = np.array([yield_strength(story) for story in model.stories])
     warnings += [
         *unusual_stories(HEIGHT, building.heights),
         *unusual_stories(STRENGTH, strength / weight),

@@ -29,7 +29,13 @@ from tdint.methods.step_check import (
     faults_with_yielding,
     integrate_in_python,
 )
-from tdint.model.building import Building, assemble, force_table
+from tdint.model.building import (
+    Building,
+    assemble,
+    element_yield_drifts,
+    force_table,
+    law_columns,
+)
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
 from tdint.model.law_checks import path_faults
 from tdint.tabular import ResultList, Tabular, map_over_first
@@ -577,7 +583,7 @@ def check_law(model: Model, story: int) -> list[str]:
         Number of the story, from 1. The amplitudes of the cycles are 0.5, 1 and 2 % of the story
         height, or 5, 10 and 20 mm if the story has no height.
     """
-    name = model.stories[story - 1].law.name
+    name = model.stories[story - 1].law_text
     try:
         faults = _branch_faults(model, story)
     except AnalysisError as error:
@@ -627,8 +633,17 @@ def _branch_faults(model: Model, story: int) -> list[str]:
     AnalysisError
         The functions of the model cannot be executed, or use undeclared rows.
     """
-    building, i, law = assemble(model), story - 1, LAWS[model.stories[story - 1].law.name]
-    with faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
-        return path_faults(
-            law, building.law_parameters[:, i], float(building.yield_drift[i]), GuardedArray.of
-        )
+    building, subject = assemble(model), model.stories[story - 1]
+    faults = []
+    for spring, column, yield_drift in zip(
+        subject.springs,
+        law_columns(model.stories)[story - 1],
+        element_yield_drifts(subject),
+        strict=True,
+    ):
+        law = LAWS[spring.law.name]
+        with faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
+            faults += path_faults(
+                law, building.law_parameters[:, column], yield_drift, GuardedArray.of
+            )
+    return faults

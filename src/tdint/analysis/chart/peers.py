@@ -268,7 +268,7 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
     average = parse("newmark-average")
     # The error of a run has terms in proportion to h^2, and also to h if a material is of order 1.
     # Halving the step h divides these terms by the following factors.
-    law_codes = problem.building.law_parameters[rows.CODE, :-1]
+    law_codes = problem.building.story_laws[rows.CODE]
     error_factors = (
         (2.0, 4.0)
         if np.isin(law_codes, [CODES[name] for name in _FIRST_ORDER_LAWS]).any()
@@ -308,9 +308,7 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
 def _unsupported(problem: Problem) -> str:
     """Return the reason why OpenSees cannot represent the building; empty if it can."""
     building = problem.building
-    if not np.all(
-        np.isin(building.law_parameters[rows.CODE, :-1], [CODES[name] for name in _MATERIALS])
-    ):
+    if not np.all(np.isin(building.story_laws[rows.CODE], [CODES[name] for name in _MATERIALS])):
         return f"a story's law is not one of {', '.join(_MATERIALS)}"
     if building.power_damped:
         return "the model has power-law dashpots"
@@ -337,7 +335,7 @@ def _needs_one_solution(problem: Problem) -> bool:
     building = problem.building
     dampers, stiffness = (
         building.linear_terms[rows.STORY_DAMPER, :-1],
-        building.law_parameters[rows.STIFFNESS, :-1],
+        building.story_laws[rows.STIFFNESS],
     )
     return building.linear and _proportion(dampers, stiffness) is not None
 
@@ -422,9 +420,9 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     other dampers as separate `dashpot` elements. `largest` is the maximum inertia force, N.
     """
     building = problem.building
-    stiffness = building.law_parameters[rows.STIFFNESS, :-1]
+    stiffness = building.story_laws[rows.STIFFNESS]
     law_names = {CODES[name]: name for name in _MATERIALS}
-    story_parameters = building.law_parameters[:, :-1].T.tolist()
+    story_parameters = building.story_laws.T.tolist()
     maximum_drifts = _REACH * reference.motion.peak_drift
     materials = [
         _MATERIALS[law_names[parameters[rows.CODE]]](
@@ -572,17 +570,17 @@ def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
         Stiffness of the elastic spring (N/m); stiffness (N/m) and strength (N) of the
         elastic-perfectly plastic spring. For a linear story the latter are 0 and inf.
     """
-    law_parameters = problem.building.law_parameters
-    is_bilinear = law_parameters[rows.CODE, :-1] == CODES["bilinear"]
-    if not np.all(is_bilinear | (law_parameters[rows.CODE, :-1] == CODES["linear"])):
+    law_parameters = problem.building.story_laws
+    is_bilinear = law_parameters[rows.CODE] == CODES["bilinear"]
+    if not np.all(is_bilinear | (law_parameters[rows.CODE] == CODES["linear"])):
         return None
     yield_force, ratio_after_yield = (
-        law_parameters[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + 2, :-1]
+        law_parameters[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + 2]
         if is_bilinear.any()
         else (0.0, 1.0)
     )
     elastic_fraction = np.where(is_bilinear, ratio_after_yield, 1.0)
-    stiffness, hysteretic_fraction = law_parameters[rows.STIFFNESS, :-1], 1.0 - elastic_fraction
+    stiffness, hysteretic_fraction = law_parameters[rows.STIFFNESS], 1.0 - elastic_fraction
     strength = np.where(is_bilinear, hysteretic_fraction * yield_force, math.inf)
     return (
         elastic_fraction * stiffness + problem.building.linear_terms[rows.GEOMETRIC, :-1],

@@ -863,9 +863,12 @@ class Case:
         """
         if not self.method.family.limited_by_stiffening:
             return ()
-        laws = [story.law for story in self.model.stories]
         stories = [
-            i for i, law in enumerate(laws, start=1) if LAWS[law.name].stiffens(law.parameters)
+            i
+            for i, story in enumerate(self.model.stories, start=1)
+            if any(
+                LAWS[spring.law.name].stiffens(spring.law.parameters) for spring in story.springs
+            )
         ]
         if not stories:
             return ()

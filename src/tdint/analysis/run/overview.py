@@ -61,7 +61,7 @@ class Overview(Tabular):
         """Hysteresis models from the ground up, with the number of stories of each if there are
         several.
         """
-        counted = Counter(story.law.name for story in self.model.stories)
+        counted = Counter(story.law_text for story in self.model.stories)
         return ", ".join(
             counted if len(counted) == 1 else (f"{count} {name}" for name, count in counted.items())
         )

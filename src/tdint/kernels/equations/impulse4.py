@@ -621,8 +621,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
 
     The law is not evaluated, and KINK is set to 0, if the story does not reverse, if a linear
     branch of one of its elements ends at the reversal, or if a law of the building has extra rows:
-    THIRD_TRIAL then contains these rows at the start of the step (`_save_start` of impulse4). KINK 0
-    means that a reversal of the story must be located (`first_event`).
+    THIRD_TRIAL then contains these rows at the start of the step (`_save_start` of impulse4).
+    KINK 0 means that a reversal of the story must be located (`first_event`).
 
     The drift within the step is the cubic Hermite interpolant of the drifts d0, d1 and drift rates
     at both endpoints. The time s is 0 at the start and 1 at the end of the step. With r = 1 - s,

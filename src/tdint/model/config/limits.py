@@ -255,8 +255,9 @@ def _story_indices(
     if quantity == ACCELERATION:
         entry.fault(f"floors have no type; specify floor numbers from 1 to {count}, or {OTHERS}")
         return []
-    law_types = list(dict.fromkeys(story.law.name for story in stories))
-    indices = [i for i, story in enumerate(stories) if story.law.name == name and applies[i]]
+    types_of_stories = [[spring.law.name for spring in story.springs] for story in stories]
+    law_types = list(dict.fromkeys(law for types in types_of_stories for law in types))
+    indices = [i for i, types in enumerate(types_of_stories) if name in types and applies[i]]
     if not indices:
         hint = did_you_mean(name, [*law_types, OTHERS]) if name not in law_types else ""
         entry.fault(

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.analysis.static import CyclicTest, Pushover
     from tdint.analysis.target_displacement import TargetDisplacement
-    from tdint.model.definition import Model, Story
+    from tdint.model.definition import Law, Model, Story
     from tdint.model.modes import Modes
 
 CYCLIC = (
@@ -490,17 +490,30 @@ def _story_values(model: Model, name: str) -> Array:
 
 def law_words(story: Story, units: OutputUnits = SI) -> str:
     """Return the hysteretic law of a story as text: its name and its parameters, with the names of
-    a model file.
+    a model file. The elements of a story are separated by semicolons.
+    """
+    texts = []
+    for spring in story.springs:
+        text = _law_words(spring.law, units)
+        if spring.name:
+            stiffness = units.text(spring.stiffness, "N/m")
+            text = f"{spring.name}: {text.replace(':', ',', 1)}, stiffness {stiffness}"
+        texts.append(text)
+    return "; ".join([*texts, "isolator"] if story.isolator else texts)
+
+
+def _law_words(law: Law, units: OutputUnits) -> str:
+    """Return a law as text.
 
     Parameters are omitted if their value is the default, or if the negative side is equal to the
     positive side.
     """
     # The law stores the values of all its parameters in one sequence: 8 numbers (4 points) for a
     # backbone, all remaining numbers for a list, and one number for any other parameter.
-    numbers = iter(story.law.parameters)
+    numbers = iter(law.parameters)
     parameter_texts: list[str] = []
     values_by_name: dict[str, tuple[float, ...]] = {}
-    for parameter in LAWS[story.law.name].parameters:
+    for parameter in LAWS[law.name].parameters:
         if parameter.points:
             value_count: int | None = 8
         else:
@@ -529,10 +542,7 @@ def law_words(story: Story, units: OutputUnits = SI) -> str:
         else:
             text = _in_units(values[0], parameter.force, parameter.length, units)
         parameter_texts.append(f"{parameter.path} {text}")
-    text = story.law.name
-    if parameter_texts:
-        text += f": {', '.join(parameter_texts)}"
-    return f"{text}; isolator" if story.isolator else text
+    return f"{law.name}: {', '.join(parameter_texts)}" if parameter_texts else law.name
 
 
 def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
