@@ -19,7 +19,7 @@ WORDS = {
         "name, units, stories, building, damping, p_delta, excitation, initial, analysis, "
         "collapse_drift, plausibility, damage, limits, output_units, report"
     ),
-    "<story keys>": "mass, weight, height, stiffness, law, dashpot, isolator, repeat",
+    "<story keys>": "mass, weight, height, stiffness, law, elements, dashpot, isolator, repeat",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
     "<ratio>": "a number of at least 0 and below 1",
     "<laws>": ", ".join(LAWS),
@@ -217,7 +217,7 @@ LAWS_OF_A_STORY = r"""
 bilinar
     stories[1].law: unknown law 'bilinar'; did you mean 'bilinear'?
 [a]
-    stories[1].law: must be the name of a law, got a list
+    stories[1].law: must be a law, got a list; several laws in one story are written as `elements: [{type: ..., stiffness: ...}, ...]`
 bilinear
     stories[1].stiffness: is missing; give a positive number
     stories[1].law: the bilinear law requires parameters; write {type: bilinear, yield_force: ..., hardening:
