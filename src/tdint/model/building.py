@@ -100,9 +100,7 @@ class Building:
     @property
     def initial_stiffness(self) -> Array:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
-        return np.asarray(
-            self.story_laws[rows.STIFFNESS] + self.linear_terms[rows.GEOMETRIC, :-1]
-        )
+        return np.asarray(self.story_laws[rows.STIFFNESS] + self.linear_terms[rows.GEOMETRIC, :-1])
 
     @property
     def story_laws(self) -> Array:
