@@ -13,8 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ground_motion.files import trace, wave, write
 from ground_motion.samples import SAMPLES
 from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import is_row_of_numbers
 from tdint.ground_motion.reading.contents import plugins, read_contents
 
 OWN = [plugin for plugin in plugins() if plugin.is_own]
@@ -29,7 +31,8 @@ def read(name, data):
     with warnings.catch_warnings():
         # A corrupt header may contradict the samples, which causes a warning.
         warnings.filterwarnings(
-            "ignore", message=".*the file states a |the times in the file|.*last one is repeated"
+            "ignore",
+            message=".*the file states a |the times in the file|.*(last one is repeated|row omitted)",
         )
         try:
             return {trace.id: trace.data for trace in READERS[name](io.BytesIO(data))}
@@ -57,6 +60,43 @@ def test_truncated_files_are_refused(name, data):
     )  # The number of decimals cannot be determined from a few rows.
     for length in (*range(shortest, len(data), 97), *range(len(data) - 30, len(data))):
         check_complete(name, data[:length], complete)
+
+
+def with_lines_changed(data):
+    """Yield copies of a file without a row of numbers, and with the row repeated."""
+    lines = data.decode().splitlines(keepends=True)
+    rows = [index for index, line in enumerate(lines) if is_row_of_numbers(line)]
+    for index in sorted({*rows[::7], *rows[-3:]}):
+        yield "".join(lines[:index] + lines[index + 1 :]).encode()
+        yield "".join(lines[: index + 1] + lines[index:]).encode()
+
+
+@pytest.mark.parametrize(("name", "data"), [case for case in CASES if case[0] != "TEXT"])
+def test_missing_and_repeated_rows_are_refused(name, data):
+    """The integers of the header of some formats are not used, so that a change of their rows does
+    not change the samples. UNAM files may repeat the last row."""
+    complete = read(name, data)
+    for changed in with_lines_changed(data):
+        samples = read(name, changed) or {}
+        for component, values in samples.items():
+            np.testing.assert_array_equal(values, complete[component])
+
+
+@pytest.mark.parametrize("name", ["SLIST", "TSPAIR", "SH_ASC"])
+def test_missing_and_repeated_rows_of_obspy_formats_are_refused(name, tmp_path):
+    data = write(tmp_path / "file", trace(wave(100)), format=name).read_bytes()
+    assert read_contents(data, "file").traces[0].stats.npts == 100
+    for changed in with_lines_changed(data):
+        with pytest.raises(RecordError):
+            read_contents(changed, "file")
+
+
+def test_number_of_samples_of_sh_asc_is_required(tmp_path):
+    """ObsPy omits the last channel if no blank line follows."""
+    data = write(tmp_path / "file", *2 * [trace(wave(100))], format="SH_ASC").read_bytes()
+    for changed in (data.replace(b"LENGTH: 100\n", b"", 1), data.rstrip(b"\n") + b"\n"):
+        with pytest.raises(RecordError, match=r"DELTA and LENGTH|has 2 headers .* but 1 could"):
+            read_contents(changed, "file")
 
 
 OTHERS = (b"-1", b"1e308", b"9" * 5000, b"1e-308", b"1e" + b"9" * 20)

@@ -105,6 +105,20 @@ class TestStep:
         fails("which contradicts `step=.*`; remove it", file, content, units, step=2.0 * dt)
 
 
+def test_last_interval_that_differs_is_reported(file):
+    """Some programs end a motion at the end of an analysis. The remedy gives the motion."""
+    moments = times()
+    moments[-1] -= 0.0036
+    rows = table(["Time (s),Acc (g)"], moments, COLUMNS[0]).splitlines()
+    fails(
+        r"last interval .* 0\.0164 s, .* intervals are 0\.02 s; remove the last row",
+        file,
+        "\n".join(rows),
+    )
+    (record,) = read(file, "\n".join(rows[:-1]) + "\n")
+    assert (record.dt, record.acceleration.size) == (0.02, len(moments) - 1)
+
+
 class TestColumn:
     names = "Time (s), Sensor A, Sensor B (g), Vel (cm/s), Temp (C)"
     content = table([names], times(), *COLUMNS, np.full(60, 20.0))

@@ -251,9 +251,13 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
         )
 
 
-# Text formats: SLIST and TSPAIR (web services), and K-NET.
+# Text formats: SLIST and TSPAIR (web services), SH_ASC (Seismic Handler) and K-NET.
 
 _TIMESERIES = re.compile(rb"^TIMESERIES[^,\n]*,\s*(\d+) samples", re.MULTILINE)
+
+_SH_CHANNEL = re.compile(rb"^DELTA\s*:", re.MULTILINE)
+_SH_COUNT = re.compile(rb"^LENGTH\s*:\s*(\d+)", re.MULTILINE)
+"""Patterns of the lines that a channel of a SH_ASC file states once."""
 
 _GAL = 0.01
 _PRINTED = 0.0006
@@ -270,7 +274,8 @@ def _timeseries_counts(data: bytes) -> list[int]:
 
 
 def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
-    """Return the stated and the read number of samples of each section of a SLIST or TSPAIR file.
+    """Return the stated and the read number of samples of each section of a SLIST, TSPAIR or SH_ASC
+    file.
 
     Parameters
     ----------
@@ -280,6 +285,23 @@ def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statemen
         Traces of the file.
     """
     return _section_statements(counts, traces, "headers of channels")
+
+
+def _sh_counts(data: bytes) -> list[int]:
+    """Return the number of samples that each channel of a SH_ASC file states.
+
+    `data` is the content of the file. ObsPy does not compare the number with the samples, and omits
+    the last channel if no blank line follows.
+
+    Raises
+    ------
+    Damaged
+        A channel states no number of samples.
+    """
+    counts = [int(count) for count in _SH_COUNT.findall(data)]
+    if len(counts) != len(_SH_CHANNEL.findall(data)):
+        raise Damaged("each channel must state DELTA and LENGTH")
+    return counts
 
 
 def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
@@ -347,6 +369,7 @@ CHECKS = {
     "GSE2": Check(gse_statements, look_at_gse),
     "SLIST": Check(timeseries_statements, _timeseries_counts),
     "TSPAIR": Check(timeseries_statements, _timeseries_counts),
+    "SH_ASC": Check(timeseries_statements, _sh_counts),
     "KNET": Check(knet_statements),
 }
 """Checks of ObsPy formats that are common, or with readers that crash or do not terminate for a

@@ -554,9 +554,35 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
             f"times must increase, but do not after sample {index} (counted from 0) at "
             f"{times[index]:g} s"
         )
-    duration = float(times[-1] - times[0])
+    dt, departure = _mean_step(times)
+    if not departure:
+        return dt, 0.0
+    # The limit also applies to each interval. The caller reports the departure.
+    if departure <= slack * float(times[-1] - times[0]):
+        return dt, departure
+    # Some programs write the end of an analysis as the last row, between two steps.
+    if times.size > _MIN_ROWS:
+        step, departure_before_last = _mean_step(times[:-1])
+        if not departure_before_last:
+            raise RecordError(
+                f"the last interval of the times is {intervals[-1]:.6g} s, but all other intervals "
+                f"are {step:.6g} s; remove the last row"
+            )
+    index = int(np.argmax(np.abs(intervals - dt)))
+    off_grid = np.abs(times - times[0] - dt * np.arange(times.size))
+    raise RecordError(
+        f"the samples are not at equal steps of {dt:.6g} s: the interval after {times[index]:g} s "
+        f"is {intervals[index]:.6g} s, and the maximum departure is {np.max(off_grid):.3g} s; "
+        "resample the record to equal steps first"
+    )
+
+
+def _mean_step(times: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the mean interval of increasing printed times, s, and the maximum departure of a time
+    or an interval from it, s; the departure is 0 if it can result from the rounding of the times.
+    """
     rounding = last_decimal(times)
-    dt = duration / (times.size - 1)
+    dt = float(times[-1] - times[0]) / (times.size - 1)
     # Use an integer number of samples per second if it agrees with the times within their rounding.
     rate = round(1.0 / dt) if dt > _SHORTEST else 0
     has_integer_rate = rate and abs(1.0 / rate - dt) <= rounding / (times.size - 1)
@@ -565,20 +591,10 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     # margin of half a unit. Times with few decimals may depart by at most half of the interval. A
     # departure of `_SLIP` (2 % of the interval) is always accepted.
     allowed = max(min(1.5 * rounding, 0.5 * dt), _SLIP * dt)
-    off_interval = np.abs(intervals - dt)
+    off_interval = np.abs(np.diff(times) - dt)
     off_grid = np.abs(times - times[0] - dt * np.arange(times.size))
     departure = float(max(np.max(off_grid), np.max(off_interval)))
-    if departure <= allowed * (1.0 + 1e-6):
-        return dt, 0.0
-    # The limit also applies to each interval. The caller reports the departure.
-    if departure <= slack * duration:
-        return dt, departure
-    index = int(np.argmax(off_interval))
-    raise RecordError(
-        f"the samples are not at equal steps of {dt:.6g} s: the interval after {times[index]:g} s "
-        f"is {intervals[index]:.6g} s, and the maximum departure is {np.max(off_grid):.3g} s; "
-        "resample the record to equal steps first"
-    )
+    return dt, 0.0 if departure <= allowed * (1.0 + 1e-6) else departure
 
 
 def at_equal_steps(

@@ -146,6 +146,8 @@ def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]
 def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
     """Skip rows at the end of a file that repeat the last row stated in the header, with a warning.
 
+    Public files repeat the last row, although the header does not count these rows.
+
     Parameters
     ----------
     lines : Lines
@@ -156,7 +158,7 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
     Raises
     ------
     RecordError
-        A line that does not repeat the last row follows.
+        A line that does not repeat the last row follows, or a row is missing.
     """
     last_row = [float(column[-1]) for column in columns]
     repeated = 0
@@ -171,11 +173,10 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
     # If a row is missing, the last row stated in the header is already a repeated row.
     if repeated and all(column.size > 1 and column[-2] == column[-1] for column in columns):
         count = columns.shape[1]
-        warnings.warn(
-            f"the last of the {count} rows stated in the header repeats the row before it, and "
-            f"{pluralize(repeated, 'extra row')} repeat it again: a row may be missing from the "
-            "file",
-            stacklevel=3,
+        raise RecordError(
+            f"the last of the {count} rows stated in the header equals the row before it and "
+            f"{pluralize(repeated, 'extra row')} after it: a row is missing from the file; "
+            "download it again"
         )
     if repeated:
         warnings.warn(
