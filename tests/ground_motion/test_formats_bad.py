@@ -32,7 +32,7 @@ def read(name, data):
         # A corrupt header may contradict the samples, which causes a warning.
         warnings.filterwarnings(
             "ignore",
-            message=".*the file states a |the times in the file|.*(last one is repeated|row omitted)",
+            message=".*the file states a |the times in the file|.*(one is repeated|row omitted)",
         )
         try:
             return {trace.id: trace.data for trace in READERS[name](io.BytesIO(data))}
