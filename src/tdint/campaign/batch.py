@@ -274,10 +274,7 @@ def story_rows(
 def _values_by_story(peaks: Any) -> Iterable[tuple[float, ...]]:
     """Return one tuple per story with one value per quantity of `STORY_QUANTITIES`, in that order.
 
-    Parameters
-    ----------
-    peaks : StoryPeaks or StoryErrors
-        Peak responses, or their errors: one array over the stories per quantity.
+    `peaks` contains the peak responses, or their errors: one array over the stories per quantity.
     """
     return zip(
         *(getattr(peaks, quantity.name).tolist() for quantity in STORY_QUANTITIES), strict=True
@@ -383,13 +380,6 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
     single motion, even the strongest, is not representative. The first runs therefore use
     different motions if possible. The motion of medium intensity is first, and the first run of
     each motion has its median scale factor.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        All runs of the building.
-    records : mapping of int to Record
-        Ground motions by number.
     """
     # The runs of each motion are in ascending order of their absolute scale factors.
     runs_by_motion: dict[int, list[Run]] = {}
@@ -521,13 +511,6 @@ class Batch:
         The events of the sequence are joined to one record. The time between two events depends on
         the building if each event starts after the free vibration of the previous event.
 
-        Parameters
-        ----------
-        run : Run
-            Run with a JoinedRecord as ground motion.
-        max_step : float or None
-            Maximum time step, as for `results`.
-
         Returns
         -------
         Rows
@@ -601,13 +584,8 @@ class Batch:
     def _integrate_together(self, jobs: list[_Job], results: Rows) -> list[_Job]:
         """Integrate runs that have the same time step in a single call of compiled code.
 
-        Parameters
-        ----------
-        jobs : list of _Job
-            The runs.
-        results : Rows
-            The rows of completed runs, and of failed runs that are not repeated, are appended to
-            this object.
+        `results`: the rows of completed runs, and of failed runs that are not repeated, are
+        appended to this object.
 
         Returns
         -------
@@ -663,17 +641,8 @@ class Batch:
         """Return the row of a run with its time step, status, PGA, Sa(T1), number of repetitions
         and collapse.
 
-        Parameters
-        ----------
-        job : _Job
-            The run.
-        status : str
-            Status of the run.
-        collapse : Collapse, optional
-            Collapse of the building.
-        **values : Any
-            Further values by the name of their quantity in `RUN`, such as demands. They are omitted
-            for a failed run: its other quantities are None.
+        `**values` contains the further values by the name of their quantity in `RUN`, such as
+        demands. They are omitted for a failed run: its other quantities are None.
         """
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
@@ -692,13 +661,6 @@ class Batch:
 def _with_demands_of_event(row: RunRow, event: EventResponse) -> RunRow:
     """Return a row in which the demands of the run, and their errors, are replaced by the demands
     of one event.
-
-    Parameters
-    ----------
-    row : RunRow
-        Row of a run under a sequence of earthquakes.
-    event : EventResponse
-        Response to one event of this run.
     """
     # The peaks of an event have one run on their first axis, so there is one dictionary.
     (demands,) = demand_cells(event.stories)
@@ -790,12 +752,7 @@ def _first_mode_accelerations(
 ) -> list[dict[int, float | None]]:
     """Return Sa(T1) of the ground motions under which each building of a chunk is run.
 
-    Parameters
-    ----------
-    chunk : Chunk
-        Buildings with their runs.
-    periods : sequence of float
-        First natural period of each building, s.
+    `periods` is the first natural period of each building, s.
 
     Returns
     -------

@@ -231,14 +231,7 @@ def _results(
 ) -> Iterator[ChunkResult]:
     """Submit chunks to the workers and yield their results in order of completion.
 
-    Parameters
-    ----------
-    client : distributed.Client
-        Client of the Dask scheduler.
-    chunk : callable
-        Function that returns the chunk with a given number.
-    numbers : iterator of int
-        Numbers of the chunks that have not been submitted.
+    `numbers` contains the numbers of the chunks that have not been submitted.
 
     Raises
     ------

@@ -233,16 +233,8 @@ class ParameterSweep:
         """Return the label of a variation in tables, such as `damping=0.05, draw 3, dt=0.01`. The
         label contains the number of the sample (`draw 3`) instead of all sampled values.
 
-        Parameters
-        ----------
-        change : mapping of str to float
-            Values of the parameters.
-        number : int
-            Number of the variation in the order of `changes`, from 1.
-        method : str or None
-            Method, if varied.
-        dt : float or None
-            Time step, s, if varied.
+        `number` is the number of the variation in the order of `changes`, from 1. `method` is the
+        method, if varied. `dt` is the time step, s, if varied.
         """
         texts = [
             f"{name}={value:.{_LABEL_DIGITS}g}"
@@ -271,14 +263,7 @@ def _distribution(value: Value, name: str, **numbers: float) -> Distribution | N
     """Return the distribution that a key of the campaign file defines; None if its parameters are
     invalid. In this case an error is recorded in the document.
 
-    Parameters
-    ----------
-    value : Value
-        Value of the key.
-    name : str
-        Name of the distribution, a key of `DISTRIBUTIONS`.
-    **numbers : float
-        The two parameters by name, in the order of `DISTRIBUTIONS`.
+    `**numbers` contains the two parameters by name, in the order of `DISTRIBUTIONS`.
     """
     try:
         return Distribution(name, *numbers.values())

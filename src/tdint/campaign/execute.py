@@ -489,13 +489,6 @@ class _Part:
 def _read_part(folder: Path, store: Store) -> _Part:
     """Read the identity, shards and chunks of a part of a campaign, such as a shard.
 
-    Parameters
-    ----------
-    folder : Path
-        Directory of the part.
-    store : Store
-        Open store of the part.
-
     Raises
     ------
     OutputError
@@ -557,11 +550,6 @@ def _check_same_campaign(first: _Part, second: _Part) -> None:
 def _describe_missing(parts: Sequence[_Part]) -> str:
     """Describe the runs of a campaign that none of its parts contains.
 
-    Parameters
-    ----------
-    parts : sequence of _Part
-        All parts of the campaign.
-
     Returns
     -------
     str
@@ -608,15 +596,8 @@ def _copy(
     """Copy rows of a table from a store to another store. Rows that the target already contains are
     not replaced.
 
-    Parameters
-    ----------
-    source, target : Store
-        Stores of the same campaign.
-    table : str
-        Name of the table.
-    accept : callable
-        Function that receives a row, a tuple of all columns, and returns True to copy it. By
-        default all rows are copied.
+    `accept` is the function that receives a row, a tuple of all columns, and returns True to copy
+    it. By default all rows are copied.
     """
     rows = source.connection.execute(f"SELECT * FROM {table}")
     placeholders = ", ".join("?" * len(rows.description))
@@ -628,13 +609,6 @@ def _copy(
 def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
     """Copy the buildings of all parts of a campaign to a store, in one transaction. If the store is
     empty, also create its tables and copy the definition of the campaign.
-
-    Parameters
-    ----------
-    parts : sequence of _Part
-        Parts of the campaign.
-    target : Store
-        Store of the merged campaign.
     """
     with schema.transaction(target.connection, target.name):
         is_new = is_empty(target)
@@ -663,12 +637,7 @@ def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
 def _copy_chunks(source: Store, target: Store, intact: set[int]) -> None:
     """Copy chunks with all their rows. Chunks that the target already contains are not copied.
 
-    Parameters
-    ----------
-    source, target : Store
-        Stores of the same campaign.
-    intact : set of int
-        Numbers of the chunks of the source that are not corrupt.
+    `intact` contains the numbers of the chunks of the source that are not corrupt.
     """
     new_chunks = intact - target.completed_chunks()
     with schema.transaction(target.connection, target.name):

@@ -343,10 +343,7 @@ def _partners(motions_and_records: Sequence[tuple[GroundMotion, Record]]) -> dic
     """Return the pairs of components: the key is the index of the second component in the list of
     records, and the value is the index of the first component, which precedes it.
 
-    Parameters
-    ----------
-    motions_and_records : sequence of (GroundMotion, Record)
-        Each record with its ground motion, which is a single record or a pair.
+    `motions_and_records` is each record with its ground motion, which is a single record or a pair.
     """
     return {
         index: index - 1
@@ -365,20 +362,8 @@ def _work_items(
 ) -> list[_WorkItem]:
     """Return the work items of a study: for each state of the building, one item per record.
 
-    Parameters
-    ----------
-    subject : Subject
-        The building and its method.
-    records : sequence of Record
-        Records of the study.
-    measure : IntensityMeasure
-        Intensity measure of the levels.
-    intensities : sequence of float
-        Intensity of each unscaled record, in the unit of the measure.
-    settings : IdaSettings
-        Settings of the study.
-    states : sequence of sequence of DamagedState or None
-        For each state of the building, the damage before each record; None: undamaged.
+    `intensities` is the intensity of each unscaled record, in the unit of the measure. `states`:
+    for each state of the building, the damage before each record; None: undamaged.
     """
     items: list[_WorkItem] = []
     for damage_before_records in states:
@@ -412,12 +397,8 @@ STORE = "ida.sqlite"
 def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
     """Lock the directory of a study and open its store.
 
-    Parameters
-    ----------
-    folder : Path or None
-        Directory of the study; None: the store is in memory.
-    identity : Identity
-        Complete input of the study, which an existing store must match.
+    `folder` is the directory of the study; None: the store is in memory. `identity` is the complete
+    input of the study, which an existing store must match.
 
     Yields
     ------
@@ -471,12 +452,7 @@ class _WorkItem:
     def curve(self, runs: RecordRuns, collapse_drift: float) -> IdaCurve:
         """Return the IDA curve of the record.
 
-        Parameters
-        ----------
-        runs : tuple of IdaRun
-            Runs of the record, in ascending order of their levels.
-        collapse_drift : float
-            Drift ratio above which the building has collapsed.
+        `runs` contains the runs of the record, in ascending order of their levels.
         """
         state = self.damaged_state
         damage, residual = (state.drift, state.residual_drift_ratio) if state else (0.0, 0.0)
@@ -495,22 +471,7 @@ class _WorkItem:
     ) -> _WorkItem:
         """Create the work item of a record.
 
-        Parameters
-        ----------
-        number : int
-            Number of the work item.
-        subject : Subject
-            The building and its method.
-        record : Record
-            The record.
-        measure : IntensityMeasure
-            Intensity measure of the levels.
-        intensity : float
-            Intensity of the unscaled record.
-        settings : IdaSettings
-            Settings of the study.
-        damaged_state : DamagedState, optional
-            State of the building before the record; by default undamaged.
+        `damaged_state` is the state of the building before the record; by default undamaged.
         """
         # Thresholds below the residual drift of the mainshock are exceeded before the record
         # starts, so they are not searched.
@@ -595,10 +556,7 @@ class _WorkItem:
         """Search the capacities of the building under the record, and return the runs of this
         search in ascending order of their levels.
 
-        Parameters
-        ----------
-        run : callable
-            Function that returns the results of the run at a scale factor.
+        `run` is the function that returns the results of the run at a scale factor.
         """
         # The level of each run depends on the results of the preceding runs.
         runs: list[IdaRun] = []
@@ -615,16 +573,8 @@ def _run_work_items(
     Items with complete results in the store are not run again. All other items are distributed over
     threads.
 
-    Parameters
-    ----------
-    items : sequence of _WorkItem
-        Work items in the order of their numbers.
-    store : Store
-        Store of the study.
-    jobs : int
-        Number of threads; values below 1 are replaced by 1.
-    progress : callable
-        Function that is called with the number of completed items and the number of all items.
+    `jobs` is the number of threads; values below 1 are replaced by 1. `progress` is the function
+    that is called with the number of completed items and the number of all items.
 
     Returns
     -------
@@ -652,14 +602,8 @@ def _prepare(
 ) -> tuple[Subject, IdaSettings]:
     """Check the model and the settings of a study, and replace all defaults by values.
 
-    Parameters
-    ----------
-    model : Model
-        Building; every story that is not an isolator must have a height.
-    settings : IdaSettings
-        Settings of the study.
-    method : str or None
-        Specification of the method; None: the method of the model, otherwise the default method.
+    `model` is the building; every story that is not an isolator must have a height. `method` is the
+    specification of the method; None: the method of the model, otherwise the default method.
 
     Returns
     -------
@@ -746,17 +690,6 @@ def _damaged_states(
     building is undamaged (None). In each other item, a mainshock has caused one of the specified
     drift ratios.
 
-    Parameters
-    ----------
-    subject : Subject
-        The building and its method.
-    records : sequence of Record
-        Records of the study.
-    mainshock : Mainshock or None
-        Mainshocks and the drifts that they cause.
-    settings : IdaSettings
-        Settings of the study.
-
     Returns
     -------
     list of list of DamagedState or None
@@ -803,15 +736,6 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
     """Return a scale factor of a record at which no story of the building yields, by the response
     in the first elastic mode.
 
-    Parameters
-    ----------
-    building : Building
-        The building.
-    record : Record
-        The unscaled record.
-    collapse_drift : float
-        Drift ratio above which the building has collapsed.
-
     Returns
     -------
     float
@@ -845,18 +769,8 @@ def _identity(
     """Return the complete input of the runs. It is stored with the runs, so that runs of another
     study in the directory are recognized.
 
-    Parameters
-    ----------
-    subject : Subject
-        The building and its method.
-    measure : IntensityMeasure
-        Intensity measure of the levels.
-    settings : IdaSettings
-        Settings of the study.
-    records : sequence of Record
-        Record of each work item.
-    pair_intensity : str or None
-        Combination of the components of pairs in the intensity measure; None without pairs.
+    `pair_intensity` is the combination of the components of pairs in the intensity measure; None
+    without pairs.
     """
     # Only spectral measures have periods and a damping ratio.
     spectral = measure if isinstance(measure, SpectralIntensity) else None

@@ -215,12 +215,7 @@ class LevelSearch:
         """Return a level between two adjacent levels at which the drift ratios differ by more than
         a factor of 1.2; None if no such gap remains.
 
-        Parameters
-        ----------
-        stable : sequence of IdaRun
-            Runs below the first collapse in ascending order of levels.
-        runs : sequence of IdaRun
-            All runs.
+        `stable` contains the runs below the first collapse in ascending order of levels.
         """
         for low, high in pairwise(stable):
             small, large = sorted((low.drift_ratio, high.drift_ratio))
@@ -236,12 +231,7 @@ class LevelSearch:
 
         The result is None if the building has been run at both levels, or has not collapsed.
 
-        Parameters
-        ----------
-        collapse : IdaRun or None
-            Run of the first collapse.
-        runs : sequence of IdaRun
-            All runs.
+        `collapse` is the run of the first collapse.
         """
         if collapse is None:
             return None
@@ -272,12 +262,8 @@ def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
     The new level is at one of the positions `_POSITIONS`. The result is None if runs at all these
     positions exist.
 
-    Parameters
-    ----------
-    low, high : float
-        Adjacent levels of runs with a result. There may be runs without a result between them.
-    runs : sequence of IdaRun
-        Completed runs.
+    `low` and `high` are the adjacent levels of runs with a result. There may be runs without a
+    result between them.
     """
     # A level has been tried if its distance from a run is less than 1 % of the interval between the
     # two levels, on a logarithmic scale.
@@ -512,12 +498,8 @@ class PairCurve(IdaCurve):
 def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
     """Return the drift ratios of a curve at levels of intensity, by interpolation.
 
-    Parameters
-    ----------
-    curve : IdaCurve
-        Curve with at least one run below its first collapse, unless `levels` is empty.
-    levels : sequence of float
-        Levels up to the last level of the curve below its first collapse.
+    `curve` is the curve with at least one run below its first collapse, unless `levels` is empty.
+    `levels` is the levels up to the last level of the curve below its first collapse.
 
     Returns
     -------
@@ -714,18 +696,7 @@ def _factor_for_drift(
     """Return the scale factor of a mainshock at which the maximum drift ratio of a building equals
     a specified value.
 
-    Parameters
-    ----------
-    subject : Subject
-        The building and its method.
-    mainshock : Record
-        The unscaled mainshock.
-    drift : float
-        Maximum drift ratio that the mainshock has to cause.
-    first_factor : float
-        First scale factor of the search.
-    dt : float or None
-        Time step, s; None: the default of the building.
+    `dt` is the time step, s; None: the default of the building.
 
     Returns
     -------

@@ -287,17 +287,6 @@ def _select_located(
     fields, the nearest site and its distance are added to each selected building; tables contain
     them as columns.
 
-    Parameters
-    ----------
-    campaign : CampaignFile
-        Definition of the campaign.
-    records : GridFile or FieldFile
-        Grid or fields in the campaign file.
-    motions : GridMotions or FieldMotions
-        Motions and locations of the sites.
-    rows : InventoryRows or None
-        Buildings.
-
     Returns
     -------
     selected : InventoryRows
@@ -364,16 +353,7 @@ def _assignment(
     site is the nearest one, or the site that the inventory names. If the fields have no sites, a
     building has all events.
 
-    Parameters
-    ----------
-    campaign : CampaignFile
-        Definition of the campaign.
-    motions : GridMotions, FieldMotions or None
-        Motions of a grid or of fields.
-    rows : InventoryRows or None
-        Buildings of the inventory.
-    model_count : int
-        Number of models; used if there is no inventory.
+    `model_count` is the number of models; used if there is no inventory.
 
     Raises
     ------
@@ -527,17 +507,8 @@ def _sequence(
     """Yield the ground motions of a sequence: one joined record for each component that the records
     of all its events have.
 
-    Parameters
-    ----------
-    name : str
-        Name of the sequence.
-    events : sequence of _SequenceEvent
-        Rows of the sequence.
-    sequences : SequenceFile
-        Settings for all records.
-    notes : dict
-        Notes of the reader for the user are added to this dictionary as keys; its values are not
-        used.
+    `notes`: notes of the reader for the user are added to this dictionary as keys; its values are
+    not used.
 
     Raises
     ------

@@ -223,12 +223,7 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
     """Read the keys of a grid; None if a required key is missing or invalid. Errors are recorded in
     the document.
 
-    Parameters
-    ----------
-    section : Section
-        Keys of the records.
-    units : str or None
-        Units of the samples of the grid's motions; None if missing or invalid.
+    `units` contains the units of the samples of the grid's motions; None if missing or invalid.
     """
     file, distance = section.file("grid"), section.read("distance", "km")
     # With `events`, all events are run, so that keys of the sampling would have no effect.

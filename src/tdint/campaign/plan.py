@@ -281,10 +281,7 @@ class Plan:
     def _with_runs(self, slices: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
         """Return buildings with some of their runs.
 
-        Parameters
-        ----------
-        slices : sequence of (int, slice)
-            Number of each building, and the slice of its runs to return.
+        `slices` is the number of each building, and the slice of its runs to return.
 
         Returns
         -------
@@ -323,15 +320,6 @@ class Plan:
         """Return the maximum time step of a building at which the estimated errors are within the
         tolerance of the campaign, s. It is computed once for all chunks.
 
-        Parameters
-        ----------
-        number : int
-            Number of the building.
-        source : Source
-            Object that creates the building.
-        runs : sequence of Run
-            All runs of the building.
-
         Returns
         -------
         float or None
@@ -367,13 +355,6 @@ class Plan:
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
     ) -> dict[tuple[int, int], tuple[float, ...]]:
         """Return the scale factors of the motions of some buildings.
-
-        Parameters
-        ----------
-        sources : sequence of Source
-            Objects that create the buildings.
-        draws : sequence of sequence of Draw
-            Motions of each building.
 
         Returns
         -------
@@ -502,14 +483,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
     The method is specified by the campaign for all buildings, or by each model. A building without
     a specified method has the default method, which a note reports.
 
-    Parameters
-    ----------
-    campaign : CampaignFile
-        Definition of the campaign.
-    inputs : Inputs
-        Contents of its files.
-    notes : list of str
-        Notes for the user; the notes of this function are appended.
+    `notes`: notes for the user; the notes of this function are appended.
 
     Raises
     ------

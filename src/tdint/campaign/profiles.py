@@ -92,12 +92,8 @@ def _maximum_error(
     """Return the maximum error of a function that increases with each of its values. The error is
     maximum if all values are increased, or all are decreased, by their errors.
 
-    Parameters
-    ----------
-    increasing_function : callable
-        Function of an array with the shape of `values`; it returns an array.
-    values, errors : ndarray
-        Values and their absolute errors, of the same shape.
+    `increasing_function` is the function of an array with the shape of `values`; it returns an
+    array.
 
     Returns
     -------
@@ -339,10 +335,8 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
 def _story_ratios(compared_values: Array, base_values: Array) -> Array:
     """Divide the values of the stories of a building by the values of the baseline building.
 
-    Parameters
-    ----------
-    compared_values, base_values : ndarray
-        Value of each story of the two buildings, which may have different numbers of stories.
+    `compared_values` and `base_values` are the value of each story of the two buildings, which may
+    have different numbers of stories.
 
     Returns
     -------
@@ -405,14 +399,7 @@ def profiles(store: Store) -> Iterator[Profile]:
 def _story_values(store: Store, building: int, has_errors: bool) -> dict[Run, Array]:
     """Read the peaks of the stories in all runs of a building.
 
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
-    building : int
-        Number of the building.
-    has_errors : bool
-        True if the store contains estimated errors of the peaks.
+    `has_errors` is True if the store contains estimated errors of the peaks.
 
     Returns
     -------
@@ -557,12 +544,7 @@ class SuiteRules:
         """Return the attributes `scale` and `level` of the `SuiteLevel` for a rank. An attribute
         that does not describe the level is NaN.
 
-        Parameters
-        ----------
-        rank : int
-            Number of the level, from 0, in ascending order of the absolute scale factors.
-        scales : set of float
-            Scale factors of the runs at this level.
+        `rank` is the number of the level, from 0, in ascending order of the absolute scale factors.
         """
         # With an intensity measure, the rank is the index of its value. Otherwise, levels are
         # numbered from 1 if the motions have individual factors.
@@ -593,17 +575,8 @@ def _peaks(
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
     """Return the peaks of the completed runs of a level.
 
-    Parameters
-    ----------
-    level : SuiteLevel
-        Intensity level with its completed runs.
-    values_of_run : mapping of Run to ndarray, shape (stories, columns)
-        Values of each run: in each story its height, the quantities of `STORY_QUANTITIES`, and
-        their errors.
-    stories : int
-        Number of stories.
-    checked : bool
-        True if errors were estimated.
+    `values_of_run` contains the values of each run: in each story its height, the quantities of
+    `STORY_QUANTITIES`, and their errors. `checked` is True if errors were estimated.
 
     Returns
     -------
@@ -788,18 +761,7 @@ def _spectra(
 ) -> RunFloors:
     """Return the floor spectra of a run.
 
-    Parameters
-    ----------
-    plan : Plan
-        Plan of the campaign.
-    building : int
-        Number of the building.
-    subject : Subject
-        The building and its method.
-    choice : FloorChoice
-        Floors, periods and damping ratios.
-    run_and_step : tuple of (Run, float)
-        The run and its time step, s.
+    `run_and_step` is the run and its time step, s.
     """
     run, dt = run_and_step
     settings, case = plan.settings, subject.case(plan.motions[run.motion].record, run.scale)

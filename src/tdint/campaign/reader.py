@@ -252,14 +252,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     recorded in the document; invalid values are replaced by defaults, so that the remaining keys
     are also checked.
 
-    Parameters
-    ----------
-    section : Section
-        Root section.
-    label : str
-        Path of the file, for messages.
-    name : str
-        Default name of the campaign.
+    `name` is Default name of the campaign.
     """
     buildings_value = section.need("buildings", "give `models` or an `inventory`")
     # The key `records` is optional if the file specifies a table of factors, which lists records.
@@ -398,13 +391,6 @@ def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
 def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     """Read the keys of an inventory; None if a required key is missing or invalid. Errors are
     recorded in the document.
-
-    Parameters
-    ----------
-    section : Section
-        Keys of the buildings.
-    inventory : Value
-        Value of the key `inventory`, the path of the file.
     """
     file = inventory.file()
     rules = section.read("rules", next(iter(RULES)))

@@ -171,18 +171,8 @@ def _check_arguments(
 ) -> None:
     """Raise UsageError if an argument of `select` is invalid.
 
-    Parameters
-    ----------
-    motion_count : int
-        Number of candidates.
-    count : int
-        Number of motions to select.
-    factors : tuple of two floats
-        Minimum and maximum factor.
-    events : sequence or None
-        Event of each motion; None: read from the files.
-    per_event : int or None
-        Maximum number of selected motions of one event; None: no maximum.
+    `events` is the event of each motion; None: read from the files. `per_event` is the maximum
+    number of selected motions of one event; None: no maximum.
     """
     low, high = factors
     if not 0.0 < low <= high < np.inf:
@@ -208,12 +198,10 @@ def _number_events(
 ) -> tuple[NDArray[np.int64], list[str]]:
     """Return the number of the event of each motion, and the labels of the events.
 
+    `events` is the event of each motion, empty if unknown; None: read the events from the files.
+
     Parameters
     ----------
-    suite : sequence of Record or Horizontals
-        All motions.
-    events : sequence or None
-        Event of each motion, empty if unknown; None: read the events from the files.
     per_event : int or None
         Maximum number of selected motions of one event. None: events are not needed, so each
         motion counts as a separate event and the list of labels is empty.
@@ -246,19 +234,10 @@ def _check_pool_size(
 ) -> None:
     """Raise UsageError if fewer motions can be selected than requested.
 
-    Parameters
-    ----------
-    count : int
-        Number of motions to select.
-    pool_events : ndarray of int
-        Number of the event of each motion in the pool, which contains all motions that can be
-        selected.
-    event_numbers : ndarray of int
-        Number of the event of each motion, from 0, including the motions outside of the pool.
-    per_event : int or None
-        Maximum number of selected motions of one event; None: no maximum.
-    excluded_counts : mapping of str to int
-        Number of motions outside of the pool, by reason.
+    `pool_events` is the number of the event of each motion in the pool, which contains all motions
+    that can be selected. `event_numbers` is the number of the event of each motion, from 0,
+    including the motions outside of the pool. `per_event` is the maximum number of selected motions
+    of one event; None: no maximum.
     """
     motion_count = len(event_numbers)
     # `bincount` returns the number of motions of each event in the pool. Of each event, at most
@@ -281,14 +260,7 @@ def _check_pool_size(
 def _target_scatter(scatter: float | Numbers | None, periods: Array, count: int) -> Array | None:
     """Return the target standard deviation of ln Sa at each period; None if not specified.
 
-    Parameters
-    ----------
-    scatter : float or sequence of float, or None
-        Standard deviation for all periods, or for each period.
-    periods : ndarray, shape (k,)
-        Periods, s.
-    count : int
-        Number of motions to select.
+    `periods` contains the periods, s.
 
     Raises
     ------
@@ -325,16 +297,9 @@ def _within_limits(
     factors of all motions are limited to a lower value, so that the search prefers stronger
     motions, until the product of this value and the common factor is within the limit.
 
-    Parameters
-    ----------
-    fitted : Scaling
-        All motions with their individual factors within the limits.
-    rule : str
-        `asce7` or `ec8`.
-    limits : tuple of two floats
-        Minimum and maximum factor.
-    choose : callable
-        Function that returns the indices of the selected motions for the factors of all motions.
+    `fitted` contains all motions with their individual factors within the limits. `rule` is `asce7`
+    or `ec8`. `choose` is the function that returns the indices of the selected motions for the
+    factors of all motions.
 
     Returns
     -------
@@ -468,10 +433,8 @@ class _EventGroups:
     def unite_recordings(self, recordings: Sequence[Sequence[str]]) -> None:
         """Merge the groups of motions of the same recording.
 
-        Parameters
-        ----------
-        recordings : sequence of sequence of str
-            For each motion, the names of the recordings to which its files belong (`_recordings`).
+        `recordings`: for each motion, the names of the recordings to which its files belong
+        (`_recordings`).
         """
         # First motion of each recording, by the name of the recording
         motion_of_recording: dict[str, int] = {}
@@ -572,10 +535,8 @@ def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, st
 def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
     """Return the names of the recordings to which the files of each motion belong.
 
-    Parameters
-    ----------
-    motions : sequence of Record or Horizontals
-        The motions. The two components of a recording may be in one file or in two files.
+    `motions` contains the motions. The two components of a recording may be in one file or in two
+    files.
 
     Returns
     -------
@@ -620,16 +581,7 @@ def _pool(
 ) -> tuple[list[int], Array, dict[str, int]]:
     """Return the motions that can be selected.
 
-    Parameters
-    ----------
-    motions : sequence of Record or Horizontals
-        All motions.
-    periods : ndarray, shape (k,)
-        Periods, s.
-    damping : float
-        Damping ratio.
-    pair : str
-        Spectrum that represents a pair of components.
+    `periods` contains the periods, s.
 
     Returns
     -------
@@ -682,18 +634,8 @@ def _search(
     motion; later starting points alternate between half of the best selection so far and random
     motions.
 
-    Parameters
-    ----------
-    deviations : ndarray, shape (n, k)
-        ln of the scaled spectrum divided by the target, for each motion (row) and period.
-    count : int
-        Number of rows to select.
-    target_scatter : ndarray, shape (k,), or None
-        Target standard deviation of ln Sa.
-    events : ndarray of int, shape (n,)
-        Event of each row.
-    max_per_event : int
-        Maximum number of rows of one event.
+    `deviations` is the ln of the scaled spectrum divided by the target, for each motion (row) and
+    period. `events` is the event of each row.
 
     Returns
     -------
@@ -732,10 +674,10 @@ def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Arra
     """Replace rows of a selection by better rows as long as the score decreases, and return the
     final score.
 
+    `selection` contains the selected rows; changed in place.
+
     Parameters
     ----------
-    selection : list of int
-        Selected rows; changed in place.
     scores : callable
         Function that receives selected rows and the size of the selection after one more row. It
         returns the score for each additional row, shape (n,): the method `_Scores.with_row`.
@@ -787,13 +729,8 @@ class _Scores:
         """Return, for each row, the score of the selected rows and this additional row; infinite if
         the row cannot be added.
 
-        Parameters
-        ----------
-        selected : list of int
-            Selected rows.
-        size : int
-            Number of rows including the additional row. The standard deviation is part of the score
-            only for more than two rows.
+        `size` is the number of rows including the additional row. The standard deviation is part of
+        the score only for more than two rows.
 
         Returns
         -------

@@ -351,12 +351,7 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
 def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
     """Return the medians of the peaks over the runs of each building.
 
-    Parameters
-    ----------
-    store : Store
-        Store of a campaign.
-    by_scale : bool
-        True for a median at each scale factor; False for the median over all runs.
+    `by_scale` is True for a median at each scale factor; False for the median over all runs.
 
     Returns
     -------

@@ -142,14 +142,8 @@ def _read_points(
     """Read the ground motions of all points of a grid. A record that several points list is read a
     single time.
 
-    Parameters
-    ----------
-    folder : Path
-        Directory of the grid, which contains the files of the points and of the records.
-    files : sequence of str
-        File of each point, which lists the records of the point.
-    unit : float
-        Unit of the samples, m/s^2.
+    `folder` is the directory of the grid, which contains the files of the points and of the
+    records. `unit` is the unit of the samples, m/s^2.
 
     Returns
     -------
@@ -191,14 +185,7 @@ def _rows_as_events(
     The points of the grid are the sites, and row k of the file of each point is the motion of
     event k at this site.
 
-    Parameters
-    ----------
-    source : str
-        Path of the grid.
-    points : sequence of (str, (float, float))
-        File and location (degrees) of each point.
-    point_motions : sequence of sequence of PointMotion
-        Motions of each point.
+    `points` is the file and location (degrees) of each point.
 
     Returns
     -------
@@ -279,12 +266,8 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
 def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     """Return the annual rate (1/year) of each event of the fields, by its name.
 
-    Parameters
-    ----------
-    file : str
-        CSV file with the columns event and rate. Events that are not in the fields are ignored.
-    events : sequence of str
-        Names of the events of the fields.
+    `file` is the CSV file with the columns event and rate. Events that are not in the fields are
+    ignored.
 
     Raises
     ------
@@ -312,16 +295,7 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
 def _by_name(table: CsvTable, column: str, noun: str, values: Iterable[Value]) -> dict[str, Value]:
     """Return a dictionary from the name in each row to the value of the row.
 
-    Parameters
-    ----------
-    table : CsvTable
-        The table.
-    column : str
-        Column with the names, which must be unique.
-    noun : str
-        Type of the named objects, for messages.
-    values : iterable
-        Value of each row.
+    `column` is the column with the names, which must be unique. `values` is the value of each row.
 
     Raises
     ------
@@ -387,21 +361,11 @@ class _FieldRows:
     ) -> bool:
         """Append many rows and return True, if all of them are valid; otherwise return False.
 
-        Parameters
-        ----------
-        block : sequence of (int, list of str)
-            Line number and cells of each row.
-        width : int
-            Number of columns of the table.
-        indices : sequence of int
-            Indices of the columns of event, record, site, component, file of the second component,
-            and value; `width` for a column that does not exist.
-        value_unit : float
-            Unit of the values in SI.
-        are_sites_known : bool
-            True if a table of sites exists, so that no site may be added.
-        measure : IntensityMeasure or None
-            Intensity measure of the values; None for factors.
+        `block` contains the line number and cells of each row. `indices` contains the indices of
+        the columns of event, record, site, component, file of the second component, and value;
+        `width` for a column that does not exist. `are_sites_known` is True if a table of sites
+        exists, so that no site may be added. `measure` is the intensity measure of the values; None
+        for factors.
         """
         line_numbers, cells = zip(*block, strict=True)
         if set(map(len, cells)) != {width}:
@@ -487,18 +451,8 @@ def _numbers_of(
 ) -> list[int]:
     """Return the number of each name; -1 if the name has no number and must not be added.
 
-    Parameters
-    ----------
-    names : iterable
-        Names as in the file, possibly with surrounding spaces.
-    numbers : dict
-        Numbers by name without surrounding spaces. New names are added in place, if allowed.
-    strip : callable
-        Function that removes the surrounding spaces of a name.
-    first : int
-        Number of the first name.
-    may_add : bool
-        True if names may be added.
+    `numbers` contains the numbers by name without surrounding spaces. New names are added in place,
+    if allowed. `first` is the number of the first name. `may_add` is True if names may be added.
     """
     # Usually all names are known and have no surrounding spaces. The spaces are removed, and new
     # names are added, only if a name without this change has no number.
@@ -525,8 +479,6 @@ def _field_rows(
 
     Parameters
     ----------
-    field : FieldFile
-        Path and settings of the fields.
     sites : dict of str to int
         Numbers of the sites with a known location. If no file with the locations is specified, the
         sites of the table are added; a table without a column of sites then has a single site with
@@ -642,12 +594,8 @@ class _RowReader:
         """Append a row to `rows` and return an empty text. If the row is invalid, return its error
         and do not append it.
 
-        Parameters
-        ----------
-        line : int
-            Line number of the row.
-        cells : list of str
-            Cells of the row. Cells may be missing at the end of the row.
+        `line` is the line number of the row. `cells` contains the cells of the row. Cells may be
+        missing at the end of the row.
         """
         width = len(self.table.header)
         if self.table.overfull(cells):
@@ -679,12 +627,9 @@ class _RowReader:
     def _row_error(self, event: str, record: str, site: str, value_text: str, value: float) -> str:
         """Return the error of a row; an empty text if it is valid.
 
-        Parameters
-        ----------
-        event, record, site, value_text : str
-            Cells of the row; an empty text if the cell is empty or the column does not exist.
-        value : float
-            Number in `value_text`; NaN if it is not a number, 1 if it is empty.
+        `event`, `record`, `site` and `value_text` are the cells of the row; an empty text if the
+        cell is empty or the column does not exist. `value` is the number in `value_text`; NaN if it
+        is not a number, 1 if it is empty.
         """
         event_column, _, site_column, _, _, value_column = self.columns
         has_site_column = self.indices[2] < len(self.table.header)
@@ -709,11 +654,6 @@ class _RowReader:
 def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
     """Return the column with the values of a table of fields. The values are factors on the
     records, or intensities computed by OpenQuake; the records are scaled to these values.
-
-    Parameters
-    ----------
-    table : CsvTable
-        Header of the table.
 
     Returns
     -------
@@ -804,15 +744,10 @@ class _FieldRecords:
         """Read a record, append its motions to `motions`, and return their numbers. An error is
         appended to `failures`.
 
-        Parameters
-        ----------
-        line : int
-            Line of the table that first uses the record, for messages.
-        record, component, second_file : str
-            File of the record, its component, and the file of the second component of a pair; the
-            last two may be empty.
-        measure : IntensityMeasure or None
-            Intensity measure of the values; None for factors.
+        `line` is the line of the table that first uses the record, for messages. `record`,
+        `component` and `second_file` are the file of the record, its component, and the file of the
+        second component of a pair; the last two may be empty. `measure` is the intensity measure of
+        the values; None for factors.
 
         Returns
         -------
@@ -837,16 +772,9 @@ class _FieldRecords:
     def _read(self, record: str, component: str, second_file: str) -> tuple[SuiteMotion, ...]:
         """Read a record and return its motions: its components, or the two components of a pair.
 
-        Parameters
-        ----------
-        record : str
-            File of the record.
-        component : str
-            Component to read; empty for the component of the settings. It also selects components
-            of the files of a pair.
-        second_file : str
-            File of the second component of a pair; may be empty. It is used only if the settings
-            combine components to pairs.
+        `component` is the component to read; empty for the component of the settings. It also
+        selects components of the files of a pair. `second_file` is the file of the second component
+        of a pair; may be empty. It is used only if the settings combine components to pairs.
 
         Raises
         ------
@@ -904,14 +832,7 @@ class _FieldRecords:
 def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
     """Read the components of a motion in SimCenter's format.
 
-    Parameters
-    ----------
-    file : str
-        Path of the file.
-    component_name : str
-        Component in the table; empty: the component of the campaign file.
-    field : FieldFile
-        Settings of the fields.
+    `component_name` is the component in the table; empty: the component of the campaign file.
 
     Returns
     -------
@@ -980,14 +901,8 @@ def _listed_records(file: str) -> list[tuple[str, float]]:
 def _read_components(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
     """Read the components of a ground motion from a JSON file.
 
-    Parameters
-    ----------
-    folder : Path
-        Directory of the file.
-    name : str
-        Name of the file, with or without the suffix .json.
-    unit : float
-        Unit of the samples, m/s^2.
+    `name` is the name of the file, with or without the suffix .json. `unit` is the unit of the
+    samples, m/s^2.
 
     Returns
     -------

@@ -601,14 +601,8 @@ class Store:
         """Insert the rows of buildings in the tables `buildings`, `inventory` (cells of the columns
         that are copied to tables) and `building_types`. The caller opens the transaction.
 
-        Parameters
-        ----------
-        identity : Identity
-            Campaign or study with the buildings.
-        numbers : sequence of int
-            Numbers of the buildings to insert.
-        stored_numbers : collection of int
-            Numbers of the buildings that the table `buildings` already contains.
+        `stored_numbers` contains the numbers of the buildings that the table `buildings` already
+        contains.
         """
         buildings, insert = identity.buildings, self.connection.execute
         has_columns = isinstance(buildings, RowBuildings) and bool(buildings.rows.titles)

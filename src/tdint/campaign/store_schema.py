@@ -464,12 +464,8 @@ class RowTable:
 def _column_types(quantities: Iterable[Quantity], suffix: str = "") -> dict[str, type]:
     """Return the types of columns by name.
 
-    Parameters
-    ----------
-    quantities : iterable of Quantity
-        Quantities of the columns.
-    suffix : str
-        Suffix of the names, such as `_error`. Columns with a suffix contain floating-point numbers.
+    `suffix` is the suffix of the names, such as `_error`. Columns with a suffix contain
+    floating-point numbers.
     """
     return {
         quantity.column + suffix: float if suffix else quantity.value_type

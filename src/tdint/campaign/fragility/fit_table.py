@@ -256,12 +256,7 @@ def _table_of_study(folder: Path, fit: str | None) -> str:
     to the runs. Other fits use the capacities that the study has computed, if they exist; a cloud
     prefers the curves of `tdint ida`.
 
-    Parameters
-    ----------
-    folder : Path
-        Directory of the study.
-    fit : str or None
-        `stripes`, `ida` or `cloud`; None: the fit that suits the table.
+    `fit` is `stripes`, `ida` or `cloud`; None: the fit that suits the table.
 
     Raises
     ------
@@ -286,12 +281,7 @@ def _table_of_study(folder: Path, fit: str | None) -> str:
 def _table_type(table: CsvTable, fit: str | None) -> _TableType:
     """Return the type of a table, which follows from its columns and the requested fit.
 
-    Parameters
-    ----------
-    table : CsvTable
-        The table.
-    fit : str or None
-        `stripes`, `ida` or `cloud`; None: any fit.
+    `fit` is `stripes`, `ida` or `cloud`; None: any fit.
 
     Raises
     ------
@@ -374,12 +364,7 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     """Fit functions to the capacities of an incremental dynamic analysis, for each state of
     previous damage (column `damage`) and each threshold.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table with the column `capacity`.
-    request : FragilityRequest
-        Settings.
+    `table` is the table with the column `capacity`.
 
     Raises
     ------
@@ -441,16 +426,7 @@ def _fit_capacity_rows(
 ) -> list[Fragility | AnalysisError]:
     """Fit a function to some capacities, for each threshold.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table of capacities.
-    request : FragilityRequest
-        Settings.
-    capacity : ndarray, shape (n,)
-        Capacity in each row.
-    rows : ndarray of bool, shape (n,)
-        True for the rows that are used in the fit.
+    `capacity` is the capacity in each row.
 
     Returns
     -------
@@ -500,13 +476,6 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
     Runs without a result count neither as exceedance nor as non-exceedance.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table of the runs of one building.
-    request : FragilityRequest
-        Settings.
-
     Raises
     ------
     UsageError
@@ -527,15 +496,6 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> FragilityResult:
     """Fit the requested type of function to runs; by default stripes if each intensity level has
     enough runs, otherwise a cloud.
-
-    Parameters
-    ----------
-    table : CsvTable
-        Table of the runs.
-    request : FragilityRequest
-        Settings.
-    runs : _Runs
-        Runs of the table.
 
     Raises
     ------
@@ -611,12 +571,7 @@ class _Runs:
 def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     """Return the runs of a table of runs of one building, with the components of pairs combined.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table of the runs.
-    request : FragilityRequest
-        Settings, with the intensity measure and the rule for pairs.
+    `request` contains the settings, with the intensity measure and the rule for pairs.
 
     Raises
     ------
@@ -710,13 +665,6 @@ def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
     add two fits as bounds. The first bound counts these runs as exceedances of the threshold; the
     second bound counts them as runs that do not exceed it.
 
-    Parameters
-    ----------
-    runs : _Runs
-        Runs of a study.
-    threshold : float
-        Drift ratio.
-
     Raises
     ------
     AnalysisError
@@ -749,17 +697,7 @@ def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
 
 
 def _stripes(runs: _Runs, is_exceeding: NDArray[np.bool_], is_used: NDArray[np.bool_]) -> Fragility:
-    """Fit a function to stripes, the runs at each intensity level.
-
-    Parameters
-    ----------
-    runs : _Runs
-        Runs of a study.
-    is_exceeding : ndarray of bool, shape (n,)
-        True for runs that exceed the threshold.
-    is_used : ndarray of bool, shape (n,)
-        True for the runs that are used in the fit.
-    """
+    """Fit a function to stripes, the runs at each intensity level."""
     stripes = [is_used & (runs.level == level) for level in np.unique(runs.level[is_used])]
     # Intensities within a level differ by rounding errors only. Their geometric mean is used.
     intensities = [float(np.exp(np.mean(np.log(runs.im[stripe])))) for stripe in stripes]
@@ -782,20 +720,9 @@ def _cloud(
     """Fit a function to a cloud for each requested threshold. If the cloud cannot be fitted, the
     result contains the reason and no function.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table with the observations.
-    request : FragilityRequest
-        Settings.
-    im, edp : ndarray, shape (n,)
-        Intensities and demands.
-    censored : ndarray of bool, shape (n,)
-        True for demands known only to be above their value.
-    names : tuple of str, optional
-        Name and unit of the intensity measure; default are the columns `im_name` and `unit`.
-    motion : ndarray of int, shape (n,), optional
-        Ground motion of each row; by default all rows are independent.
+    `censored` is True for demands known only to be above their value. `names` is the name and unit
+    of the intensity measure; default are the columns `im_name` and `unit`. `motion` is the ground
+    motion of each row; by default all rows are independent.
     """
     _check_thresholds(table, request)
     # Demands below the requested range are elastic and omitted. Demands above it are censored.
@@ -836,14 +763,8 @@ def _by_threshold(
     """Fit a function to the rows of each requested threshold of a table; by default for all
     thresholds in its column `threshold`. Without this column, all rows are used for a function.
 
-    Parameters
-    ----------
-    table : CsvTable
-        The table.
-    request : FragilityRequest
-        Settings with the thresholds.
-    fit : callable
-        Function that fits a fragility function to the rows that a mask, shape (rows,), selects.
+    `fit` is the function that fits a fragility function to the rows that a mask, shape (rows,),
+    selects.
 
     Returns
     -------

@@ -224,17 +224,10 @@ class _RunCollector:
     ) -> None:
         """Add the runs of a building, or its ground motions if components of pairs are combined.
 
-        Parameters
-        ----------
-        building : BuildingDamage
-            Demand, status and ground motion of each run of the building, with its damage states.
-        im : ndarray, shape (runs,)
-            Intensity of each run.
-        motion_of_record : mapping of int to int
-            Ground motion of each record; empty for ground motion fields, in which runs with the
-            same sample number (of the event) count as one ground motion.
-        rule : PairRule
-            Rule that combines the components of pairs.
+        `building` is the demand, status and ground motion of each run of the building, with its
+        damage states. `motion_of_record` is the ground motion of each record; empty for ground
+        motion fields, in which runs with the same sample number (of the event) count as one ground
+        motion.
         """
         damage = damage_by_motion(building, rule)
         # If the components of pairs were combined, `damage` has one entry per group of runs instead
@@ -266,13 +259,8 @@ class _RunCollector:
     def runs(self, measure: RunMeasure, unit: str) -> TypeRuns:
         """Return all collected runs as arrays.
 
-        Parameters
-        ----------
-        measure : RunMeasure
-            Intensity measure. Its name in the result contains the first period if all buildings
-            have the same first period.
-        unit : str
-            Unit of the intensities.
+        `measure` is the intensity measure. Its name in the result contains the first period if all
+        buildings have the same first period.
         """
         shortest, longest = self.periods
         is_same_period = 0.0 < longest < math.inf and longest - shortest <= _SAME_PERIOD * shortest
@@ -292,15 +280,6 @@ def _fit_groups(
     runs_by_group: Mapping[str, TypeRuns], request: FragilityRequest, rule: PairRule
 ) -> list[Fragility | AnalysisError]:
     """Fit a fragility function for each group of runs and each of its damage states.
-
-    Parameters
-    ----------
-    runs_by_group : mapping of str to TypeRuns
-        Runs by the name of the building type, or of the building.
-    request : FragilityRequest
-        Settings.
-    rule : PairRule
-        Rule that combined the demands of the components of pairs.
 
     Returns
     -------
@@ -396,15 +375,6 @@ def _type_stripes(
     """Fit each damage state to the probabilities of exceedance at intensity levels. The number of
     exceedances at a level is the sum of the probabilities of its runs.
 
-    Parameters
-    ----------
-    runs : TypeRuns
-        Runs of the group.
-    level : ndarray of int, shape (runs,)
-        Index of the intensity level of each run.
-    is_used : ndarray of bool, shape (runs,)
-        True for the runs that are used in the fit.
-
     Returns
     -------
     list of Fragility or AnalysisError
@@ -441,14 +411,7 @@ def _type_cloud(
     limits. For requested thresholds these two rules do not apply. A function then does not depend
     on the other thresholds.
 
-    Parameters
-    ----------
-    runs : TypeRuns
-        Runs of the group.
-    request : FragilityRequest
-        Settings: thresholds, and range of the demands that are used.
-    is_used : ndarray of bool, shape (runs,)
-        True for the runs that are used in the fit.
+    `request`: settings: thresholds, and range of the demands that are used.
 
     Returns
     -------

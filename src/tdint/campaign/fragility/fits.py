@@ -640,13 +640,6 @@ def _bin_indices(im: Array, weight: Array) -> NDArray[np.intp]:
     """Divide intensities into at most `BINS` bins with about equal numbers of runs, and return the
     index of the bin of each intensity.
 
-    Parameters
-    ----------
-    im : ndarray, shape (n,)
-        Intensities.
-    weight : ndarray, shape (n,)
-        Number of runs at each intensity.
-
     Returns
     -------
     ndarray of int, shape (n,)
@@ -759,12 +752,8 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
 def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Array) -> None:
     """Check that exceedances at intensity levels determine a lognormal distribution.
 
-    Parameters
-    ----------
-    im_levels : ndarray, shape (k,)
-        Intensity levels.
-    exceeding_counts, record_counts : ndarray, shape (k,)
-        Number of records that exceed the threshold, and number of all records, at each level.
+    `exceeding_counts` and `record_counts` are the number of records that exceed the threshold, and
+    number of all records, at each level.
 
     Raises
     ------
@@ -978,12 +967,7 @@ def _line(
 ) -> tuple[float, float, float, Array]:
     """Fit the line ln EDP = b0 + b1 ln IM with the standard deviation sigma, by maximum likelihood.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Logarithms of intensities and demands.
-    above, below : ndarray of bool, shape (n,)
-        True for demands known only to be above, or below, their value.
+    `above` and `below` are True for demands known only to be above, or below, their value.
 
     Returns
     -------
@@ -1042,17 +1026,6 @@ def _function(
 ) -> Fragility:
     """Create the fragility function of a fit.
 
-    Parameters
-    ----------
-    fit : str
-        `stripes`, `ida` or `cloud`.
-    ln_theta, beta : float
-        Logarithm of the median, and dispersion.
-    covariance : ndarray, shape (2, 2)
-        Covariance of `ln_theta` and `beta`.
-    **attributes
-        Further attributes of `Fragility` by name.
-
     Raises
     ------
     AnalysisError
@@ -1075,14 +1048,7 @@ def _lognormal(
 ) -> tuple[float, float, Array] | None:
     """Fit a lognormal distribution of capacities by maximum likelihood.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Intensities.
-    below, above : ndarray of bool, shape (n,)
-        True if the capacity is known only to be below, or above, the intensity.
-    count : ndarray, shape (n,)
-        Number of times that each observation was made.
+    `below` and `above` are True if the capacity is known only to be below, or above, the intensity.
 
     Returns
     -------

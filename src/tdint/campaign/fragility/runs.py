@@ -444,18 +444,7 @@ class _Group:
     ) -> None:
         """Add the runs of a building at one level.
 
-        Parameters
-        ----------
-        damage : BuildingDamage
-            Damage of the building after each run.
-        is_at_level : ndarray of bool, shape (runs,)
-            True for the runs at the level, and in the event.
-        motions : ndarray of int, shape (runs,)
-            Ground motion of each run.
-        cost : float
-            Cost of all identical buildings together.
-        identical_count : float
-            Number of identical buildings.
+        `damage` is the damage of the building after each run.
         """
         is_counted = is_at_level & damage.known
         self.buildings += 1
@@ -495,14 +484,8 @@ class _Group:
     ) -> TypeDamage:
         """Return the damage of the group.
 
-        Parameters
-        ----------
-        name, building, event : str
-            Type, building and event.
-        level : float
-            Value of the intensity measure (SI units), scale factor, or number of the level.
-        inventory_entry : str
-            Entry of the inventory column that defines the groups.
+        `level` is the value of the intensity measure (SI units), scale factor, or number of the
+        level. `inventory_entry` is the entry of the inventory column that defines the groups.
         """
         outcome_count = len(self.states.outcomes)
         # The sums have one row per ground motion, because the jackknife omits one ground motion at
@@ -554,11 +537,8 @@ def _mean(sums: Array) -> Mean:
     """Return the mean of quantities over all runs with a jackknife standard error over ground
     motions.
 
-    Parameters
-    ----------
-    sums : ndarray, shape (motions, 1 + k)
-        Number of runs under each ground motion (or another weight, such as their cost), and the
-        sums of k quantities over these runs.
+    `sums` is the number of runs under each ground motion (or another weight, such as their cost),
+    and the sums of k quantities over these runs.
 
     Returns
     -------

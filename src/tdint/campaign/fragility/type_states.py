@@ -143,14 +143,8 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageR
     """Read the key `damage` if the thresholds depend on the class of the building: published
     thresholds, or a table. None if a value is invalid, which is recorded in the document.
 
-    Parameters
-    ----------
-    section : Section
-        Section `damage` of the campaign file.
-    thresholds : Value
-        Value of the key `thresholds` in this section, which is not a mapping.
-    rules : str or None
-        Rules of the inventory; None if the buildings are model files.
+    `thresholds` is the value of the key `thresholds` in this section, which is not a mapping.
+    `rules` contains the rules of the inventory; None if the buildings are model files.
     """
     source = thresholds.text()
     # Published thresholds apply only to buildings that were derived by these rules.
@@ -263,10 +257,7 @@ def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
     ratio, `slight_m`, `slight_g`), and optionally `beta`, the dispersion. One row of a class must
     contain the values; the other rows may repeat them or be empty.
 
-    Parameters
-    ----------
-    request : DamageRequest
-        Settings of the campaign file, with the path of the CSV file.
+    `request` contains the settings of the campaign file, with the path of the CSV file.
 
     Raises
     ------
@@ -310,12 +301,7 @@ def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
 def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
     """Return the values of each class in a table.
 
-    Parameters
-    ----------
-    table : CsvTable
-        The table, with a column `class`.
-    columns : mapping of str to str
-        Name of the column of each value.
+    `table` is the table, with a column `class`. `columns` is the name of the column of each value.
 
     Returns
     -------
@@ -514,17 +500,6 @@ def _states(
 ) -> DamageStates:
     """Return the damage states of a type that the campaign file specifies.
 
-    Parameters
-    ----------
-    request : DamageRequest or None
-        Settings of the campaign file.
-    classes : ClassDamage
-        Tables of the settings.
-    name : str
-        Type of the building.
-    facts : BuildingFacts or CapacityFacts, optional
-        Data of the inventory.
-
     Raises
     ------
     ModelError
@@ -611,15 +586,6 @@ def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tup
 
     The divisor is the total height for the roof drift ratio, the participation factor of the first
     mode for the spectral displacement, and 1 for other demands.
-
-    Parameters
-    ----------
-    stories : sequence of Story
-        Stories from the bottom.
-    demand : str
-        Demand of the damage states.
-    name : str
-        Source of the model in messages.
 
     Returns
     -------
