@@ -209,12 +209,7 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
     difference of the spectra converges from distant start values. Therefore the spectra are fitted
     first, and the fits of the histories start from the `_CONTINUED_FITS` best of these fits.
 
-    Parameters
-    ----------
-    problem : _Problem
-        Differences between the event and the model.
-    is_stiffness_fitted : bool
-        True if a value is a stiffness; see `_start_values`.
+    `is_stiffness_fitted` is True if a value is a stiffness; see `_start_values`.
 
     Returns
     -------
@@ -253,15 +248,7 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
 
 
 def _notes(values: Sequence[FittedValue], relative_errors: Iterable[float]) -> list[str]:
-    """Return notes on poorly determined values and on values on a bound of the fit.
-
-    Parameters
-    ----------
-    values : sequence of FittedValue
-        Fitted values.
-    relative_errors : iterable of float
-        Standard error of each value relative to the value.
-    """
+    """Return notes on poorly determined values and on values on a bound of the fit."""
     notes = [
         f"{_label(value)} is poorly determined by the recording: its standard error is "
         + (f"{100.0 * relative_error:.0f} %" if math.isfinite(relative_error) else "infinite")
@@ -328,13 +315,7 @@ class _Problem:
         return model
 
     def computed(self, logarithms: Array) -> list[Array] | None:
-        """Return the computed motions of the recorded floors; None if the run has no result.
-
-        Parameters
-        ----------
-        logarithms : ndarray, shape (values,)
-            Natural logarithms of the fitted values.
-        """
+        """Return the computed motions of the recorded floors; None if the run has no result."""
         self.runs += 1
         self._progress(self.runs)
         try:
@@ -411,16 +392,8 @@ def _minimize(
     (`diff_step`) by the absolute value of the variable. The variable here is the logarithm, which
     is close to 0 for a value close to 1.
 
-    Parameters
-    ----------
-    residuals : callable
-        Residuals, shape (m,), as a function of the logarithms of the values, shape (n,).
-    start : array, shape (n,)
-        Logarithms to start from.
-    bounds : array, shape (2, n)
-        Lower and upper bounds of the logarithms.
-    **limits
-        Tolerances and limits of `scipy.optimize.least_squares`.
+    `residuals` contains the residuals, shape (m,), as a function of the logarithms of the values,
+    shape (n,).
     """
     stored: dict[bytes, Array] = {}
 
@@ -455,16 +428,7 @@ def _start_values(
     stories are multiplied by a common factor. Up to three factors that are local minima of the
     spectral difference are used.
 
-    Parameters
-    ----------
-    problem : _Problem
-        Differences to be minimized.
-    model_logarithms : ndarray, shape (n,)
-        Logarithms of the values of the model.
-    bounds : ndarray, shape (2, n)
-        Bounds of the logarithms.
-    fits_stiffness : bool
-        True if stiffnesses are fitted.
+    `fits_stiffness` is True if stiffnesses are fitted.
 
     Returns
     -------
@@ -504,14 +468,8 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
     The squared amplitude is averaged over a band around each frequency. The frequencies are
     equally spaced on a logarithmic axis.
 
-    Parameters
-    ----------
-    samples : ndarray
-        Samples of a motion.
-    dt : float
-        Sampling interval, s.
-    band : tuple of two floats or None
-        Range of the frequencies, Hz; None for all frequencies that the samples resolve.
+    `dt` is the sampling interval, s. `band` is the range of the frequencies, Hz; None for all
+    frequencies that the samples resolve.
     """
     low, high = band or (0.0, math.inf)
     # The limit 0.4 / dt is slightly below the Nyquist frequency 0.5 / dt, because the average at a
@@ -542,10 +500,7 @@ def _standard_errors(solution: object) -> Array:
     and s^2 is the variance of the residuals. The standard error of a value that the residuals do
     not determine is inf.
 
-    Parameters
-    ----------
-    solution : scipy.optimize.OptimizeResult
-        Result of `scipy.optimize.least_squares` for the logarithms.
+    `solution` is the result of `scipy.optimize.least_squares` for the logarithms.
     """
     jacobian: Array = solution.jac  # type: ignore[attr-defined]
     residual_count, value_count = jacobian.shape
@@ -566,13 +521,6 @@ def _standard_errors(solution: object) -> Array:
 
 def _free_values(model: Model, names: Sequence[str]) -> list[_FreeValue]:
     """Return the values of a model to be fitted, with their bounds.
-
-    Parameters
-    ----------
-    model : Model
-        Model of the building.
-    names : sequence of str
-        Requested values, from `FITTED`.
 
     Raises
     ------

@@ -402,12 +402,7 @@ class _MatchTarget:
     def with_spectra(self, psa: Array, count: int) -> _MatchTarget:
         """Return the target of one motion in a suite of `count` motions.
 
-        Parameters
-        ----------
-        psa : ndarray, shape (damping ratios, CHECKED)
-            Pseudo-accelerations of this target at the checked periods, m/s^2.
-        count : int
-            Number of motions in the suite.
+        `psa` contains the pseudo-accelerations of this target at the checked periods, m/s^2.
         """
         targets = [
             TargetSpectrum(f"{target.source} in the mean of {count}", self.checked, target_psa)
@@ -419,14 +414,7 @@ class _MatchTarget:
 def _spectra(motion: GroundMotion, periods: Array, dampings: Sequence[float]) -> Array:
     """Compute the pseudo-acceleration spectra of a motion for several damping ratios.
 
-    Parameters
-    ----------
-    motion : Record or Horizontals
-        Ground motion, or a pair of components.
-    periods : ndarray, shape (k,)
-        Periods, s.
-    dampings : sequence of float
-        Damping ratios.
+    `periods` contains the periods, s.
 
     Returns
     -------
@@ -463,16 +451,8 @@ def _match_seed(
     The factor of the scaled seed minimizes the squares of ln(spectrum / target). The best motion of
     all stages is returned, or the scaled seed if no stage reduces the misfit.
 
-    Parameters
-    ----------
-    seed : Record or Horizontals
-        Motion to be matched.
-    match_target : _MatchTarget
-        Targets, damping ratios and checked periods.
-    seed_spectra : ndarray, shape (damping ratios, CHECKED)
-        Spectra of the seed, m/s^2.
-    report_stage : callable
-        Function that receives the number of completed stages of this motion.
+    `seed_spectra` is the spectra of the seed, m/s^2. `report_stage` is the function that receives
+    the number of completed stages of this motion.
 
     Returns
     -------
@@ -516,16 +496,8 @@ def _solve_stages(
     The first stage matches few periods. Each further stage adds the periods with the largest
     misfits, until all misfits are small.
 
-    Parameters
-    ----------
-    seed : Record or Horizontals
-        Motion to be matched.
-    match_target : _MatchTarget
-        Targets, damping ratios and checked periods.
-    scaled_seed : ndarray, shape (components, n)
-        Samples of the scaled seed, m/s^2.
-    report_stage : callable
-        Function that receives the number of completed stages of this motion.
+    `scaled_seed` contains the samples of the scaled seed, m/s^2. `report_stage` is the function
+    that receives the number of completed stages of this motion.
 
     Returns
     -------
@@ -584,12 +556,8 @@ def _with_worst(periods: Array, checked: Array, misfit: Array) -> Array:
     Checked periods are added at local maxima of the misfit above `SMALL_MISFIT`, except next to
     matched periods (within 0.3 %). The result is sorted.
 
-    Parameters
-    ----------
-    periods : ndarray
-        Matched periods, s.
-    checked, misfit : ndarray, shape (CHECKED,)
-        Checked periods, s, and the absolute misfit at each.
+    `periods` contains the matched periods, s. `checked` and `misfit` are the checked periods, s,
+    and the absolute misfit at each.
     """
     is_maximum = (
         (misfit > SMALL_MISFIT) & (misfit >= np.roll(misfit, 1)) & (misfit >= np.roll(misfit, -1))
@@ -605,14 +573,7 @@ def _with_samples(motion: GroundMotion, samples: Array, *notes: str) -> GroundMo
 
     The stated peaks and header checks of the file are removed, because they concern other samples.
 
-    Parameters
-    ----------
-    motion : Record or Horizontals
-        Motion that supplies all other attributes.
-    samples : ndarray, shape (components, n)
-        New accelerations, m/s^2.
-    *notes : str
-        Additional notes.
+    `samples` contains the new accelerations, m/s^2.
     """
     records = [
         replace(

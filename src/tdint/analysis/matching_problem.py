@@ -239,10 +239,7 @@ class _QuadraticProgram:
         The attribute `shortfall` contains the difference of each row from its target. Rows with a
         larger difference have less damping. The attribute `is_equality` is changed.
 
-        Parameters
-        ----------
-        damping : float
-            Damping of the round, which is multiplied by the returned factors.
+        `damping` is the damping of the round, which is multiplied by the returned factors.
 
         Returns
         -------
@@ -270,14 +267,10 @@ class _QuadraticProgram:
         The change of the motion is the sum of the rows times these multipliers. The multiplier of
         an upper limit (`is_equality` False) is at most 0, so that it can only reduce an extreme.
 
-        Parameters
-        ----------
-        required_change : ndarray, shape (rows,)
-            Required change of the quantity of each row, such as an extreme relative to its target.
-            For an upper limit, the largest change that is allowed.
-        damping : ndarray, shape (rows,)
-            Levenberg-Marquardt damping: number that is added to the diagonal elements of `gram`,
-            which are 1. A larger number leads to a smaller change.
+        `required_change` is the required change of the quantity of each row, such as an extreme
+        relative to its target. For an upper limit, the largest change that is allowed. `damping`:
+        levenberg-Marquardt damping: number that is added to the diagonal elements of `gram`, which
+        are 1. A larger number leads to a smaller change.
 
         Returns
         -------
@@ -528,12 +521,7 @@ class MatchingProblem:
         impulses at the samples n and n + 1, all after the band-pass filter of the correction. Their
         sum contains the derivatives with respect to all samples.
 
-        Parameters
-        ----------
-        oscillator : ndarray of int
-            Index of the oscillator of each extreme.
-        time_after_sample : ndarray
-            Time of each extreme after sample n, s.
+        `time_after_sample` is the time of each extreme after sample n, s.
 
         Returns
         -------
@@ -579,16 +567,14 @@ class MatchingProblem:
         The row extends from the decay of the vibration before the extreme to the reach of the
         filter after it, where the stored vibration ends. All other derivatives are zero.
 
+        `sample_of_extreme` is the number of the sample before the extreme.
+
         Parameters
         ----------
-        oscillator : int
-            Index of the oscillator.
         factors : ndarray, shape (4,)
             Result of `_factors_of_rows` for the extreme: factors of the filtered cosine and sine of
             the free vibration, and of the impulse responses of the filter at the samples before and
             after the extreme.
-        sample_of_extreme : int
-            Number of the sample before the extreme.
 
         Returns
         -------
@@ -769,10 +755,10 @@ class MatchingProblem:
         of |response / target - 1| over the periods. The merit is the sum over the periods of a
         power of |ln(response / target)|, and a round must reduce it.
 
+        `samples` contains the changed samples, m/s^2.
+
         Parameters
         ----------
-        samples : ndarray, shape (components, n)
-            Changed samples, m/s^2.
         row_sum : ndarray, shape (components * n,)
             Change of the samples from the seed, before it is multiplied by the envelope and
             filtered. It is a sum of rows of quadratic programs, each times its multiplier: of the
@@ -844,12 +830,7 @@ class MatchingProblem:
 def _envelope(scaled_seed: Array, dt: float) -> Array:
     """Return the smoothed amplitude of a motion, with a maximum of 1, shape (n,).
 
-    Parameters
-    ----------
-    scaled_seed : ndarray, shape (components, n)
-        Samples of the motion, m/s^2.
-    dt : float
-        Sampling interval, s.
+    `scaled_seed` contains the samples of the motion, m/s^2. `dt` is the sampling interval, s.
     """
     window = np.hanning(2 * max(int(_ENVELOPE_WINDOW / dt), 1) + 1)
     mean_square = np.convolve(np.sum(scaled_seed**2, axis=0), window / window.sum(), "same")
@@ -874,19 +855,9 @@ def _free_vibrations(
     decayed is stored, and few oscillators are computed at a time: 60 000 samples of all oscillators
     would need a gigabyte.
 
-    Parameters
-    ----------
-    omega, damping : ndarray, shape (oscillators,)
-        Circular frequency, rad/s, and damping ratio.
-    dt : float
-        Sampling interval, s.
-    band : ndarray
-        Factor of the band-pass filter at each frequency of the Fourier transform.
-    size : int
-        Number of samples of the Fourier transform.
-    sample_order : ndarray of int
-        Samples from the latest back to the first, then those before the start that the filter
-        reaches, as negative numbers.
+    `dt` is the sampling interval, s. `band` is the factor of the band-pass filter at each frequency
+    of the Fourier transform. `sample_order` contains the samples from the latest back to the first,
+    then those before the start that the filter reaches, as negative numbers.
 
     Returns
     -------
@@ -932,20 +903,8 @@ def _exchange_equalities(
     leaves the selected extreme below the target, and another extreme is closer to the target, the
     equality is moved to the other extreme.
 
-    Parameters
-    ----------
-    gram : ndarray
-        Scaled scalar products of the rows.
-    shortfall : ndarray
-        Scaled differences from the targets.
-    is_equality : ndarray of bool
-        True for equalities, False for upper limits; changed by this function.
-    damping : ndarray
-        Damping of each row.
-    oscillator : ndarray of int
-        Oscillator of each extreme.
-    scales : ndarray
-        Scale factor of each row.
+    `is_equality` is True for equalities, False for upper limits; changed by this function.
+    `damping` is the damping of each row. `scales` is the scale factor of each row.
     """
     # An exchange changes the solution, so the selection is repeated one time.
     for _ in range(2):

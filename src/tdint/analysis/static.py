@@ -306,18 +306,9 @@ def _test(
 ) -> CyclicTest:
     """Impose a path of drifts on the law of one story, and return the result of the test.
 
-    Parameters
-    ----------
-    model : Model
-        Model of the building.
-    building : Building
-        Building without damping.
-    story : int
-        Number of the story, from 1.
-    drifts : ndarray
-        Path, m.
-    points : int or None
-        Number of points in a quarter of a cycle; None for a path without cycles.
+    `building` is the building without damping. `story` is the number of the story, from 1. `drifts`
+    is the path, m. `points` is the number of points in a quarter of a cycle; None for a path
+    without cycles.
     """
     return CyclicTest(
         model=model,
@@ -732,12 +723,8 @@ class _Chain:
         A row is reached at a roof displacement. If the roof displacement decreases, a row is
         reached if the absolute changes of all story drifts add up to a step.
 
-        Parameters
-        ----------
-        displacement : float
-            Roof displacement of the next row, m.
-        step : float
-            Difference of roof displacement between rows, m.
+        `displacement` is the roof displacement of the next row, m. `step` is the difference of roof
+        displacement between rows, m.
         """
         default_step, path_length = step / _STEPS_PER_ROW, 0.0
         drift_step = default_step
@@ -810,14 +797,7 @@ class _Chain:
         It follows from the difference between the new state and the extrapolation of the present
         state by the tangents: of the base shear, and of the drifts of the other stories.
 
-        Parameters
-        ----------
-        controlling : int
-            Index of the controlling story.
-        tangents : ndarray, shape (n,)
-            Tangent stiffnesses of the stories at the present state, N/m.
-        drift, base_shear : ndarray, float
-            State at the end of the step.
+        `tangents` contains the tangent stiffnesses of the stories at the present state, N/m.
         """
         drift_change, shear_change = drift - self.drift, base_shear - self.base_shear
         # Error of the base shear times change of the roof displacement, plus error of the roof
@@ -839,16 +819,8 @@ class _Chain:
         The Illinois algorithm is used (Dowell and Jarratt 1971). The excess is negative at the
         present state and positive at the end of the step.
 
-        Parameters
-        ----------
-        excess : callable
-            Function of drifts and base shear: excess over the required value, relative to it.
-        controlling : int
-            Index of the controlling story.
-        drift_step : float
-            Step of the drift of the controlling story, m.
-        drift, base_shear : ndarray, float
-            State at the end of the step.
+        `excess` is the function of drifts and base shear: excess over the required value, relative
+        to it. `drift_step` is the step of the drift of the controlling story, m.
 
         Returns
         -------
@@ -883,12 +855,7 @@ class _Chain:
         The force of this story determines the base shear, and the base shear determines the shears
         and drifts of the other stories.
 
-        Parameters
-        ----------
-        controlling : int
-            Index of the story with the drift step.
-        drift_step : float
-            Change of its drift, m.
+        `drift_step` is the change of its drift, m.
 
         Returns
         -------
@@ -909,15 +876,7 @@ class _Chain:
         return drift, base_shear
 
     def _accept(self, controlling: int, drift: Array, base_shear: float) -> None:
-        """Advance all stories to a new state, and update the path and the maximum base shear.
-
-        Parameters
-        ----------
-        controlling : int
-            Index of the controlling story of the step.
-        drift, base_shear : ndarray, float
-            New state.
-        """
+        """Advance all stories to a new state, and update the path and the maximum base shear."""
         # The maximum base shear of the step is at its end, or at the maximum force of the
         # controlling story. If the tangent of this story changes its sign within the step, its
         # maximum force is found by bisection. Item 1 of the result of `response_at` is the tangent.

@@ -290,16 +290,8 @@ def _n2(
 
     The idealized curve is elastic and perfectly plastic, with equal strength and area.
 
-    Parameters
-    ----------
-    curve : _PushoverCurve
-        Pushover curve.
-    demand : TargetSpectrum
-        Elastic design spectrum.
-    mass, participation : float
-        Mass of the equivalent oscillator, kg, and participation factor.
-    roof : float
-        Roof displacement up to which the curve is idealized, m.
+    `mass` and `participation` are the mass of the equivalent oscillator, kg, and participation
+    factor. `roof` is the roof displacement up to which the curve is idealized, m.
     """
     roof = curve.idealized_to(roof)
     # Forces and displacements of the building are divided by the participation factor to obtain
@@ -339,20 +331,8 @@ def _coefficients(
     The idealized curve consists of two lines with equal area. The first line intersects the curve
     at 0.6 of the yield force.
 
-    Parameters
-    ----------
-    curve : _PushoverCurve
-        Pushover curve.
-    demand : TargetSpectrum
-        Elastic design spectrum.
-    building : Building
-        Building without damping.
-    site_factor : float
-        Site factor a.
-    mass_factor : float
-        Factor C_m.
-    roof : float
-        Roof displacement up to which the curve is idealized, m.
+    `building` is the building without damping. `roof` is the roof displacement up to which the
+    curve is idealized, m.
     """
     roof = curve.idealized_to(roof)
     modes = building.modes()
@@ -383,12 +363,7 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
     smallest is returned. (If the curve hardens after a yield, the secant becomes flatter, and the
     areas can be equal again at a larger force.)
 
-    Parameters
-    ----------
-    curve : _PushoverCurve
-        Pushover curve.
-    roof : float
-        Roof displacement up to which the curve is idealized, m.
+    `roof` is the roof displacement up to which the curve is idealized, m.
 
     Returns
     -------
@@ -455,15 +430,8 @@ def _solve(
     displacement. Both are equal at the result. It is enclosed between two points of the curve and
     then bisected.
 
-    Parameters
-    ----------
-    method : str
-        Name of the method in messages.
-    curve : _PushoverCurve
-        Pushover curve.
-    idealize : callable
-        Function that receives a roof displacement, m, and returns the idealization of the curve up
-        to this displacement.
+    `idealize` is the function that receives a roof displacement, m, and returns the idealization of
+    the curve up to this displacement.
 
     Raises
     ------
@@ -507,16 +475,7 @@ def _strength_note(
     relative to the effective stiffness. The factor lambda is 0.8 for near-fault sites and 0.2
     otherwise. The result is empty if the limit is met.
 
-    Parameters
-    ----------
-    curve : _PushoverCurve
-        Pushover curve.
-    building : Building
-        Building without damping.
-    idealized : _IdealizedCurve
-        Result of the coefficient method.
-    demand : TargetSpectrum
-        Elastic design spectrum.
+    `building` is the building without damping.
     """
     peak = curve.peak
     # The slope after the peak is measured up to the point at 0.6 of the yield force, or to the end.
@@ -586,22 +545,9 @@ def _result(
 ) -> TargetDisplacement:
     """Return the result of a method with the response at its target displacement.
 
-    Parameters
-    ----------
-    method : str
-        `n2` or `coefficients`.
-    curve : _PushoverCurve
-        Pushover curve.
-    target : TargetSpectrum
-        Elastic design spectrum.
-    building : Building
-        Building without damping.
-    idealized : _IdealizedCurve
-        Idealized curve.
-    participation, mass : float
-        Participation factor, and mass of the equivalent oscillator or of the building, kg.
-    notes : tuple of str
-        Notes of the method.
+    `method` is `n2` or `coefficients`. `building` is the building without damping. `participation`
+    and `mass` are the participation factor, and mass of the equivalent oscillator or of the
+    building, kg.
     """
     drift = np.array(
         [np.interp(idealized.roof_displacement, curve.roof, column) for column in curve.drift.T]

@@ -110,12 +110,7 @@ def _energy_bounds(tolerance: float) -> tuple[Fault, Fault]:
 def _second_half(history: History, values: Array) -> float:
     """Return the maximum absolute value over the second half of the time steps.
 
-    Parameters
-    ----------
-    history : History
-        Response history, for the number of time steps.
-    values : ndarray, shape (steps + 1,)
-        Values at the initial time and at the end of each time step.
+    `values` contains the values at the initial time and at the end of each time step.
     """
     steps = len(history.time) - 1
     return float(np.max(np.abs(values[steps // 2 + 1 :])))
@@ -124,12 +119,7 @@ def _second_half(history: History, values: Array) -> float:
 def _kinetic(history: History, masses: tuple[float, ...]) -> Array:
     """Return the kinetic energy of all floors at each time, J, shape (steps + 1,).
 
-    Parameters
-    ----------
-    history : History
-        Response history of the building.
-    masses : tuple of float
-        Mass of each floor, kg.
+    `masses` is the mass of each floor, kg.
     """
     return np.asarray(0.5 * history.velocity**2 @ np.array(masses))
 
@@ -434,10 +424,7 @@ def _oscillator_energy(history: History) -> Array:
 def _oscillator(start: tuple[float, float]) -> Model:
     """Return an oscillator of unit mass and stiffness, which has omega = 1 rad/s.
 
-    Parameters
-    ----------
-    start : tuple of two floats
-        Initial displacement (m) and initial velocity (m/s).
+    `start` is the initial displacement (m) and initial velocity (m/s).
     """
     story = simple_story(1.0, stiffness=1.0)
     return simple_model("oscillator", [story], displacement=start[:1], velocity=start[1:])
@@ -446,12 +433,7 @@ def _oscillator(start: tuple[float, float]) -> Model:
 def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem:
     """Define a problem in which a method fails if its amplitude grows during 200 time steps.
 
-    Parameters
-    ----------
-    name, description, source : str
-        Name, description of the time steps, and publication.
-    *dts : float
-        Time steps, s, usually on both sides of a stability limit.
+    `*dts` contains the time steps, s, usually on both sides of a stability limit.
     """
 
     def growth(history: History) -> float:
@@ -484,13 +466,9 @@ def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
     """Define a problem in which a method fails if its first ten large time steps exceed the exact
     amplitude by more than 1 %.
 
-    Parameters
-    ----------
-    name : str
-        Quantity with the initial value 1, `displacement` or `velocity`, for the name of the problem
-        and its description.
-    start : tuple of two floats
-        Initial displacement (m) and initial velocity (m/s).
+    `name` is the quantity with the initial value 1, `displacement` or `velocity`, for the name of
+    the problem and its description. `start` is the initial displacement (m) and initial velocity
+    (m/s).
     """
     return HardProblem(
         name=f"overshoot-{name}",
@@ -736,16 +714,7 @@ def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
 def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int) -> Trial:
     """Integrate a problem by a method with one time step, and judge the result.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        Method to be tested.
-    problem : HardProblem
-        Problem to be integrated.
-    dt : float
-        Time step, s.
-    count : int
-        Number of time steps.
+    `dt` is the time step, s.
 
     Returns
     -------

@@ -364,17 +364,6 @@ def _integrate(
 ) -> tuple[float, Array]:
     """Integrate a problem with a fraction of the largest time step.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        Method.
-    problem : OrderProblem
-        Oscillator with its load.
-    parts : int
-        Number of time steps in the largest time step `COARSEST`.
-    count : int
-        Duration of the run, as a number of largest time steps.
-
     Returns
     -------
     acceleration : float
@@ -421,12 +410,8 @@ def _sampled_motion(stride: int) -> Array:
 def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) -> Array:
     """Compute the motion of the oscillator by SciPy's DOP853 with a tolerance of 1e-13.
 
-    Parameters
-    ----------
-    load, law, ratio, stride
-        Attributes of `OrderProblem`: load, law, frequency ratio and stride.
-    ground : ndarray, shape (samples,)
-        Ground acceleration, m/s^2; used for the load `record`.
+    `load`, `law`, `ratio` and `stride` are the attributes of `OrderProblem`: load, law, frequency
+    ratio and stride. `ground` is the ground acceleration, m/s^2; used for the load `record`.
 
     Returns
     -------
@@ -616,12 +601,7 @@ def _branch_faults(model: Model, story: int) -> list[str]:
 
     The model is executed in plain Python with checks of array bounds (`path_faults`).
 
-    Parameters
-    ----------
-    model : Model
-        Building.
-    story : int
-        Story with the hysteresis model, from 1.
+    `story` is the story with the hysteresis model, from 1.
 
     Returns
     -------

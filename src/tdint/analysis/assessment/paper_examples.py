@@ -425,11 +425,8 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
     because each time step is a separate integration. It receives the example, the time step (s) and
     the method, and returns the motion.
 
-    Parameters
-    ----------
-    hold : bool
-        True if the load is constant in each time step and equal to its value at the start of the
-        step. False if the load is linear between the time steps.
+    `hold` is True if the load is constant in each time step and equal to its value at the start of
+    the step. False if the load is linear between the time steps.
     """
 
     def solve(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:

@@ -171,13 +171,6 @@ def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
 def _validated_method(method: Integrator | str, damping: float) -> Integrator:
     """Return a method from its specification, and validate a damping ratio.
 
-    Parameters
-    ----------
-    method : Integrator or str
-        Method or its specification.
-    damping : float
-        Damping ratio.
-
     Raises
     ------
     UsageError
@@ -193,10 +186,7 @@ def _refined_steps(dt_over_t: Array) -> tuple[Array, NDArray[np.intp]]:
     The sequence starts at a small time step, at which the roots are identified, and neighboring
     time steps differ by a small ratio.
 
-    Parameters
-    ----------
-    dt_over_t : ndarray, shape (k,)
-        Requested time steps divided by the period, positive and increasing.
+    `dt_over_t` is the requested time steps divided by the period, positive and increasing.
 
     Returns
     -------
@@ -222,14 +212,8 @@ def _track_principal_root(
     """Identify the principal root at each time step as the root nearest to that of the preceding
     time step. At the first time step, it is the root nearest to the exact root.
 
-    Parameters
-    ----------
-    roots : ndarray, shape (k, m)
-        Eigenvalues of the amplification matrix at k increasing time steps.
-    first : float
-        Product of the circular frequency and the first time step, rad.
-    damping : float
-        Damping ratio.
+    `roots` contains the eigenvalues of the amplification matrix at k increasing time steps. `first`
+    is the product of the circular frequency and the first time step, rad.
 
     Returns
     -------
@@ -259,14 +243,8 @@ def _track_principal_root(
 def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.complex128]:
     """Return the eigenvalues of the amplification matrices of a method.
 
-    Parameters
-    ----------
-    method : Integrator
-        Method with m eigenvalues.
-    omega_h : ndarray, shape (k,)
-        Products of the circular frequency and the time step, rad. The time step is 1 s.
-    damping : float
-        Damping ratio.
+    `omega_h` contains the products of the circular frequency and the time step, rad. The time step
+    is 1 s.
 
     Returns
     -------
@@ -347,14 +325,7 @@ def false_limit(method: Integrator, measured: float) -> str:
 def _is_unstable(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:
     """Return True for each time step at which the spectral radius exceeds 1 by more than rounding.
 
-    Parameters
-    ----------
-    method : Integrator
-        Method to be tested.
-    omega_h : ndarray, shape (k,)
-        Products of the circular frequency and the time step, rad.
-    damping : float
-        Damping ratio.
+    `omega_h` contains the products of the circular frequency and the time step, rad.
     """
     radius = np.max(np.abs(_roots(method, omega_h, damping)), axis=1)
     return np.asarray(radius > 1.0 + np.maximum(STABLE, _ROUNDING * omega_h**2))
@@ -553,15 +524,6 @@ def overshoot(
 def _growth_powers(method: Integrator, start: str, damping: float) -> list[float]:
     """Determine how the response after one time step grows with omega h for omega h to infinity.
 
-    Parameters
-    ----------
-    method : Integrator
-        Method to be measured.
-    start : str
-        Initial condition, a key of `STARTS`.
-    damping : float
-        Damping ratio.
-
     Returns
     -------
     list of two floats
@@ -620,18 +582,8 @@ def _first_steps(
 ) -> Array:
     """Integrate undriven linear oscillators over a few time steps of h = 1 s.
 
-    Parameters
-    ----------
-    method : Integrator
-        Method of time integration.
-    start : str
-        Initial condition, a key of `STARTS`.
-    omega_h : ndarray, shape (k,)
-        Products of the circular frequency of each oscillator and the time step, rad.
-    steps : int
-        Number of time steps.
-    damping : float
-        Damping ratio.
+    `omega_h` contains the products of the circular frequency of each oscillator and the time step,
+    rad.
 
     Returns
     -------
@@ -654,21 +606,6 @@ def _nonlinear_overshoot(
     over a few large time steps.
 
     The initial condition is the displacement of that problem, or the velocity with the same energy.
-
-    Parameters
-    ----------
-    method : Integrator
-        Method of time integration.
-    start : str
-        Initial condition, a key of `STARTS`.
-    dt_over_t : float
-        Time step divided by the period of small vibrations.
-    steps : int
-        Number of time steps.
-    damping : float
-        Damping ratio of small vibrations.
-    law : str
-        `hardening` or `softening`.
 
     Raises
     ------
@@ -700,15 +637,6 @@ def _nonlinear_overshoot(
 
 def _integrate(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
     """Integrate a building from its initial state, and return the motion of its floors.
-
-    Parameters
-    ----------
-    prepared : PreparedBuilding
-        Building of n stories, with its initial state.
-    method : Integrator
-        Method of time integration.
-    steps : Steps
-        Time step and number of time steps.
 
     Returns
     -------

@@ -113,14 +113,7 @@ def _run(ops: Any, problem: Content, run: Content) -> Content:
     The motion is recorded in a separate run with a call of OpenSees for each step. The times (s)
     are measured in runs with a single call for all steps. They are missing if the first run fails.
 
-    Parameters
-    ----------
-    ops : module
-        OpenSeesPy.
-    problem : dict
-        Arrays of the building and of its excitation.
-    run : dict
-        Integrator, time step (s), number of steps and repetitions.
+    `run` is the integrator, time step (s), number of steps and repetitions.
     """
     clock_seconds = getattr(time, run["clock"])
     _build(ops, problem, run)
@@ -143,15 +136,6 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     Node 0 is the ground, and node i + 1 is floor i. Element i + 1 is the hysteresis model of
     story i; its parallel elements have the same tag plus `_TAG_OFFSET` or twice that number. The
     previous model in OpenSees is deleted.
-
-    Parameters
-    ----------
-    ops : module
-        OpenSeesPy.
-    problem : dict
-        Arrays of the building and of its excitation.
-    run : dict
-        Integrator of the run, name and parameters.
     """
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
@@ -326,16 +310,9 @@ def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any)
     M are the masses, p the forces on the floors, C v the viscous damping forces, and f the forces
     of the hysteresis models and of P-delta.
 
-    Parameters
-    ----------
-    problem : dict
-        Arrays of the problem.
-    times : ndarray
-        Times, s; shape (steps,).
-    u, v : ndarray
-        Displacements (m) and velocities (m/s) relative to the ground; shape (steps, floors).
-    story_force : ndarray
-        Forces of the materials of the stories, N; shape (steps, floors).
+    `times` contains the times, s; shape (steps,). `u` and `v` are the displacements (m) and
+    velocities (m/s) relative to the ground; shape (steps, floors). `story_force` contains the
+    forces of the materials of the stories, N; shape (steps, floors).
 
     Returns
     -------

@@ -576,16 +576,7 @@ def _solve_once(
 ) -> Reference:
     """Return a reference with one time step, and its gap to the solution of a second method.
 
-    Parameters
-    ----------
-    problem : Problem
-        Building with its excitation.
-    samples : int
-        Number of intervals.
-    method, confirming_method : str
-        Method of the reference, and method of the second solution.
-    steps_per_interval : int
-        Number of time steps of the reference per interval.
+    `steps_per_interval` is the number of time steps of the reference per interval.
     """
     motion = _motion(problem, samples, method, steps_per_interval)
     h = problem.interval / steps_per_interval
@@ -607,17 +598,6 @@ def _solve_once(
 
 def _motion(problem: Problem, samples: int, method: str, steps_per_interval: int) -> FloorMotion:
     """Integrate a problem by a method with several time steps in each sampling interval.
-
-    Parameters
-    ----------
-    problem : Problem
-        Building with its excitation.
-    samples : int
-        Number of intervals.
-    method : str
-        Method specification.
-    steps_per_interval : int
-        Number of time steps in an interval.
 
     Returns
     -------
@@ -685,14 +665,7 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
 def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
     """Return the reference of a file; None if the file does not exist, is corrupt or does not fit.
 
-    Parameters
-    ----------
-    file : Path
-        File in the cache.
-    problem : Problem
-        Building with its excitation.
-    samples : int
-        Number of intervals that the motion must contain.
+    `samples` is the number of intervals that the motion must contain.
     """
     if not is_file(file):
         return None

@@ -580,20 +580,10 @@ def _timed(
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
-    reference : Reference
-        Reference solution of the errors.
-    runs : sequence of tuple
-        Runs: methods with their time steps.
-    repeats : int
-        Minimum number of times that each run is timed.
     judge : callable or None
         Function of all points. After `repeats` repetitions, the runs are timed again until the
         result of this function does not change, up to four times `repeats`. With None, each run is
         timed `repeats` times.
-    progress : callable
-        Callback for progress reports.
 
     Returns
     -------

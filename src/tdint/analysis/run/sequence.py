@@ -215,14 +215,8 @@ def event_responses(
 def _parts(joined: Case, sequence: EventSequence, steps: Steps) -> tuple[EventResponse, ...]:
     """Integrate a sequence in parts, one for each event, and return the peaks of each part.
 
-    Parameters
-    ----------
-    joined : Case
-        Case under the joined record.
-    sequence : ShockSequence
-        Events with their start times.
-    steps : Steps
-        Time steps of the complete run. Events that start after its end are omitted.
+    `steps` contains the time steps of the complete run. Events that start after its end are
+    omitted.
     """
     # The ground acceleration of an event starts to change at the sample before its first sample.
     firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]

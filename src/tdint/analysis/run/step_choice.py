@@ -195,11 +195,6 @@ class _Search:
     def of(cls, case: Case, tolerance: float, dt: float | None, duration: float | None) -> _Search:
         """Return a search without runs, and compile the time loops that it needs.
 
-        Parameters
-        ----------
-        case, tolerance, dt, duration
-            As for `choose_step`.
-
         Raises
         ------
         UsageError
@@ -247,10 +242,7 @@ class _Search:
         `power`, which has the sampling interval or the requested time step; but at least the first
         estimated level.
 
-        Parameters
-        ----------
-        largest : float
-            Maximum time step, s; inf for no maximum.
+        `largest` is the maximum time step, s; inf for no maximum.
 
         Returns
         -------
@@ -289,13 +281,8 @@ class _Search:
     def _first_level(self, largest: float, is_reference: bool) -> int:
         """Return the first level whose errors are estimated.
 
-        Parameters
-        ----------
-        largest : float
-            Maximum time step, s.
-        is_reference : bool
-            True if runs are compared with the previous run. The first level is then at least 1,
-            because level 0 has no previous run.
+        `largest` is the maximum time step, s. `is_reference` is True if runs are compared with the
+        previous run. The first level is then at least 1, because level 0 has no previous run.
         """
         halvings = 0
         if largest < math.inf:
@@ -305,11 +292,8 @@ class _Search:
     def _failure(self, response: Response | FailedRun) -> FailedRun:
         """Return the failure of a search in which no level meets the tolerance.
 
-        Parameters
-        ----------
-        response : Response or FailedRun
-            Result of the level with the smallest time step. If this run failed, its failure is
-            returned; otherwise the message states its estimated error.
+        `response` is the result of the level with the smallest time step. If this run failed, its
+        failure is returned; otherwise the message states its estimated error.
         """
         if isinstance(response, FailedRun):
             return response
@@ -336,15 +320,10 @@ class _Search:
         The prediction uses the order that the errors of this level and of the previous level show.
         The error of this level is stored.
 
-        Parameters
-        ----------
-        level : int
-            Level that does not meet the tolerance.
-        error : float or None
-            Estimated error of this level; None leads to one halving.
-        is_reference : bool
-            True if runs are compared with the previous run. Jumps are then shorter, because the
-            time steps of the two runs should be similar.
+        `level` is the level that does not meet the tolerance. `error` is the estimated error of
+        this level; None leads to one halving. `is_reference` is True if runs are compared with the
+        previous run. Jumps are then shorter, because the time steps of the two runs should be
+        similar.
         """
         if error is None or not math.isfinite(error):
             return 1
@@ -364,13 +343,6 @@ class _Search:
         of the previous level.
 
         The difference of the pair is added to `pairs`.
-
-        Parameters
-        ----------
-        previous : int
-            Level with the longer time step.
-        level : int
-            Level whose errors are estimated.
 
         Returns
         -------
@@ -397,15 +369,7 @@ class _Search:
         return replace(response, check=check)
 
     def _factor(self, difference: float, halvings: int) -> float:
-        """Return the estimated error of the finer run of a pair divided by the difference.
-
-        Parameters
-        ----------
-        difference : float
-            Largest relative difference of the peak drifts of the pair.
-        halvings : int
-            Number of halvings between the two time steps.
-        """
+        """Return the estimated error of the finer run of a pair divided by the difference."""
         # Denominator of Richardson extrapolation at second order, r^2 - 1 with r = 2^halvings.
         richardson = 4.0**halvings - 1.0
         if not self.pairs:

@@ -366,12 +366,7 @@ def _beam_mode_count(period: float, dt: float) -> int:
     All modes with periods of at least half a sampling interval are included. Modes with shorter
     periods follow the ground acceleration statically (`_Beam.static`).
 
-    Parameters
-    ----------
-    period : float
-        Fundamental period, s.
-    dt : float
-        Sampling interval, s.
+    `period` is the fundamental period, s. `dt` is the sampling interval, s.
 
     Raises
     ------
@@ -390,15 +385,6 @@ def _beam_mode_count(period: float, dt: float) -> int:
 
 def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: float) -> Array:
     """Compute the maximum drift and displacement of each building under a ground motion.
-
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
-    buildings : sequence of _Stories or _Beam
-        Buildings.
-    damping : float
-        Damping ratio of all modes.
 
     Returns
     -------

@@ -637,17 +637,6 @@ def _lookup(table: dict[str, Choice], name: str, quantity: str) -> Choice:
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
     """Integrate oscillators together by a method with the sampling interval as time step.
 
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
-    omega : ndarray, shape (k,)
-        Natural circular frequencies, rad/s.
-    damping : float
-        Damping ratio.
-    method : str
-        Method specification.
-
     Returns
     -------
     label : str

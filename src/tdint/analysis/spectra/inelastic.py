@@ -299,16 +299,9 @@ def _spectrum(
 ) -> InelasticSpectrum:
     """Build a spectrum from the results of its oscillators.
 
-    Parameters
-    ----------
-    arguments : dict
-        Fields of `InelasticSpectrum` by name, as from `_oscillators`.
-    oscillators : sequence of _Oscillator
-        Oscillator of each period.
-    target : float or None
-        Requested ductility; None for a spectrum of constant strength.
-    result : ndarray, shape (k, 3)
-        Yield displacement, maximum displacement and residual displacement of each oscillator, m.
+    `arguments` contains the fields of `InelasticSpectrum` by name, as from `_oscillators`. `target`
+    is the requested ductility; None for a spectrum of constant strength. `result` is the yield
+    displacement, maximum displacement and residual displacement of each oscillator, m.
     """
     yield_displacement, sd, residual = result.T
     return InelasticSpectrum(
@@ -500,14 +493,7 @@ def _maximum(ductility: Callable[[float], float], target: float, low: float, hig
 
     The search ends early at the first point that reaches the target.
 
-    Parameters
-    ----------
-    ductility : callable
-        Function that receives a strength ratio and returns the ductility.
-    target : float
-        Required ductility.
-    low, high : float
-        Strength ratios between which the maximum is searched.
+    `ductility` is the function that receives a strength ratio and returns the ductility.
 
     Returns
     -------

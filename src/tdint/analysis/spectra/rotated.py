@@ -159,16 +159,8 @@ def _directional_displacements(
 ) -> Array:
     """Compute the maximum displacements of linear oscillators in all directions.
 
-    Parameters
-    ----------
-    motion : Horizontals
-        The two components of the ground motion.
-    omega : ndarray, shape (k,)
-        Natural circular frequencies of the oscillators, rad/s.
-    damping : float
-        Damping ratio of all oscillators.
-    settings : SpectrumSettings
-        Interpolation of the acceleration between samples, and determination of the maxima.
+    `settings` is the interpolation of the acceleration between samples, and determination of the
+    maxima.
 
     Returns
     -------

@@ -85,13 +85,8 @@ s."""
 def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
     """Return the two-period design spectrum of ASCE 7-10 and 7-16 (section 11.4).
 
-    Parameters
-    ----------
-    parameters : mapping of str to str
-        Texts of `sds` and `sd1` (design accelerations at short periods and at 1 s, g) and `tl`
-        (long-period transition period, s).
-    factor : float
-        Factor on the spectrum.
+    `parameters` contains the texts of `sds` and `sd1` (design accelerations at short periods and at
+    1 s, g) and `tl` (long-period transition period, s).
 
     Raises
     ------
@@ -457,14 +452,7 @@ def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
     """Return a multi-period spectrum of ASCE 7-22 (11.4.5.1) with 5 % damping, linear between the
     periods of the file.
 
-    Parameters
-    ----------
-    source : str
-        Name and file as the user specified them.
-    name : str
-        A key of `_MULTI_PERIOD`.
-    file : str
-        JSON file of the USGS design maps service for ASCE 7-22; accelerations are in g.
+    `file` is the JSON file of the USGS design maps service for ASCE 7-22; accelerations are in g.
 
     Raises
     ------
@@ -535,16 +523,8 @@ def _has_damping(
 ) -> NDArray[np.bool_]:
     """Return True for each row of a file that has the required damping ratio.
 
-    Parameters
-    ----------
-    source : str or Path
-        The file, for the message.
-    ratios : ndarray
-        Damping ratio of each row.
-    damping : float
-        Required damping ratio.
-    error : type
-        Type of the exception if no row has this ratio.
+    `ratios` is the damping ratio of each row. `error` is the type of the exception if no row has
+    this ratio.
     """
     has_ratio = np.abs(ratios - damping) <= _TOLERANCE
     if not np.any(has_ratio):
@@ -556,12 +536,8 @@ def _has_damping(
 def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
     """Return the target spectrum of a table of periods and accelerations.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table with one column of periods and one column of accelerations.
-    damping : float or None
-        Damping ratio of the spectrum; None if unknown.
+    `table` is the table with one column of periods and one column of accelerations. `damping` is
+    the damping ratio of the spectrum; None if unknown.
 
     Raises
     ------
@@ -838,12 +814,7 @@ def differences(
 def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
     """Return the quantity and the values of a column of a published spectrum.
 
-    Parameters
-    ----------
-    table : NamedTable
-        Table of the file.
-    column : str or None
-        Name of the column; None for the only column of a spectral quantity.
+    `column` is the name of the column; None for the only column of a spectral quantity.
 
     Returns
     -------
