@@ -267,14 +267,8 @@ def _spectrum_at_modes(
 ) -> figures.mode_shapes.SpectrumAtModes:
     """Return the response spectrum of a record with 5 % damping, and its values at the modes.
 
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
-    periods : ndarray, shape (modes,)
-        Periods of the modes, s.
-    first_period : float
-        First period of the building, s; the spectrum continues to 1.3 times this period.
+    `periods` contains the periods of the modes, s. `first_period` is the first period of the
+    building, s; the spectrum continues to 1.3 times this period.
     """
     grid = np.geomspace(
         SPECTRUM_PERIODS[0], max(SPECTRUM_PERIODS[1], 1.3 * first_period), int(SPECTRUM_PERIODS[2])
@@ -287,14 +281,7 @@ def _spectrum_at_modes(
 def _mode_verdict(model: Model, mass_ratios: Array, cumulative_mass_ratios: Array) -> str:
     """Return the headline of a report of modes: first period, damping ratio and modal masses.
 
-    Parameters
-    ----------
-    model : Model
-        The building.
-    mass_ratios : ndarray, shape (modes,)
-        Effective modal masses divided by the total mass.
-    cumulative_mass_ratios : ndarray, shape (modes,)
-        Sums of `mass_ratios` from the first mode to each mode.
+    `cumulative_mass_ratios` contains the sums of `mass_ratios` from the first mode to each mode.
     """
     building = assemble(model)
     period, damping = building.first_period, building.first_mode()[1]

@@ -110,12 +110,7 @@ def _names_of_components(records: Sequence[Record], file_format: str) -> list[st
     """Return file names for the components of a ground motion, such that readers recognize two
     files as the components of a pair by their names.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        One component, or the two components of a pair.
-    file_format : str
-        Suffix of the names, without a dot.
+    `file_format` is the suffix of the names, without a dot.
     """
     stems = [Path(record.source).stem.strip(" -") or "motion" for record in records]
     suffixes = [_component_suffix(record.component) for record in records]

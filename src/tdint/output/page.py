@@ -179,12 +179,8 @@ class _Flow:
     def __init__(self, scale: float = 1.0, last_chapters: int = 0) -> None:
         """Start an empty flow at the top of the first page.
 
-        Parameters
-        ----------
-        scale : float
-            Factor of the heights of figures, at most 1.
-        last_chapters : int
-            Number of chapters at the end that start on a new page; 0 for no such page break.
+        `scale` is the factor of the heights of figures, at most 1. `last_chapters` is the number of
+        chapters at the end that start on a new page; 0 for no such page break.
         """
         self.scale = scale
         self.last_chapters = last_chapters
@@ -209,16 +205,8 @@ class _Flow:
     def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
         """Add a paragraph.
 
-        Parameters
-        ----------
-        element : str
-            Name of the HTML element.
-        text : str
-            HTML content.
-        more : str
-            Attributes of the element; empty by default.
-        height : float
-            Height in addition to the text lines, mm; 0 selects the margin of a paragraph.
+        `more` contains the attributes of the element; empty by default. `height` is the height in
+        addition to the text lines, mm; 0 selects the margin of a paragraph.
         """
         # A long line needs several printed lines, an empty line needs one. -(-a // b) is a / b
         # rounded up.
@@ -241,10 +229,8 @@ class _Flow:
         The attribute is empty if the content fits. It is also empty far from the last known page
         break, where the estimated position is unreliable and the browser decides.
 
-        Parameters
-        ----------
-        height : float
-            Height that the content needs on one page, mm; infinite to require a new page.
+        `height` is the height that the content needs on one page, mm; infinite to require a new
+        page.
         """
         if _PAGE - self.position >= height:
             return ""
@@ -261,14 +247,8 @@ class _Flow:
     def heading(self, title: str, part: Part = "", *, on_new_page: bool = False) -> None:
         """Add the heading of a chapter; it remains on the page of the content that follows.
 
-        Parameters
-        ----------
-        title : str
-            Heading.
-        part : Part
-            First part of the chapter; the first rows of a table remain below its heading.
-        on_new_page : bool
-            True to start a new page; false by default.
+        `part` is the first part of the chapter; the first rows of a table remain below its heading.
+        `on_new_page` is True to start a new page; false by default.
         """
         needed = _MIN_BELOW_HEADING  # mm, height of the heading and of the content that must follow
         if isinstance(part, Table):
@@ -283,16 +263,8 @@ class _Flow:
     def picture(self, image: str, caption: str, ratio: float, *, last: bool = False) -> None:
         """Add a figure as large as the space allows, or postpone a figure that would be small.
 
-        Parameters
-        ----------
-        image : str
-            Attributes of the HTML image.
-        caption : str
-            Caption.
-        ratio : float
-            Height divided by width.
-        last : bool
-            True if no content follows, so that the figure cannot be postponed; false by default.
+        `last` is True if no content follows, so that the figure cannot be postponed; false by
+        default.
         """
         # `_FIGURE` (mm) is the space of the caption and the margins, in addition to the image.
         is_first = not any(text.startswith("<figure") for text in self.body)
@@ -405,18 +377,10 @@ def _lay_out(
 ) -> _Flow:
     """Add all parts of a report to a flow, and return the flow.
 
+    `flow` is Empty flow with its scale of figures.
+
     Parameters
     ----------
-    title, about : str
-        Title and introduction.
-    chapters : sequence of Chapter
-        Chapters.
-    page_text : PageText
-        Verdict, warnings, lines of the head and input files.
-    software : str
-        Versions of the software.
-    flow : _Flow
-        Empty flow with its scale of figures.
     images : dict
         Attributes of the HTML image and ratio of height to width of each figure, by the identity
         (`id`) of its `Picture`. New figures are added, so that further layouts do not draw them
@@ -469,14 +433,7 @@ def _introduces_table(part: Part) -> bool:
 def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
     """Add a paragraph, a table, a figure or a list of points to a flow.
 
-    Parameters
-    ----------
-    flow : _Flow
-        Flow of the report.
-    part : Part
-        Part to add.
-    images : dict
-        Figures that are already drawn, as in `_lay_out`; a new figure is added.
+    `images`: figures that are already drawn, as in `_lay_out`; a new figure is added.
     """
     if isinstance(part, str):
         css_class = ""
@@ -621,14 +578,8 @@ def _add_table(flow: _Flow, table: Table) -> None:
 def _column(table: Table, name: str, maximum: float) -> _Column:
     """Return a column of a table with the unit for a page.
 
-    Parameters
-    ----------
-    table : Table
-        The table.
-    name : str
-        Name of the column.
-    maximum : float
-        Largest absolute number of the column, or of all columns that must have the same unit.
+    `name` is the name of the column. `maximum` is the largest absolute number of the column, or of
+    all columns that must have the same unit.
     """
     index = table.columns.index(name)
     cells = [row[index] for row in table.rows]
@@ -656,15 +607,7 @@ def _column(table: Table, name: str, maximum: float) -> _Column:
 
 
 def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
-    """Add a table to a flow, and estimate its height on the printed page.
-
-    Parameters
-    ----------
-    flow : _Flow
-        Flow of the report.
-    columns : sequence of _Column
-        At most `MOST_COLUMNS` columns.
-    """
+    """Add a table to a flow, and estimate its height on the printed page."""
     # The estimate assumes that browsers make columns of numbers as wide as their longest cell or
     # heading word, and divide the remaining width between the columns of text. Widths are in
     # characters; each cell has a horizontal padding of 2.4 mm.

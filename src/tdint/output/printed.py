@@ -127,12 +127,8 @@ def _unquoted(text: str) -> str:
 def _style_error(key: str, has_value: bool) -> str:
     """Return the error message for an invalid item of a style.
 
-    Parameters
-    ----------
-    key : str
-        Text before the equals sign of the item, or the complete item without an equals sign.
-    has_value : bool
-        True if the item has an equals sign.
+    `key` is the text before the equals sign of the item, or the complete item without an equals
+    sign. `has_value` is True if the item has an equals sign.
     """
     if key == "title":
         return "title must be yes or no"

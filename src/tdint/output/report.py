@@ -99,13 +99,8 @@ def first_period(model: Model) -> float:
 def _secant_period(model: Model, peaks: StoryPeaks) -> float:
     """Return the first period of a building, s, with the secant stiffness of its isolators.
 
-    Parameters
-    ----------
-    model : Model
-        The building.
-    peaks : StoryPeaks
-        Peak responses of a run. The secant stiffness of an isolator is its peak shear divided by
-        its peak drift.
+    `peaks` contains the peak responses of a run. The secant stiffness of an isolator is its peak
+    shear divided by its peak drift.
     """
     stories = tuple(
         replace(story, stiffness=shear / drift) if story.isolator and drift > 0.0 else story
@@ -261,15 +256,6 @@ def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) ->
 
     The loop is that of the story with the highest ratio of demand to limit. It is omitted if the
     figure of the run already contains it, or if the run has no response history.
-
-    Parameters
-    ----------
-    response : Response
-        Result of the run.
-    page_text : PageText
-        Table of the limits, and number of the governing story.
-    units : OutputUnits
-        Units of the figure.
     """
     parts: list[Part] = [page_text.limits] if page_text.limits else []
     story = page_text.governing_story
@@ -307,15 +293,6 @@ def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tu
     """Return a sentence and the table of the estimated errors of the peaks of a run, in percent.
 
     If the errors were not estimated, the result is a sentence that states this.
-
-    Parameters
-    ----------
-    response : Response
-        Result of the run.
-    table : Table
-        Table of the stories with error columns.
-    names : sequence of str
-        Columns of `table` that the report shows.
     """
     check = response.check
     if check is None or check.drift_error is None:
@@ -422,14 +399,7 @@ def suite_page(
 def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) -> Chapter:
     """Return the chapter of the assumptions of a campaign: methods, time steps, errors and rules.
 
-    Parameters
-    ----------
-    plan : Plan
-        Settings of the campaign.
-    store : Store
-        Store of the campaign, with the time steps and the estimated errors of all runs.
-    subjects : sequence of Subject
-        Buildings that the report describes, with their methods.
+    `store` is the store of the campaign, with the time steps and the estimated errors of all runs.
     """
     methods = ", ".join(dict.fromkeys(method_text(subject.method) for subject in subjects))
     step, accuracy = _steps_and_errors(store)
@@ -446,12 +416,8 @@ def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) ->
 def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | None, str]]:
     """Return the headlines of a campaign without limits: lost runs and the largest drift ratio.
 
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
-    profiles : sequence of Profile
-        Statistics over the ground motions; their headlines already state lost motions.
+    `profiles` contains the statistics over the ground motions; their headlines already state lost
+    motions.
     """
     headlines: list[tuple[bool | None, str]] = []
     statuses = store.statuses()
@@ -523,13 +489,8 @@ def _first_periods(store: Store) -> list[tuple[str, float]]:
 def _statistics_chapter(profile: Profile, units: OutputUnits) -> Chapter:
     """Return the chapter of means and maxima of a building at one intensity level.
 
-    Parameters
-    ----------
-    profile : Profile
-        Statistics of the building over the ground motions; estimated errors are added if the runs
-        have error estimates.
-    units : OutputUnits
-        Units of the tables.
+    `profile`: statistics of the building over the ground motions; estimated errors are added if the
+    runs have error estimates.
     """
     has_heights = not np.isnan(profile.height).any()
     # Isolators have no height, so their drifts in length units are listed in addition to the
@@ -633,10 +594,7 @@ def _damage(store: Store) -> tuple[Part, ...]:
 def _with_state_columns(table: Table) -> Table:
     """Return the probabilities of damage states with a column per state.
 
-    Parameters
-    ----------
-    table : Table
-        Table with a row per type, level, event and state, as in damage-types.csv.
+    `table` is the table with a row per type, level, event and state, as in damage-types.csv.
 
     Returns
     -------
@@ -704,14 +662,9 @@ def _scaling(
 
     The data are from the JSON file that `tdint scale` writes next to the scale factors.
 
-    Parameters
-    ----------
-    plan : Plan
-        Campaign with scale factors; without them, the description is empty.
-    units : OutputUnits
-        Units of the figure of the scaled spectra, which is added for a target spectrum.
-    periods : sequence of (str, float)
-        Names and first periods of the buildings, s, which the figure marks.
+    `plan` is the campaign with scale factors; without them, the description is empty. `units`:
+    units of the figure of the scaled spectra, which is added for a target spectrum. `periods`
+    contains the names and first periods of the buildings, s, which the figure marks.
 
     Returns
     -------
@@ -744,15 +697,7 @@ def _scaling(
 
 
 def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
-    """Return a sentence on the scaling: rule, target, periods, damping, pairs, minimum ratio.
-
-    Parameters
-    ----------
-    factors : str
-        File of the scale factors.
-    settings : mapping
-        Settings of `tdint scale`.
-    """
+    """Return a sentence on the scaling: rule, target, periods, damping, pairs, minimum ratio."""
     facts = [
         f"Scale factors: {factors}, computed by tdint scale",
         f"rule {settings['rule']} ({_RULES[settings['rule']]})",
@@ -778,15 +723,6 @@ def _scaled_suite(plan: Plan, levels: MotionFactors, settings: Mapping[str, Any]
     """Return the scaled suite for its figure; None if a ground motion has several factors.
 
     Several factors define several suites, and the figure shows only one.
-
-    Parameters
-    ----------
-    plan : Plan
-        Buildings and ground motions of the campaign.
-    levels : MotionFactors
-        Factors of each ground motion.
-    settings : mapping
-        Settings of `tdint scale`.
     """
     motions = _scaled_motions(plan, levels, paired=bool(settings["pairs"]))
     if any(len(factors) > 1 for _, factors in motions):
@@ -813,16 +749,14 @@ def _scaled_motions(
 ) -> list[tuple[GroundMotion, tuple[float, ...]]]:
     """Return the ground motions of a scaled suite with their scale factors.
 
+    `paired` is True to join the two components of a recording to a pair if they were read as single
+    records.
+
     Parameters
     ----------
     plan : Plan
         Campaign. Each item of `plan.motions` is a component; its attribute `ground_motion` is the
         object that was read: a single record, or the pair that contains the component.
-    levels : MotionFactors
-        Factors of each component, by its index in `plan.motions`.
-    paired : bool
-        True to join the two components of a recording to a pair if they were read as single
-        records.
 
     Returns
     -------

@@ -253,13 +253,6 @@ def _factor(curve: IdaCurve, capacity: float) -> float:
     The factor is on a straight line through the lowest and the highest level on logarithmic axes,
     because intensity measures are powers of the factor.
 
-    Parameters
-    ----------
-    curve : IdaCurve
-        Curve with the intensity and the scale factor of each run.
-    capacity : float
-        Intensity in the unit of the study.
-
     Returns
     -------
     float
@@ -309,14 +302,8 @@ def _fits(study: IdaStudy) -> tuple[list[Fragility], list[str]]:
 def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[str]:
     """Return the sentences of the report on the methods and assumptions of a study.
 
-    Parameters
-    ----------
-    study : IdaStudy
-        Curves of the building.
-    settings : IdaSettings
-        Settings of the levels and runs.
-    damping : float
-        Damping ratio of the intensity measure, which is stated for spectral measures only.
+    `damping` is the damping ratio of the intensity measure, which is stated for spectral measures
+    only.
     """
     step = (
         f"time step {settings.dt:g} s" if settings.dt else "time steps of the model or the records"
@@ -548,12 +535,7 @@ def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
     """Return the part of the report on the study that the observations are from: building, method,
     errors and records.
 
-    Parameters
-    ----------
-    source : str
-        Table or directory with the observations.
-    content : dict
-        JSON summary of the study; empty for a table that tdint has not written.
+    `content` is the JSON summary of the study; empty for a table that tdint has not written.
     """
     if not content:
         return (

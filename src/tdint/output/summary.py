@@ -179,16 +179,8 @@ def in_units(
 def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
     """Return a value of a summary, and all values in it, in output units.
 
-    Parameters
-    ----------
-    value : Any
-        Dictionary, list, number or other value in SI units.
-    units : OutputUnits
-        Units of the result.
-    keys : mapping of str to str
-        SI unit of the number of each key; numbers of other keys are not converted.
-    factor : float
-        Output unit of the key of this value, in SI units. A number is divided by it.
+    `keys` is the SI unit of the number of each key; numbers of other keys are not converted.
+    `factor` is the output unit of the key of this value, in SI units. A number is divided by it.
     """
     if isinstance(value, list | tuple):
         return [_in_units(item, units, keys, factor) for item in value]

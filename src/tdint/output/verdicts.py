@@ -138,20 +138,9 @@ def _sentence(
     """Return a sentence on the comparison of several demands with their limits, the governing
     demand first.
 
-    Parameters
-    ----------
-    level : str
-        Performance level; empty for limits without a level.
-    checks : sequence of LimitCheck
-        Comparisons, the governing comparison first.
-    units : OutputUnits
-        Units of the values.
-    met : bool
-        True if all limits are met.
-    lost : str
-        Addition about collapsed or failed runs; may be empty.
-    mean : bool
-        True for the mean demands of a suite.
+    `level` is the performance level; empty for limits without a level. `checks` contains the
+    comparisons, the governing comparison first. `met` is True if all limits are met. `lost`
+    contains the addition about collapsed or failed runs; may be empty.
     """
     clauses = []
     for i, check in enumerate(checks):
@@ -196,18 +185,7 @@ def _text(
 ) -> str:
     """Return a number with the unit of the limited quantity as text; ratios in percent.
 
-    Parameters
-    ----------
-    check : LimitCheck
-        Comparison with the quantity of the number.
-    value : float
-        Number, SI units.
-    units : OutputUnits
-        Units of the text.
-    digits : int
-        Number of significant digits.
-    unlike : float, optional
-        Number from which the text must differ, SI units.
+    `unlike` is the number from which the text must differ, SI units.
     """
     unit = QUANTITIES[check.quantity].unit
     factor, name = (0.01, "%") if unit == "1" else (units.unit(unit)[1], units.unit(unit)[0])

@@ -219,14 +219,7 @@ placement of markers at equal distances along the line would not end."""
 def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
     """Plot a line, also if no point of it is finite.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    x, y : ndarray, shape (k,)
-        Points; nan is allowed.
-    style : dict
-        Line style of `line_styles`.
+    `x` and `y` are the points; nan is allowed.
 
     Returns
     -------
@@ -315,17 +308,8 @@ def _draw_quantity(
 ) -> list[Any]:
     """Plot a quantity of each curve over dt/T, and set the ranges and the labels of the axes.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    curves : sequence of StabilityCurve
-        Curves of methods.
-    quantity : str
-        Name of an attribute of the curves: `spectral_radius`, or a key of `_ACCURACY_AXES`, which
-        is plotted in percent.
-    styles : sequence of dict
-        Line style of each curve.
+    `quantity` is the name of an attribute of the curves: `spectral_radius`, or a key of
+    `_ACCURACY_AXES`, which is plotted in percent.
 
     Returns
     -------
@@ -362,15 +346,7 @@ def _draw_quantity(
 
 
 def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
-    """Plot observed order and error at the smallest time step over the frequency ratio.
-
-    Parameters
-    ----------
-    measured : sequence of ObservedOrder
-        Observed order of each method and frequency ratio.
-    thin : int
-        Number of methods at the end that have thin lines.
-    """
+    """Plot observed order and error at the smallest time step over the frequency ratio."""
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
@@ -403,11 +379,6 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
 
     Markers show the orders of displacement, velocity, acceleration and algorithmic acceleration. A
     row without order (the errors are rounding errors) has a text instead.
-
-    Parameters
-    ----------
-    measured : sequence of ObservedOrder
-        Observed order of each method, for a single load.
     """
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
@@ -636,12 +607,7 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
 
     Markers of other programs are hollow.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        Names of the lines: methods, or program and method.
-    highlight : str
-        Method with a thick line; empty for no such method.
+    `highlight` is the method with a thick line; empty for no such method.
     """
     plot_styles = method_styles(lines, highlight)
     faces = {line: "white" if PEER in line else plot_styles[line]["color"] for line in lines}
@@ -654,14 +620,9 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
 def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     """Return the figure of the costs of the methods over their errors, with the gray band.
 
-    Parameters
-    ----------
-    drawing : _Drawing
-        Points of the measurement, for a type of error and a type of cost.
-    name : str
-        Name of the building, for the title.
-    highlight : str
-        Method with a thick line in front of the other lines; empty for no such method.
+    `drawing` contains the points of the measurement, for a type of error and a type of cost.
+    `highlight` is the method with a thick line in front of the other lines; empty for no such
+    method.
     """
     # In one column, the explanation is the title of the legend, and the panel is higher.
     narrow = is_narrow()
@@ -706,14 +667,8 @@ def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list
     The marker of an error below the gap of the reference is a triangle. A ring marks a time step
     that is equal to the sampling interval of the record.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    drawing : _Drawing
-        Points of the measurement.
-    highlight : str
-        Method with a thick line in front of the other lines; empty for no such method.
+    `highlight` is the method with a thick line in front of the other lines; empty for no such
+    method.
 
     Returns
     -------
@@ -755,14 +710,8 @@ def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list
 def _set_cost_axes(axes: Any, drawing: _Drawing, *, narrow: bool) -> None:
     """Set scales, range and labels of the axes of a figure of costs over errors.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    drawing : _Drawing
-        Points of the measurement, with the types of error and cost.
-    narrow : bool
-        True for a figure in one column of a page, which has no footnote below the axis.
+    `drawing` contains the points of the measurement, with the types of error and cost. `narrow` is
+    True for a figure in one column of a page, which has no footnote below the axis.
     """
     _chart_frame(axes)
     # Numbers of steps and of solutions often differ by less than a decade, so that ticks at powers
@@ -802,14 +751,8 @@ def _title(drawing: _Drawing, name: str, subject: str) -> str:
 def _error_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     """Return the figure of the errors of the methods over their time steps.
 
-    Parameters
-    ----------
-    drawing : _Drawing
-        Points of the measurement, for a type of error.
-    name : str
-        Name of the building, for the title.
-    highlight : str
-        Method with a thick line in front of the other lines; empty for no such method.
+    `highlight` is the method with a thick line in front of the other lines; empty for no such
+    method.
     """
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()

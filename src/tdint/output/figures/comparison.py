@@ -169,18 +169,8 @@ def _draw_floor(
 ) -> None:
     """Plot the motion of a floor, a close-up of the strongest cycles, and the response spectra.
 
-    Parameters
-    ----------
-    panels : sequence of Axes
-        The panels of the motion, the close-up and the spectra.
-    row : _FloorRow
-        Floor with its spectra.
-    units : OutputUnits
-        Units of the axes.
-    period : float
-        First period of the building, s, which is marked in the panel of the spectra.
-    name_event : bool
-        True to write the name of the event in the title of the row.
+    `period` is the first period of the building, s, which is marked in the panel of the spectra.
+    `name_event` is True to write the name of the event in the title of the row.
     """
     comparison, floor, spectra = row
     history, close_up, spectrum = panels
@@ -212,12 +202,8 @@ def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
     With several events, the x axis is the number of the event, and the highest floor has a dark
     marker. With a single event, the x axis is the number of the floor.
 
-    Parameters
-    ----------
-    panels : sequence of Axes
-        The panels of the correlation and of the peak ratio, with a common x axis.
-    comparisons : sequence of Comparison
-        Comparisons of one building, one per event.
+    `panels` contains the panels of the correlation and of the peak ratio, with a common x axis.
+    `comparisons` contains the comparisons of one building, one per event.
     """
     correlation_axes, ratio_axes = panels
     for event_number, comparison in enumerate(comparisons, start=1):
@@ -468,14 +454,7 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
     Its acceleration is the base shear divided by the participation factor and by its mass. A dashed
     line from the origin with the period T* leads to the elastic demand.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    result : TargetDisplacement
-        Target displacement of the N2 method.
-    units : OutputUnits
-        Units of displacements and accelerations.
+    `result` is the target displacement of the N2 method.
     """
     target, pushed = result.target, result.pushed
     displacement, acceleration = (
@@ -533,17 +512,9 @@ def _draw_profile(
 ) -> None:
     """Plot story drifts over the stories; drift ratios if the heights of all stories are known.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    result : Pushover
-        Pushover curve.
-    units : OutputUnits
-        Units of the axis.
-    drifts : sequence of (ndarray, int, str), optional
-        Drifts of the stories, m, with the number of their color and their label. By default, the
-        drifts at the maximum base shear (dashed) and at the end.
+    `units` contains the units of the axis. `drifts` contains the drifts of the stories, m, with the
+    number of their color and their label. By default, the drifts at the maximum base shear (dashed)
+    and at the end.
     """
     heights = [story.drift_height for story in result.model.stories]
     has_ratios = all(height is not None for height in heights)
@@ -784,14 +755,7 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
 def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     """Plot acceleration, velocity, displacement and Husid plot of a record over the time.
 
-    Parameters
-    ----------
-    column : sequence of Axes
-        The four panels from top to bottom.
-    info : RecordInfo
-        Record with its intensity measures, whose values are written in the panels.
-    units : OutputUnits
-        Units of the motion and of the Arias intensity.
+    `info`: record with its intensity measures, whose values are written in the panels.
     """
     record, measures = info.record, info.measures
     motion = integrate(record)
@@ -894,15 +858,9 @@ def _plot_profiles(
 ) -> dict[str, Any]:
     """Plot the performance profiles of all methods for one tolerance.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel; its x axis is the cost divided by the minimum cost.
-    profiles : sequence of PerformanceProfile
-        Profile of each method.
-    plot_styles : dict
-        Line style of each method (`method_styles`). If a style has a line width, its method is
-        emphasized instead of the methods in `_BOLD`.
+    `axes` is the panel; its x axis is the cost divided by the minimum cost. `plot_styles` is the
+    line style of each method (`method_styles`). If a style has a line width, its method is
+    emphasized instead of the methods in `_BOLD`.
 
     Returns
     -------
@@ -942,14 +900,8 @@ def _add_profile_footnote(figure: Figure, chart: FieldChart, narrow: bool) -> No
     of the figure increases by the lines of the text. A figure of a single method has no legend and
     no such text.
 
-    Parameters
-    ----------
-    figure : Figure
-        Figure with its legend.
-    chart : FieldChart
-        Measurements, with clock, processor and versions of the programs.
-    narrow : bool
-        True if the figure has the width of one column of a page.
+    `chart` contains the measurements, with clock, processor and versions of the programs. `narrow`
+    is True if the figure has the width of one column of a page.
     """
     timing = chart.timing
     programs = [

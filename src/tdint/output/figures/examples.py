@@ -164,16 +164,7 @@ def _draw_link(axes: Any, start: float, end: float) -> None:
 def _draw_mass(axes: Any, model: Model, index: int, left: float) -> None:
     """Draw the mass of a floor with its number and its force.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    model : Model
-        The building.
-    index : int
-        Index of the floor, from 0.
-    left : float
-        Abscissa of the left side of the mass.
+    `index` is the index of the floor, from 0.
     """
     axes.add_patch(
         Rectangle((left, -0.5 * _SIDE), _SIDE, _SIDE, facecolor="0.93", edgecolor="black")

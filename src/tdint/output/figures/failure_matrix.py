@@ -169,13 +169,6 @@ def _matrix_size(methods: Sequence[str], count: int) -> _MatrixSize:
     On a screen, the figure has a single panel, which is as wide as necessary. In print, the width
     is specified, and the columns are divided into the minimum number of panels below each other.
 
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of the rows.
-    count : int
-        Number of columns.
-
     Raises
     ------
     UsageError
@@ -204,12 +197,7 @@ def _matrix_size(methods: Sequence[str], count: int) -> _MatrixSize:
 def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
     """Return the rectangle of a cell of the matrix, with a width and a height of 1.
 
-    Parameters
-    ----------
-    x, y : float
-        Center of the cell: its column and its row.
-    mark : _Mark
-        Style of the cell, which represents the verdict of a trial.
+    `x` and `y` are the center of the cell: its column and its row.
     """
     return Rectangle(
         (x - 0.5, y - 0.5),

@@ -170,14 +170,8 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
 def _draw_derivative(axes: Any, values: Array, errors: Array | None) -> None:
     """Plot the derivative of the peak drift of each story as a bar, with its estimated error.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    values : ndarray, shape (stories,)
-        Derivatives in the unit of the axis.
-    errors : ndarray, shape (stories,), or None
-        Estimated errors; None if they were not estimated.
+    `values` contains the derivatives in the unit of the axis. `errors` contains the estimated
+    errors; None if they were not estimated.
     """
     stories = np.arange(values.size) + 1.0
     axes.barh(stories, values, height=0.62, color=LIGHT)

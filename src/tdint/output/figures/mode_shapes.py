@@ -219,14 +219,8 @@ def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> N
 def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:
     """Plot values of the stories as steps, and set limits and labels of the panel.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    rows : dict of str to ndarray, shape (stories,)
-        Values in the unit of the axis, by the combination rule, which is the label of the line.
-    label : str
-        Label of the x axis.
+    `rows` contains the values in the unit of the axis, by the combination rule, which is the label
+    of the line. `label` is the label of the x axis.
     """
     for number, (rule, values) in enumerate(rows.items()):
         over_stories(

@@ -190,17 +190,6 @@ def _draw_suite(
 ) -> dict[str, Any]:
     """Plot the lines of all results in gray, with median and fractiles of each variant.
 
-    Parameters
-    ----------
-    column : sequence of Axes
-        Panels below each other, in the order of `panels`.
-    results : sequence
-        Results with equal periods.
-    panels : sequence
-        Label and values of each panel.
-    variants : sequence
-        Variant of each result, such as its damping ratio.
-
     Returns
     -------
     dict
@@ -320,15 +309,6 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
     a line style.
 
     There is a line per spectrum. A suite has gray lines, and a median for each damping ratio.
-
-    Parameters
-    ----------
-    spectra : sequence of Spectrum
-        Spectra in SI units.
-    labels : sequence of str
-        Label of each spectrum.
-    units : OutputUnits
-        Units to which the spectra are converted.
     """
     shown = [
         replace(
@@ -459,18 +439,7 @@ def _label_scale(
     The position avoids existing labels, for units in which values 1 and 10 of two scales meet near
     the top. A label without a free position is omitted.
 
-    Parameters
-    ----------
-    axes : Axes
-        Logarithmic axes with pseudo-velocities over periods.
-    ends : ndarray, shape (2,)
-        Periods at the ends of the line.
-    velocities : ndarray, shape (2,)
-        Pseudo-velocities at the ends of the line.
-    text : str
-        Label.
-    limits : tuple of float
-        Lower and upper limit of the axis of pseudo-velocities.
+    `limits` is the lower and upper limit of the axis of pseudo-velocities.
     """
     x, y = np.log(ends), np.log(velocities)
     bottom, top = np.log(limits)
@@ -877,14 +846,7 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None
     The building height is a power of the period, which follows from the heights of the shortest and
     the longest period. Without at least two different periods and heights, no axis is added.
 
-    Parameters
-    ----------
-    axes : Axes
-        Panel with the period on the x axis.
-    spectrum : DriftSpectrum
-        Drift spectrum with the building height at each period.
-    units : OutputUnits
-        Unit of the heights.
+    `axes` is the panel with the period on the x axis.
     """
     first, last = spectrum.periods.argmin(), spectrum.periods.argmax()
     periods = spectrum.periods[[first, last]].tolist()
@@ -964,17 +926,9 @@ def _add_target(
 ) -> None:
     """Plot a target spectrum in a figure of pseudo-acceleration and displacement over the period.
 
-    Parameters
-    ----------
-    figure : Figure
-        Figure with the panels of pseudo-acceleration and of displacement.
-    target : TargetSpectrum
-        Target spectrum.
-    units : OutputUnits
-        Units of the axes.
-    legend : bool
-        True (the default) if the figure also contains spectra. The target is then listed in the
-        legend, and does not change the range of the periods.
+    `figure` is the figure with the panels of pseudo-acceleration and of displacement. `legend` is
+    True (the default) if the figure also contains spectra. The target is then listed in the legend,
+    and does not change the range of the periods.
     """
     upper, lower = figure.axes[:2]
     low, high = upper.get_xlim()

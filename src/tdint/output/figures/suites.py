@@ -104,13 +104,6 @@ def profile_picture(
 def _motions_text(profile: Profile, member: str) -> str:
     """Return the number of ground motions of a profile and the demand of pairs for a title, for
     example `11 pairs, the larger component of each`.
-
-    Parameters
-    ----------
-    profile : Profile
-        Statistics of a building.
-    member : str
-        Noun for a motion of a profile: `motion` or `run`.
     """
     runs, pairs = profile.runs, profile.pairs
     is_mean = profile.pair_demand == MEAN
@@ -208,22 +201,11 @@ def _draw_motions(
 
     For several buildings, single ground motions are not plotted.
 
-    Parameters
-    ----------
-    axes : Axes
-        Axes.
-    rows : ndarray, shape (motions, k)
-        Values of each motion.
-    line : callable
-        Function that plots a row of values. It accepts the values, shape (k,), and a line style as
-        keyword arguments.
-    plot_style : tuple of str
-        Color and label of the building (`building_styles`); the label of a single building is
-        empty.
-    largest : str
-        Label of the maximum over the motions: `largest` or `envelope`.
-    member : str
-        Noun for a motion: `motion` (the default) or `run`.
+    `line` is the function that plots a row of values. It accepts the values, shape (k,), and a line
+    style as keyword arguments. `plot_style` is the color and label of the building
+    (`building_styles`); the label of a single building is empty. `largest` is the label of the
+    maximum over the motions: `largest` or `envelope`. `member` is the noun for a motion: `motion`
+    (the default) or `run`.
     """
     color, name = plot_style
     if not name:
@@ -239,17 +221,6 @@ def _draw_motions(
 def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
     """Plot values over the height of a building: values of floors as a line through points, or
     values of stories as steps.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    values : ndarray, shape (stories,)
-        Values from the lowest floor or story.
-    by_floor : bool
-        True for values of floors, false for values of stories.
-    **style
-        Line style.
     """
     # Story i extends from i - 0.5 to i + 0.5; its floor is at i + 0.5.
     if by_floor:
@@ -270,19 +241,11 @@ def _finish_row(
 ) -> None:
     """Add limits, ticks and labels to a row of panels: drifts, accelerations, shears.
 
-    Parameters
-    ----------
-    axes : sequence of Axes
-        The panels of drifts, floor accelerations and shears, with the lines of all motions. The
-        shears are in N and are converted to the unit of the axis.
-    profiles : sequence of Profile
-        Results of the row, whose numbers of collapsed and failed runs are stated.
-    units : OutputUnits
-        Units of the axes.
-    limit : float or None
-        Limit of the drift ratio, which is marked; None without a limit.
-    level : str
-        Intensity level of the row; empty if there is a single level.
+    `axes` contains the panels of drifts, floor accelerations and shears, with the lines of all
+    motions. The shears are in N and are converted to the unit of the axis. `profiles` contains the
+    results of the row, whose numbers of collapsed and failed runs are stated. `limit` is the limit
+    of the drift ratio, which is marked; None without a limit. `level` is the intensity level of the
+    row; empty if there is a single level.
     """
     drifts, accelerations, shears = axes
     if limit is not None:

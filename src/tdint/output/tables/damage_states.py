@@ -411,15 +411,6 @@ of `TypeDamage.scatter`."""
 def _exceeding(loss: float, means: Array, deviations: Array, maxima: Array) -> Array:
     """Return the probability that each of several losses, which have beta distributions between 0
     and `maxima`, reaches or exceeds `loss`.
-
-    Parameters
-    ----------
-    loss : float
-        Loss to be reached or exceeded.
-    means, deviations : ndarray, shape (k,)
-        Means and standard deviations of the losses.
-    maxima : ndarray, shape (k,)
-        Maximum losses, the upper bounds of the distributions.
     """
     mean, relative_loss = means / maxima, loss / maxima
     # A beta distribution with this mean has a variance below mean (1 - mean). The factor keeps a
@@ -447,13 +438,9 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
 def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
     """Yield the rows of exceedance.csv: the events of each loss curve, by decreasing mean loss.
 
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign, with losses and the rates of the events.
-    by : str or None
-        Column of the inventory. In addition to the curve for all buildings, each value of this
-        column has a curve.
+    `store` is the store of the campaign, with losses and the rates of the events. `by` is the
+    column of the inventory. In addition to the curve for all buildings, each value of this column
+    has a curve.
     """
     costs, pair_demand = has_costs(store), _pair_demand(store)
     # There is a loss curve for each group of buildings and each level. Its points are the events;
@@ -478,14 +465,8 @@ def _curve_cells(
 
     The cells belong to the columns from `rate` to `cumulative_annual_loss`.
 
-    Parameters
-    ----------
-    curve : sequence of (float, TypeDamage)
-        Mean loss and damage in each event, in the order of decreasing mean loss.
-    rates : mapping of str to float
-        Annual rate of each event.
-    costs : bool
-        True if losses are amounts of money, False if they are loss ratios.
+    `curve` is the mean loss and damage in each event, in the order of decreasing mean loss. `costs`
+    is True if losses are amounts of money, False if they are loss ratios.
     """
     event_rates = np.array([rates[event.event] for _, event in curve])
     means = np.array([mean_loss for mean_loss, _ in curve])

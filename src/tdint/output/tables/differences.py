@@ -180,14 +180,8 @@ class _Scale:
     ) -> bool:
         """Return True if two cells of a column are numbers that are equal within rounding.
 
-        Parameters
-        ----------
-        column : str
-            Name of the column.
-        row : sequence of str
-            Row of the previous table.
-        cells : tuple of two str or None
-            Previous and current cell; None if the row has no such cell.
+        `column` is the name of the column. `cells` is the previous and current cell; None if the
+        row has no such cell.
         """
         before, now = map(_number, cells)
         if not math.isfinite(now - before):
@@ -365,12 +359,7 @@ def json_differences(
 def _collect_magnitudes(value: Any, magnitudes: dict[str, float]) -> None:
     """Return the maximum magnitude of the numbers of each key in a JSON value, at any depth.
 
-    Parameters
-    ----------
-    value : object
-        The JSON value.
-    magnitudes : dict of str to float
-        Maximum magnitude by key, which is updated.
+    `magnitudes`: maximum magnitude by key, which is updated.
     """
     if isinstance(value, Mapping):
         for key, item in value.items():
@@ -404,21 +393,7 @@ class _Scope:
 def _json_differences(
     file: str, path: str, before: Any, now: Any, magnitudes: Mapping[str, float], scope: _Scope
 ) -> Iterator[Difference]:
-    """Yield the differences between two JSON values.
-
-    Parameters
-    ----------
-    file : str
-        Name of the file.
-    path : str
-        Keys that lead to the values, separated by dots.
-    before, now : object
-        The values.
-    magnitudes : mapping of str to float
-        Maximum magnitude of the numbers of each key.
-    scope : _Scope
-        Compared keys.
-    """
+    """Yield the differences between two JSON values."""
     if isinstance(now, str):
         now = scope.original_paths.get(now, now)
     if isinstance(before, Mapping) and isinstance(now, Mapping):
@@ -459,15 +434,7 @@ def _value_text(value: Any) -> str:
 
 
 def _json_magnitude(key: str, magnitudes: Mapping[str, float]) -> float:
-    """Return the magnitude that determines the rounding of the numbers of a key.
-
-    Parameters
-    ----------
-    key : str
-        Key of the numbers.
-    magnitudes : mapping of str to float
-        Maximum magnitude of the numbers of each key.
-    """
+    """Return the magnitude that determines the rounding of the numbers of a key."""
     reference = _reference(key)
     if reference == "":
         return 1.0

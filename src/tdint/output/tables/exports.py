@@ -86,18 +86,7 @@ def _write_parquet(
 
     Text columns have the type string, except columns of the inventory that contain only numbers.
 
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
-    stream : BinaryIO
-        Output.
-    columns : sequence of Column
-        Columns of the rows.
-    rows : iterable of sequence
-        Rows.
-    inventory_count : int
-        Number of inventory columns, which are the last columns; 0 by default.
+    `inventory_count` is the number of inventory columns, which are the last columns; 0 by default.
     """
     pyarrow, parquet = (import_optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
     # Inventory columns that contain only numbers are numeric. Their cells are text in `rows`.
@@ -202,14 +191,7 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
     """Yield the rows of the SimCenter export, one per building, ground motion, scale factor and
     sample, each as a tuple of two lists: identifiers of the run, and demands in all directions.
 
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
-    stories : int
-        Number of stories of the tallest building.
-    directions : int
-        1 if all ground motions are single components, 2 if there are pairs.
+    `directions` is 1 if all ground motions are single components, 2 if there are pairs.
     """
     name_cells, records = run_heads(store), store.records()
     pga_of_record = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
@@ -238,14 +220,8 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
 def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
     """Return the cells of the demands of a run, in the order of `demand_names`.
 
-    Parameters
-    ----------
-    rows : list of tuple
-        Rows of the stories in the store, from the ground up.
-    pga : float
-        Peak ground acceleration of the scaled motion, m/s^2.
-    stories : int
-        Number of stories of the tallest building. Cells of missing stories are empty (None).
+    `pga` is the peak ground acceleration of the scaled motion, m/s^2. `stories` is the number of
+    stories of the tallest building. Cells of missing stories are empty (None).
     """
     # `columns` contains the cells of all stories by the name of the column, such as all heights.
     columns = dict(zip(STORIES.columns, zip(*rows, strict=True), strict=False))
@@ -356,16 +332,7 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
 def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable[str]) -> bytes:
     """Return an OpenQuake model in NRML.
 
-    Parameters
-    ----------
-    model : str
-        Element of the model: `fragilityModel` or `vulnerabilityModel`.
-    name : str
-        Name of the building, for the description.
-    functions : sequence of Fragility
-        Functions of the model; the description states their fit.
-    lines : iterable of str
-        Lines of XML with the functions.
+    `model` is the element of the model: `fragilityModel` or `vulnerabilityModel`.
     """
     document = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -404,12 +371,7 @@ def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[s
 def _state_names(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float, str]:
     """Return the names of the limit states by threshold, in ascending order of the thresholds.
 
-    Parameters
-    ----------
-    functions : sequence of Fragility
-        Functions with thresholds.
-    states : sequence of str
-        Names; ds1, ds2, ... if empty.
+    `states` contains the names; ds1, ds2, . if empty.
 
     Raises
     ------

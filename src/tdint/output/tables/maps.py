@@ -116,14 +116,7 @@ def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> I
     """Yield the feature of each building, event and level, with the properties that
     `write_geojson` describes.
 
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
-    units : OutputUnits
-        Units of the demands.
-    requested : collection of str
-        Events to write; all if empty.
+    `requested` contains the events to write; all if empty.
     """
     from tdint.campaign.batch import Run
     from tdint.campaign.profiles import SuiteRules
@@ -215,14 +208,7 @@ def _annual_losses(
 ) -> dict[tuple[int, int], float]:
     """Return the annual loss ratios of a building: annual rate of the event times mean loss ratio.
 
-    Parameters
-    ----------
-    damage : BuildingDamage
-        Damage and loss in each run of the building.
-    rates : mapping of str to float
-        Annual rate of each event by its name.
-    events : sequence of str
-        Names of the events; the number of an event is its position, from 1.
+    `events` contains the names of the events; the number of an event is its position, from 1.
 
     Returns
     -------
@@ -253,17 +239,9 @@ def _losses(
     """Return the properties `value`, `loss`, `annual_loss` and `average_annual_loss` of a building;
     empty if the results contain no loss ratio.
 
-    Parameters
-    ----------
-    results : Feature
-        Results of the damage states, with the mean loss ratio.
-    value : float
-        Cost of all buildings of the row; nan without costs.
-    annual_losses : mapping of (int, int) to float
-        Annual rate times mean loss ratio, by rank of the level and number of the event; empty
-        without rates.
-    rank, event : int
-        Rank of the level, and number of the event.
+    `value` is the cost of all buildings of the row; nan without costs. `annual_losses` is the
+    annual rate times mean loss ratio, by rank of the level and number of the event; empty without
+    rates.
     """
     if LOSS.name not in results:
         return {}
@@ -334,16 +312,8 @@ def _districts(
     The properties are the numbers of buildings and runs, the mean loss, and with event rates the
     annual loss due to the event and the average annual loss of the district over all events.
 
-    Parameters
-    ----------
-    store : Store
-        Store of a campaign with losses.
-    by : str
-        Column of the inventory.
-    polygons : mapping or None
-        Geometry by the value of the column; None for the points of the buildings.
-    requested : collection of str
-        Events to write; all if empty.
+    `polygons` is the geometry by the value of the column; None for the points of the buildings.
+    `requested` contains the events to write; all if empty.
     """
     positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
     groups = list(group_damages(store, by=by))
@@ -479,15 +449,6 @@ def _level_properties(
     They are the scale factor or the level, the numbers of ground motions, and the mean and maximum
     of each demand. A demand is None without completed runs, or if it is undefined (no drift ratio
     without height).
-
-    Parameters
-    ----------
-    level : SuiteLevel
-        Outcome of the runs of a building at a level.
-    runs : mapping of Run to sequence
-        Row of each run, in the order of the columns of `RUNS`.
-    units : OutputUnits
-        Units of the demands.
     """
     properties: Feature = {}
     for name, number in (("scale", level.scale), ("level", level.level)):
@@ -513,14 +474,7 @@ def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
 
     They are the mean probability of each outcome and the mean loss ratio; None without results.
 
-    Parameters
-    ----------
-    damage : BuildingDamage
-        Damage in each run of the building.
-    rank : int
-        Rank of the intensity level.
-    event : int
-        Number of the event; 0 for the runs of all events.
+    `event` is the number of the event; 0 for the runs of all events.
     """
     # The sample of a run is the number of its event; event 0 selects all runs.
     is_of_event = np.array([event in (0, sample) for _, _, sample in damage.keys])

@@ -212,14 +212,7 @@ def _chart_error(quantity: str, meaning: str, name: str = "") -> Column:
 
     The cell of a point without errors, such as a failed run, is nan.
 
-    Parameters
-    ----------
-    quantity : str
-        Attribute of the errors of a point, such as `peak_drift`.
-    meaning : str
-        Description of the error.
-    name : str
-        Start of the column name; the quantity by default.
+    `name` is the start of the column name; the quantity by default.
     """
     return Column(
         f"{name or quantity}_error",
@@ -292,14 +285,9 @@ def _example_errors(reference: str, description: str, prefix: str = "") -> tuple
     """Return the columns of the errors of an example of the paper: displacement, velocity and
     acceleration.
 
-    Parameters
-    ----------
-    reference : str
-        Reference of the errors, a key of `tdint.analysis.assessment.paper_examples.REFERENCES`.
-    description : str
-        Description of the reference.
-    prefix : str
-        Start of the column names.
+    `reference` is the reference of the errors, a key of
+    `tdint.analysis.assessment.paper_examples.REFERENCES`. `prefix` is the start of the column
+    names.
     """
 
     def column(quantity: str, unit: str) -> Column:

@@ -277,12 +277,7 @@ def _bound(bound: int, parameter: str) -> Column:
     """Return the column of a parameter of a fragility function that was fitted with the failed
     runs.
 
-    Parameters
-    ----------
-    bound : int
-        0: all failed runs count as exceeding the threshold; 1: as not exceeding it.
-    parameter : str
-        `theta` (median) or `beta` (dispersion).
+    `bound` is 0: all failed runs count as exceeding the threshold; 1: as not exceeding it.
     """
     name_end, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[bound]
     return Column(
@@ -314,12 +309,8 @@ def _value_in_bin(bin_index: int, attribute: str) -> Callable[[Fragility], float
 
     The runs of a fit are counted in bins of the intensity.
 
-    Parameters
-    ----------
-    bin_index : int
-        Index of the bin, from 0.
-    attribute : str
-        Attribute of `Counted`, an array with one value per bin.
+    `bin_index` is the index of the bin, from 0. `attribute` is the attribute of `Counted`, an array
+    with one value per bin.
     """
 
     def value(function: Fragility) -> float:
