@@ -406,12 +406,8 @@ _COORDINATE_COLUMNS = ("sd_m", "sa_g")
 def _curve(source: str, points: list[tuple[float, float]]) -> CapacityCurve:
     """Return the capacity curve through points.
 
-    Parameters
-    ----------
-    source : str
-        Start of the error message: the file, and the class if the file contains several.
-    points : list of (float, float)
-        Spectral displacement (m) and spectral acceleration (g) of each point.
+    `source` is the start of the error message: the file, and the class if the file contains
+    several. `points` is the spectral displacement (m) and spectral acceleration (g) of each point.
 
     Raises
     ------

@@ -234,11 +234,6 @@ class _Assets:
     def read_csv(self, file_name: str) -> None:
         """Read the assets of a CSV file and add their rows or errors.
 
-        Parameters
-        ----------
-        file_name : str
-            Path of the file; `-` is standard input.
-
         Raises
         ------
         ModelError
@@ -272,14 +267,8 @@ class _Assets:
     ) -> None:
         """Raise ModelError if a CSV file lacks a column, or has a cost without a cost type.
 
-        Parameters
-        ----------
-        file_name : str
-            Name of the CSV file.
-        table : CsvTable
-            Header of the CSV file.
-        field_columns : mapping of str to int or None
-            Index of the column of each field of `_FIELDS`; None without a column.
+        `field_columns` is the index of the column of each field of `_FIELDS`; None without a
+        column.
         """
         # The first five fields are required in any case, cost and area only for some cost types.
         missing = [name for name in _FIELDS[:5] if field_columns[name] is None]
@@ -319,17 +308,7 @@ class _Assets:
         self._model.assets.clear()
 
     def _add_asset(self, source: str, line: int, values: Mapping[str, str]) -> None:
-        """Convert an asset to a row of the inventory, or report its errors.
-
-        Parameters
-        ----------
-        source : str
-            File, for messages.
-        line : int
-            Line of the asset in the file.
-        values : mapping of str to str
-            Text of each field of the asset.
-        """
+        """Convert an asset to a row of the inventory, or report its errors."""
         earlier_fault_count = self._fault_count
 
         def fault(name: str, message: str) -> None:
@@ -384,14 +363,9 @@ class _Assets:
     ) -> float:
         """Return the structural cost of one building of an asset.
 
-        Parameters
-        ----------
-        count : float
-            Number of buildings of the asset.
-        nonnegative : callable
-            Function that returns the number in a field and reports an error if it is negative.
-        fault : callable
-            Function that reports an error of a field; its parameters are the field and the message.
+        `nonnegative` is the function that returns the number in a field and reports an error if it
+        is negative. `fault` is the function that reports an error of a field; its parameters are
+        the field and the message.
         """
         value, cost_type = nonnegative(_STRUCTURAL), self._model.cost_type
         if cost_type == _PER_AREA:
@@ -431,13 +405,6 @@ class _Assets:
 
 def _parse(source: str, data: bytes) -> _ExposureModel:
     """Return the contents of an XML file.
-
-    Parameters
-    ----------
-    source : str
-        Name of the file, for messages.
-    data : bytes
-        Content of the file.
 
     Raises
     ------
@@ -502,18 +469,7 @@ def _store_element(
 ) -> None:
     """Store the attributes of an element of an exposure model in `model`.
 
-    Parameters
-    ----------
-    source : str
-        File, for messages.
-    line : int
-        Line of the element.
-    path : sequence of str
-        Names of the element and of all elements that contain it.
-    attributes : mapping
-        Attributes of the element.
-    model : _ExposureModel
-        Contents of the file, changed by this function.
+    `model` contains the contents of the file, changed by this function.
 
     Raises
     ------
@@ -545,19 +501,7 @@ def _store_element(
 
 
 def _choice(source: str, line: int, text: str, allowed: Sequence[str]) -> str:
-    """Return a type of costs or areas; raise ModelError if it is unknown.
-
-    Parameters
-    ----------
-    source : str
-        Name of the file, for messages.
-    line : int
-        Line of the type in the file.
-    text : str
-        Type in the file.
-    allowed : sequence of str
-        Known types.
-    """
+    """Return a type of costs or areas; raise ModelError if it is unknown."""
     if text not in allowed:
         raise ModelError(
             f"{source}:{line}: type must be one of {', '.join(allowed)}, got {text[:40]!r}"

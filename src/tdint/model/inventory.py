@@ -204,11 +204,6 @@ def _separate_valid_rows(table: _Table) -> tuple[InventoryRows, list[ModelFault]
     """Return the valid rows of a table, and the errors of the other rows in the order of the file.
 
     The first of several rows with the same id is valid, the other rows are errors.
-
-    Parameters
-    ----------
-    table : _Table
-        Table with all rows of the file.
     """
     faults: list[ModelFault] = []
     # In a table of a million rows almost all rows are valid. Only the other rows are read cell by
@@ -299,10 +294,7 @@ class _Table:
     def read(self, rows: Iterator[tuple[int, list[str]]]) -> None:
         """Read all rows and fill `columns`, `lines` and `overfull`.
 
-        Parameters
-        ----------
-        rows : iterator of (int, list of str)
-            Line number and cells of each row.
+        `rows` contains the line number and cells of each row.
         """
         width = len(self.table.header)
         self.columns.extend(TextColumn() for _ in range(width))
@@ -585,14 +577,7 @@ class _Row:
     def fault(self, index: int, name: str, message: str) -> None:
         """Report an error of a cell.
 
-        Parameters
-        ----------
-        index : int
-            Index of the column, from 0.
-        name : str
-            Name of the column.
-        message : str
-            Description of the error.
+        `index` is the index of the column, from 0. `name` is the name of the column.
         """
         source = self._table.table.source
         self._faults.append(ModelFault(source, self._line, index + 1, name, message))
@@ -672,14 +657,9 @@ class _Row:
     def _number(self, name: str, bounds: Bounds | None = None, expected: str = "") -> float:
         """Return the number in a column, or nan after reporting an error.
 
-        Parameters
-        ----------
-        name : str
-            Name of the column.
-        bounds : Bounds, optional
-            Allowed range. Default: the range in `_NUMBERS`.
-        expected : str
-            Description of the allowed values for the message. Default: that of `bounds`.
+        `name` is the name of the column. `bounds` is the allowed range. Default: the range in
+        `_NUMBERS`. `expected` is the description of the allowed values for the message. Default:
+        that of `bounds`.
         """
         text, bounds = self._cell(name), bounds or _NUMBERS[name]
         value = number(text)
@@ -693,12 +673,7 @@ class _Row:
     def _integer(self, name: str, low: int, high: int) -> int:
         """Return the integer in a column, or 0 after reporting an error.
 
-        Parameters
-        ----------
-        name : str
-            Name of the column.
-        low, high : int
-            Allowed range, inclusive.
+        `name` is the name of the column.
         """
         expected = f"a whole number from {low} to {high}"
         value = self._number(name, Bounds(low, high), expected)
@@ -714,12 +689,7 @@ class _Row:
         """Return the value in a column with few allowed values, or an empty text after reporting an
         error.
 
-        Parameters
-        ----------
-        name : str
-            Name of the column.
-        spellings : mapping of str to str
-            Allowed value by each of its spellings in lower case.
+        `name` is the name of the column.
         """
         text = self._cell(name)
         if text.lower() in spellings:
@@ -835,12 +805,7 @@ def derive_row(
 def _sample_factor(random: np.random.Generator, deviation: float) -> float:
     """Sample a positive factor with a normal distribution of mean 1.
 
-    Parameters
-    ----------
-    random : numpy.random.Generator
-        Generator of the samples; its state is changed by this function.
-    deviation : float
-        Standard deviation of the normal distribution.
+    `random`: generator of the samples; its state is changed by this function.
     """
     # A factor on a stiffness or a damping ratio must be positive. Other values of the normal
     # distribution are sampled again.
@@ -904,13 +869,6 @@ def _multilinear_text(story: Story, degradation: bool) -> str:
     points); 16 to 21, the pinching of each direction (3 values); 22, the ultimate drift; 23 to 37,
     the degradation of stiffness, drift and strength (5 values each); 38, the energy capacity. Only
     the first direction is written, because `CapacityBuilding.stories` makes the laws symmetric.
-
-    Parameters
-    ----------
-    story : Story
-        Story of a building with a capacity curve.
-    degradation : bool
-        Write the degradation.
     """
     parameters = story.law.parameters
     points = ", ".join(

@@ -273,13 +273,6 @@ def path_faults(
 def _branch_force_fault(story: _LawStory, point: _PathPoint) -> str:
     """Return the message, with the remedy, about a law with a force that differs from the force on
     its branch.
-
-    Parameters
-    ----------
-    story : _LawStory
-        Story with the law and its functions.
-    point : _PathPoint
-        Point of the path with different forces.
     """
     law, functions = story.law, story.functions
     forces = (
@@ -312,12 +305,8 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
 
     A law dissipates energy if its force at a drift is different after a larger drift.
 
-    Parameters
-    ----------
-    story : _LawStory
-        Story with the law and its functions.
-    yield_drift : float
-        Drift at first yield, m. Fixed path sizes are used if it is not positive and finite.
+    `yield_drift` is the drift at first yield, m. Fixed path sizes are used if it is not positive
+    and finite.
 
     Returns
     -------
@@ -381,14 +370,8 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
 
     The functions of the law are called directly, because the law may not have a number yet.
 
-    Parameters
-    ----------
-    story : _LawStory
-        Story at rest.
-    drifts : array
-        Drifts of the path in their order, m.
-    increment : float
-        Increment of drift of the finite differences for slopes, m.
+    `drifts` contains the drifts of the path in their order, m. `increment` is the increment of
+    drift of the finite differences for slopes, m.
 
     Yields
     ------
@@ -438,18 +421,8 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
 def _no_branch(law_parameters: Array, law_state: Array, i: int, block: int, event: int) -> None:
     """Keep the branch unchanged; used as `switch` for laws without branches.
 
-    Parameters
-    ----------
-    law_parameters : array
-        Table of the parameters of the stories.
-    law_state : array
-        State of the stories.
-    i : int
-        Index of the story.
-    block : int
-        First row of the block of `law_state` with the branch.
-    event : int
-        Event that ends the current branch: ABOVE, BELOW or REVERSED.
+    `block` is the first row of the block of `law_state` with the branch. `event` is the event that
+    ends the current branch: ABOVE, BELOW or REVERSED.
     """
 
 
@@ -461,16 +434,8 @@ def _evaluate(
 
     The state at the drift is written to the first trial block of `law_state`.
 
-    Parameters
-    ----------
-    functions : LawFunctions
-        Functions of the law.
-    table : array, shape (rows, 2)
-        Parameters of the story in the first column.
-    law_state : array, shape (rows, 2)
-        State of the story in the first column; changed by this function.
-    drift : float
-        Drift to reach, m.
+    `table` contains the parameters of the story in the first column. `law_state` is the state of
+    the story in the first column; changed by this function. `drift` is the drift to reach, m.
     """
     law_state[rows.FIRST_TRIAL + rows.DRIFT, 0] = drift
     tangent = functions.force(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL, drift)
@@ -485,16 +450,8 @@ def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arr
     law without `keep` does not store a branch in its trial state: a new branch starts from the
     committed state.
 
-    Parameters
-    ----------
-    law : DriftLaw
-        Definition of the law.
-    functions : LawFunctions
-        Functions of the law.
-    table : array, shape (rows, 2)
-        Parameters of the story in the first column.
-    law_state : array, shape (rows, 2)
-        State of the story in the first column; changed by this function.
+    `table` contains the parameters of the story in the first column. `law_state` is the state of
+    the story in the first column; changed by this function.
     """
     if functions.accumulate_dissipation is not None:
         functions.accumulate_dissipation(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
@@ -514,16 +471,8 @@ def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arra
     indicates that the branch is not linear. A law with the function `enter` then replaces this
     branch.
 
-    Parameters
-    ----------
-    law : DriftLaw
-        Definition of the law.
-    functions : LawFunctions
-        Functions of the law.
-    table : array, shape (rows, 2)
-        Parameters of the story in the first column.
-    law_state : array, shape (rows, 2)
-        State of the story in the first column; changed by this function.
+    `table` contains the parameters of the story in the first column. `law_state` is the state of
+    the story in the first column; changed by this function.
     """
     law_state[rows.SLOPE, 0] = math.inf if law.curved else table[rows.STIFFNESS, 0]
     law_state[rows.RATE_SIGN, 0] = 0.0
@@ -539,12 +488,8 @@ def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arra
 def _yield_drift(law: DriftLaw, column: Array) -> float:
     """Return the drift at first yield that a law declares for its parameters, m.
 
-    Parameters
-    ----------
-    law : DriftLaw
-        Definition of the law.
-    column : array
-        Values of the story: number of the law, stiffness and the parameters of the law.
+    `column` contains the values of the story: number of the law, stiffness and the parameters of
+    the law.
     """
     return float(
         law.yield_drift(float(column[rows.STIFFNESS]), column[rows.FIRST_PARAMETER :].tolist())
@@ -557,10 +502,7 @@ def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
     No parameters are generated for laws with lists or points as parameters. The path of such a law
     is verified with the parameters of the first model that uses it.
 
-    Parameters
-    ----------
-    law : DriftLaw
-        The law. Parameters outside of the bounds that it declares are not generated.
+    `law` is the law. Parameters outside of the bounds that it declares are not generated.
 
     Yields
     ------
@@ -594,13 +536,6 @@ def _sampled_faults(law: DriftLaw, column: Array) -> list[str]:
     The result is empty if the law cannot be executed with these parameters, because a law may
     require more than the bounds that it declares. It is verified again with the parameters of the
     first model that uses it.
-
-    Parameters
-    ----------
-    law : DriftLaw
-        The law.
-    column : ndarray, shape (rows,)
-        Number of the law, initial stiffness and parameters.
     """
     try:
         return path_faults(law, column)

@@ -358,14 +358,7 @@ def _rayleigh_damping(
     A building of two stories has the ratio in modes 1 and 2. In a building of one story, mass and
     stiffness contribute half of the damping each.
 
-    Parameters
-    ----------
-    omega : array
-        Circular frequencies of the modes, from the first mode on, rad/s.
-    ratio : float
-        Damping ratio of the two modes.
-    mass_only : bool
-        Omit the part that is proportional to the stiffness.
+    `omega` contains the circular frequencies of the modes, from the first mode on, rad/s.
     """
     second_mode = min(omega.size, 3)
     if second_mode == 1:

@@ -287,12 +287,8 @@ _TOLERANCE = float(np.finfo(float).tiny)
 def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     """Raise ModelError if P-delta makes the stiffness of a story zero or negative.
 
-    Parameters
-    ----------
-    stiffness : array, shape (n,)
-        Spring stiffnesses with P-delta, N/m.
-    geometric : array, shape (n,), optional
-        P-delta part of the stiffnesses, N/m (negative), which the message then states.
+    `stiffness` contains the spring stiffnesses with P-delta, N/m. `geometric` is the p-delta part
+    of the stiffnesses, N/m (negative), which the message then states.
     """
     is_unstable = stiffness <= 0.0
     if not is_unstable.any():

@@ -224,16 +224,8 @@ def _make_sensor(
 ) -> Sensor | None:
     """Return the sensor of a mapping, and report errors in the combination of its entries.
 
-    Parameters
-    ----------
-    value : Value
-        The mapping.
-    units : str or None
-        Text of the key `units`; it is read again together with the quantity.
-    sign : int or None
-        Value of the key `sign`; None if it is missing.
-    **entries
-        Values of the other keys.
+    `units` is the text of the key `units`; it is read again together with the quantity. `sign` is
+    the value of the key `sign`; None if it is missing.
     """
     # `column` selects a series in a table, `component` a series in a record.
     column, sign_entry = value.peek("column"), value.peek("sign")

@@ -185,14 +185,9 @@ def _uniform_mode_stiffness(
     The strengths are proportional to the stiffnesses. The base shear at yield is the fraction
     `_BASE_SHEAR` of the weight.
 
-    Parameters
-    ----------
-    units : _UnitSystem
-        Units of the model file. Its `load_key` determines if loads are masses or weights.
-    loads : sequence of float
-        Masses (t) or weights (in the unit of force) of the floors from the ground up.
-    omega : float
-        Circular frequency of the first mode, rad/s.
+    `units` contains the units of the model file. Its `load_key` determines if loads are masses or
+    weights. `loads` contains the masses (t) or weights (in the unit of force) of the floors from
+    the ground up. `omega` is the circular frequency of the first mode, rad/s.
 
     Returns
     -------
@@ -286,17 +281,9 @@ def _remaining_lines(
 ) -> list[str]:
     """Return the lines of a model file for damping, load, analysis and output units.
 
-    Parameters
-    ----------
-    units : _UnitSystem
-        System of units, which defines the output units.
-    motion : str or None
-        File of the record; None for free vibration.
-    displacements : list of str
-        Initial displacements from the ground up, as text, in the units of the file; used only
-        without a record.
-    damping : bool
-        Include the line for damping.
+    `motion` is the file of the record; None for free vibration. `displacements` contains the
+    initial displacements from the ground up, as text, in the units of the file; used only without a
+    record.
     """
     lines = (
         ["damping: 5%  # Rayleigh damping in modes 1 and 3 (or the last mode)"] if damping else []
@@ -457,14 +444,8 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
 def _find_column(table: CsvTable, quantity: str, units: dict[str, float]) -> tuple[str, float]:
     """Return the name of the column of a quantity, and the factor of its unit to SI units.
 
-    Parameters
-    ----------
-    table : CsvTable
-        Table of story curves.
-    quantity : str
-        `drift` or `shear`. The column is named after the quantity and a unit, such as `drift_mm`.
-    units : dict of str to float
-        Factor to SI units of each unit.
+    `quantity` is `drift` or `shear`. The column is named after the quantity and a unit, such as
+    `drift_mm`.
 
     Raises
     ------
@@ -516,14 +497,7 @@ def _fit_slopes(
 ) -> tuple[Array, Array]:
     """Fit a polygon with given corners through the origin to a curve, by least squares.
 
-    Parameters
-    ----------
-    drift, shear : array, shape (points,)
-        Relative drifts and shears of the curve.
-    corners : array, shape (corners,)
-        Relative drifts of the corners, in any order.
-    is_flat : bool
-        Set the slope after the last corner to zero; it is omitted from the result.
+    `is_flat` is True to set the slope after the last corner to zero; it is omitted from the result.
 
     Returns
     -------
@@ -555,16 +529,8 @@ def _fit_polygon(
 ) -> FittedNumbers:
     """Fit the corners and slopes of a polygon to a curve, by least squares.
 
-    Parameters
-    ----------
-    start_fractions : tuple of float
-        Start values of the drifts of the corners, as fractions of `start_drift`.
-    is_flat : bool
-        Set the slope after the last corner to zero.
-    drift, shear : array, shape (points,)
-        Relative drifts and shears of the curve.
-    start_drift : float
-        Relative drift that determines the start values.
+    `start_fractions` contains the start values of the drifts of the corners, as fractions of
+    `start_drift`. `is_flat` is True to set the slope after the last corner to zero.
 
     Returns
     -------
@@ -597,13 +563,6 @@ def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbe
     """Fit a backbone curve with four points to a story curve, by least squares.
 
     The last point has the maximum drift.
-
-    Parameters
-    ----------
-    drift, shear : array, shape (points,)
-        Relative drifts and shears of the curve.
-    start_drift : float
-        Start value of the relative drift of the second point.
 
     Returns
     -------
@@ -659,12 +618,8 @@ def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbe
 def _bilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLaw:
     """Return a bilinear law from its relative corner drift and the two relative slopes.
 
-    Parameters
-    ----------
-    fitted : array, shape (3,)
-        Relative drift of the corner, slope before it and slope after it.
-    max_drift, max_shear : float
-        Maximum drift (m) and shear (N) of the curve.
+    `fitted` is the relative drift of the corner, slope before it and slope after it. `max_drift`
+    and `max_shear` are the maximum drift (m) and shear (N) of the curve.
     """
     corner, first_slope, second_slope = fitted
     # The hardening ratio of the law must be less than 1.
@@ -680,13 +635,9 @@ def _bilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLa
 def _trilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLaw:
     """Return a trilinear law from the relative drifts of its corners and two relative slopes.
 
-    Parameters
-    ----------
-    fitted : array, shape (4,)
-        Relative drifts of the yield point and the ultimate point, slope before the yield point and
-        slope between the points.
-    max_drift, max_shear : float
-        Maximum drift (m) and shear (N) of the curve.
+    `fitted` contains the relative drifts of the yield point and the ultimate point, slope before
+    the yield point and slope between the points. `max_drift` and `max_shear` are the maximum drift
+    (m) and shear (N) of the curve.
     """
     yield_drift, ultimate_drift, first_slope, second_slope = fitted
     yield_force = float(first_slope * yield_drift * max_shear)
@@ -704,12 +655,8 @@ def _trilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedL
 def _multilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLaw:
     """Return a multilinear law from the relative drifts and shears of its points.
 
-    Parameters
-    ----------
-    fitted : array, shape (8,)
-        Relative drifts of four points, followed by their relative shears.
-    max_drift, max_shear : float
-        Maximum drift (m) and shear (N) of the curve.
+    `fitted` contains the relative drifts of four points, followed by their relative shears.
+    `max_drift` and `max_shear` are the maximum drift (m) and shear (N) of the curve.
     """
     drifts = max_drift * fitted[:4]
     shears = max_shear * np.maximum(fitted[4:], _MIN_SHEAR)

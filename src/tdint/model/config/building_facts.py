@@ -139,14 +139,8 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
 def _read_needed(section: Section, name: str, advice: str = "") -> Any:
     """Return the converted value of a required entry; None after reporting an error.
 
-    Parameters
-    ----------
-    section : Section
-        Section of the building.
-    name : str
-        Key of the entry, one of the keys of `BUILDING`.
-    advice : str
-        Remedy in the message if the entry is missing. Default: the allowed values of a choice.
+    `advice` is the remedy in the message if the entry is missing. Default: the allowed values of a
+    choice.
     """
     value_type = BUILDING.types()[name]
     if isinstance(value_type, Choice) and not advice:
@@ -156,15 +150,7 @@ def _read_needed(section: Section, name: str, advice: str = "") -> Any:
 
 
 def _building_of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
-    """Return the building of a capacity curve; None after reporting an error.
-
-    Parameters
-    ----------
-    section : Section
-        Section of the building.
-    unit : ModelUnits
-        Units of the model file.
-    """
+    """Return the building of a capacity curve; None after reporting an error."""
     curve_entry = section.get("capacity")
     path = curve_entry.file() if curve_entry else None
     curve = None

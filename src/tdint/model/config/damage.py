@@ -174,15 +174,7 @@ def losses_in_order(losses: Mapping[str, float], states: Sequence[str]) -> tuple
 
 
 def _entries_by_state(value: Value, expected: str) -> dict[str, Value] | None:
-    """Return the entry of each damage state by its name; None after reporting an error.
-
-    Parameters
-    ----------
-    value : Value
-        Mapping with one entry for each state.
-    expected : str
-        Description of the mapping, for messages.
-    """
+    """Return the entry of each damage state by its name; None after reporting an error."""
     entries = value.named(expected, f"is empty; give {expected}")
     for name, entry in (entries or {}).items():
         if not is_state(name):

@@ -143,16 +143,8 @@ def _read_level(
 ) -> list[Limit]:
     """Return the limits of one performance level, at most one for each quantity.
 
-    Parameters
-    ----------
-    section : Section
-        Section with a key for each limited quantity.
-    level : str
-        Name of the level; empty for limits without a level.
-    unit : ModelUnits
-        Units of the file.
-    stories : sequence of Story
-        Stories of the model; empty after an error.
+    `level` is the name of the level; empty for limits without a level. `stories` contains the
+    stories of the model; empty after an error.
     """
     limits = []
     for quantity in _QUANTITIES:
@@ -169,16 +161,7 @@ def _read_values(
 ) -> tuple[float, ...] | None:
     """Return the limit of each story, nan without a limit; None after reporting an error.
 
-    Parameters
-    ----------
-    entry : Value
-        One value, or a mapping by stories or laws.
-    quantity : str
-        Limited quantity.
-    unit : ModelUnits
-        Units of the file.
-    stories : sequence of Story
-        Stories of the model; empty after an error.
+    `stories` contains the stories of the model; empty after an error.
     """
     read_limit = _limit_reader(quantity, unit)
     # For each story, True if the story has the quantity; an isolator, for example, has no drift
@@ -222,18 +205,7 @@ def _story_indices(
 
     Stories without the quantity are omitted. The list is empty after reporting an error.
 
-    Parameters
-    ----------
-    entry : Value
-        Value of the key, for messages.
-    name : str
-        The key: a number, a range, a type of law, or `others`.
-    quantity : str
-        Limited quantity.
-    stories : sequence of Story
-        Stories of the model; empty after an error.
-    applies : sequence of bool
-        True for the stories to which the quantity applies.
+    `stories` contains the stories of the model; empty after an error.
     """
     if not stories:
         return []
@@ -287,15 +259,7 @@ _LIMIT_UNITS = {ISOLATOR: ("displacement", "500 mm"), ACCELERATION: ("accelerati
 
 
 def _limit_reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
-    """Return the function that reads a limit in SI units, or nan after reporting an error.
-
-    Parameters
-    ----------
-    quantity : str
-        Response quantity of the limit.
-    unit : ModelUnits
-        Units of the model file.
-    """
+    """Return the function that reads a limit in SI units, or nan after reporting an error."""
     if quantity in (DRIFT_RATIO, RESIDUAL):
         return lambda value: value.number(POSITIVE_RATIO)
     unit_quantity, example = _LIMIT_UNITS[quantity]

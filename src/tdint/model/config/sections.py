@@ -178,10 +178,7 @@ def _damping_type(count: int | None) -> Either:
     The description lists the allowed forms of the value. It checks a value, and its functions
     `make` convert the value to damping ratios or coefficients.
 
-    Parameters
-    ----------
-    count : int or None
-        Number of stories of the building, which limits the modes; None if it is unknown.
+    `count` is the number of stories of the building, which limits the modes; None if it is unknown.
     """
     # The value of `rayleigh` is {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}.
     mode = numbered(count)
@@ -252,18 +249,9 @@ def _rayleigh(
 ) -> Damping:
     """Return the Rayleigh damping of the key `rayleigh`.
 
-    Parameters
-    ----------
-    value : Value
-        Value of the key `rayleigh`, for errors.
-    count : int or None
-        Number of stories; None if unknown. Ratio and modes are an error for one story.
-    ratio : float, tuple of two floats or None
-        Damping ratio in both modes, or in each mode.
-    modes : tuple of two int or None
-        Numbers of the modes with these ratios, from 1.
-    mass, stiffness : float or None
-        Coefficients of the mass and stiffness matrix, 1/s and s; None if ratio and modes are given.
+    `count` is the number of stories; None if unknown. Ratio and modes are an error for one story.
+    `modes` contains the numbers of the modes with these ratios, from 1. `mass` and `stiffness` are
+    the coefficients of the mass and stiffness matrix, 1/s and s; None if ratio and modes are given.
     """
     if mass is not None:
         return RayleighCoefficients(mass, stiffness)

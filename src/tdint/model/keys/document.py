@@ -99,14 +99,7 @@ def read_source(source: str | Path | TextIO, file_type: str = "model file") -> S
 def _read_stream(stream: TextIO | BinaryIO, label: str, file_type: str) -> bytes:
     """Return the content of a stream as UTF-8, and record it as an input file of the command.
 
-    Parameters
-    ----------
-    stream : text or binary stream
-        Stream that is read.
-    label : str
-        Name in messages.
-    file_type : str
-        Type of the file for messages.
+    `stream` is the stream that is read.
 
     Raises
     ------
@@ -283,12 +276,7 @@ class _Composer:
     def _build_node(self, event: yaml.Event, depth: int) -> Node:
         """Return the node that starts with an event; reads all events of a list or mapping.
 
-        Parameters
-        ----------
-        event : yaml.Event
-            Alias, scalar, or start of a list or mapping.
-        depth : int
-            Nesting level of the node, 0 for the root.
+        `depth` is the nesting level of the node, 0 for the root.
 
         Raises
         ------

@@ -503,10 +503,8 @@ class Value:
     def _read_entries(self, declared: EntriesOf) -> Any:
         """Return the converted entries of a list as a tuple; None after reporting an error.
 
-        Parameters
-        ----------
-        declared : EntriesOf
-            Type of the entries, their allowed number, and requirements on their order.
+        `declared` is the type of the entries, their allowed number, and requirements on their
+        order.
         """
         items = self.items(declared.description)
         if items is None:
@@ -532,10 +530,8 @@ class Value:
     def _read_by_name(self, declared: ByName) -> Any:
         """Convert a mapping from names that the user chose, such as damage states.
 
-        Parameters
-        ----------
-        declared : ByName
-            Type of all values of the mapping, and the function `make`, which builds the result.
+        `declared` is the type of all values of the mapping, and the function `make`, which builds
+        the result.
 
         Returns
         -------
@@ -561,10 +557,7 @@ class Value:
 
         The result is None if a required entry is missing or invalid, or if no entry is valid.
 
-        Parameters
-        ----------
-        keys : Keys
-            Declared keys of the mapping, their groups, and the function `make`.
+        `keys` contains the declared keys of the mapping, their groups, and the function `make`.
         """
         section = self.section(keys, keys.description)
         if section is None:
@@ -735,12 +728,8 @@ class Value:
     def _message_text_with_hint(self, pattern: str | re.Pattern[str], bounds: Bounds = ANY) -> str:
         """Return the value as text for messages, with a remedy for a common mistake in numbers.
 
-        Parameters
-        ----------
-        pattern : str or Pattern
-            Form of a valid value. Quotation marks around such a value must be removed.
-        bounds : Bounds
-            Declared bounds, which state if percentages are allowed.
+        `pattern` is the form of a valid value. Quotation marks around such a value must be removed.
+        `bounds` contains the declared bounds, which state if percentages are allowed.
         """
         text = self._message_text()
         # A readable number has no mistake in its form; it is out of range.
@@ -949,15 +938,7 @@ def quoted(text: str) -> str:
 
 
 def _unknown_key_advice(name: str, names: Collection[str]) -> str:
-    """Return the remedy for an unknown key or name: a similar name, its section, or all names.
-
-    Parameters
-    ----------
-    name : str
-        Unknown key or name.
-    names : collection of str
-        Allowed keys or names.
-    """
+    """Return the remedy for an unknown key or name: a similar name, its section, or all names."""
     # {height: 3,5} is a mapping with the keys `height` and `5`.
     if name.isdecimal():
         return "; a comma divides entries here: write a decimal point"

@@ -144,12 +144,7 @@ def text_of(node: Node) -> bytes:
 def _scalar(value: object, faults: Faults) -> ScalarNode:
     """Return the node of a number, text, path, boolean or None.
 
-    Parameters
-    ----------
-    value : object
-        Number, text, path, boolean or None.
-    faults : Faults
-        Collection to which errors are added.
+    `value` is the number, text, path, boolean or None.
 
     Raises
     ------
