@@ -136,14 +136,7 @@ def _common_folder(files: Sequence[str]) -> str:
 def _transposed(names: Sequence[str], columns: Sequence[Sequence[str]], width: int) -> str:
     """Return a table as text; each line contains the name and the values of a column.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Column names.
-    columns : sequence of sequence of str
-        Cells of each column, one for each row of the table.
-    width : int
-        Width of the screen in characters.
+    `columns` contains the cells of each column, one for each row of the table.
     """
     row_count = len(columns[0])
     name_width = max(map(len, names))
@@ -186,18 +179,8 @@ def _cell(value: object) -> str:
 def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: int) -> list[str]:
     """Return the lines of a column, padded to equal width: wrapped name, rule, cells.
 
-    Parameters
-    ----------
-    name : str
-        Name of the column.
-    unit : str
-        Unit of the column. The name may end with it.
-    cells : sequence of str
-        Text of each cell.
-    right : bool
-        Align the lines to the right.
-    limit : int
-        Maximum width of a cell in characters. Longer cells are shortened.
+    `name` is the name of the column. `unit` is the unit of the column. The name may end with it.
+    `limit` is the maximum width of a cell in characters. Longer cells are shortened.
     """
     from tdint.units import suffix
 
@@ -257,16 +240,8 @@ def _side_by_side(
 ) -> str:
     """Return the columns side by side, in blocks that fit on the screen.
 
-    Parameters
-    ----------
-    columns : sequence of list of str
-        Lines of each column, all of equal width within a column.
-    texts : sequence of bool
-        True for each column that contains text.
-    errors : collection of int
-        Indices of the error columns.
-    width : int
-        Width of the screen in characters.
+    `columns` contains the lines of each column, all of equal width within a column. `texts` is True
+    for each column that contains text.
     """
     widths = [len(column[0]) for column in columns]
     # Every block repeats the leading text columns, which identify the row. These columns use at

@@ -232,10 +232,7 @@ class Profiles:
 
         The text is empty if no run collapsed or failed.
 
-        Parameters
-        ----------
-        profile : Profile
-            Results of one building under the suite at one intensity level.
+        `profile` contains the results of one building under the suite at one intensity level.
         """
         counts = {"collapsed": profile.collapsed, "failed": profile.failed}
         counts_text = " and ".join(
@@ -436,13 +433,6 @@ def execute_campaign(
 def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
     """Check the options for limits, figures and ratios before any run.
 
-    Parameters
-    ----------
-    plan : Plan
-        Buildings and settings of the campaign.
-    request : SuiteRequest
-        Common options of the command line.
-
     Raises
     ------
     UsageError
@@ -474,16 +464,7 @@ def _open_store(
     With `overwrite`, the store of another campaign, or a store that cannot be used, is removed
     together with the tables that were written from it.
 
-    Parameters
-    ----------
-    folder : Path
-        Output directory.
-    plan : Plan
-        Buildings, motions and settings of the campaign.
-    buildings : sequence of int or None
-        Numbers of the buildings of a shard; None for the complete campaign.
-    overwrite : bool
-        True to replace another campaign in the directory.
+    `buildings` contains the numbers of the buildings of a shard; None for the complete campaign.
 
     Returns
     -------
@@ -761,14 +742,7 @@ def _suite_contents(
     include the floor spectra, the report and the intensity measures of the runs. The dictionary is
     empty until all runs are completed.
 
-    Parameters
-    ----------
-    profiles : Profiles
-        Store of the campaign, with the options of the command line.
-    folder : Path
-        Output directory.
-    plan : Plan, optional
-        Buildings, motions and settings of the campaign.
+    `profiles` is the store of the campaign, with the options of the command line.
     """
     request, store = profiles.request, profiles.store
     picture = request.picture(folder)
@@ -865,14 +839,8 @@ def _exports(
 ) -> dict[str, Writer | None]:
     """Return the writer of each named optional file, or None if this call cannot write the file.
 
-    Parameters
-    ----------
-    profiles : Profiles
-        Store and options of the command line.
-    names : collection of str
-        Names of the files.
-    maps : MapRequest, optional
-        Options of maps; by default the maps contain all events, and districts have no polygons.
+    `maps` contains the options of maps; by default the maps contain all events, and districts have
+    no polygons.
     """
     if not names:
         return {}
@@ -919,19 +887,8 @@ def _write(
 ) -> None:
     """Write the tables of a store, additional files and, last, the summary.
 
-    Parameters
-    ----------
-    profiles : Profiles
-        Store and options of the command line.
-    folder : Path
-        Output directory.
-    contents : mapping
-        Content of each additional file.
-    input_files : iterable of mapping
-        Input files that the summary lists.
-    provenance : mapping
-        Provenance for the summary: command lines of the runs and of the export, and the execution
-        of the time loops.
+    `provenance` is the provenance for the summary: command lines of the runs and of the export, and
+    the execution of the time loops.
     """
     from tdint.output.run_summary import LIMIT_MEANINGS
     from tdint.output.summary import campaign_summary, in_units, json_bytes, merged_inputs
@@ -966,15 +923,8 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     The tables of building types, of losses and of their exceedance contain means over the motions.
     They are included only after all runs are completed.
 
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
-    units : OutputUnits
-        Units of the table of damage.
-    by : str or None
-        Column of the inventory. The tables of losses and of their exceedance have additional rows
-        for the buildings with each value of this column.
+    `by` is the column of the inventory. The tables of losses and of their exceedance have
+    additional rows for the buildings with each value of this column.
     """
     if not store.damage():
         return {}

@@ -178,15 +178,8 @@ class _Worker:
 def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None:
     """Process tasks until the pipe is closed.
 
-    Parameters
-    ----------
-    function : callable
-        Function that is applied to each task.
-    pipe : Connection
-        Pipe that receives the tasks and sends their outcomes: True and the result, or False and the
-        exception.
-    parent : int
-        Process ID of the process that started this worker.
+    `pipe` is the pipe that receives the tasks and sends their outcomes: True and the result, or
+    False and the exception.
     """
     # Ctrl-C reaches all processes of a terminal. The first process reports the interrupt and ends
     # the workers by SIGTERM.
@@ -276,16 +269,7 @@ def _outcomes(
 
     The workers can then use the modules and compiled loops that the first record has loaded.
 
-    Parameters
-    ----------
-    attempt : callable
-        Function of a task that returns its result, or the error of its record.
-    tasks : sequence of Task
-        Tasks, one for each record.
-    jobs : int
-        Maximum number of processes.
-    stack : ExitStack
-        Ends the worker processes when it is closed.
+    `attempt` is the function of a task that returns its result, or the error of its record.
     """
     for done, task in enumerate(tasks, start=1):
         outcome = attempt(task)
@@ -307,14 +291,9 @@ def _shared(
 
     If a process ends unexpectedly, only the outcome of its record is an error.
 
-    Parameters
-    ----------
-    attempt : callable
-        Function of a task that returns its result, or the error of its record.
-    tasks : sequence of Task
-        Tasks, one for each record. A task that reads standard input is done in this process.
-    workers : Workers
-        Worker processes that apply `attempt`.
+    `attempt` is the function of a task that returns its result, or the error of its record. `tasks`
+    contains the tasks, one for each record. A task that reads standard input is done in this
+    process.
     """
     stdin_tasks = [
         task_index for task_index, task in enumerate(tasks) if task.source == STDIN
@@ -339,15 +318,7 @@ def _shared(
 
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
-    """Return the result of a task, or its RecordError or AnalysisError; raise other exceptions.
-
-    Parameters
-    ----------
-    work : callable
-        Function of the task.
-    task : Task
-        Record to process.
-    """
+    """Return the result of a task, or its RecordError or AnalysisError; raise other exceptions."""
     try:
         # Files that a worker process reads cannot be registered as inputs in the first process. No
         # process registers them here, so that the list of inputs does not depend on the number of

@@ -203,11 +203,6 @@ def command(request: CampaignRequest) -> None:
 def _run(request: CampaignRequest) -> None:
     """Execute the runs of a campaign file and write its tables.
 
-    Parameters
-    ----------
-    request : CampaignRequest
-        Options of the command line.
-
     Raises
     ------
     UsageError
@@ -264,11 +259,6 @@ def _status(request: CampaignRequest) -> None:
     """Write the number of runs of each status to standard output (`tdint campaign status`).
 
     Warnings list the inputs that could not be used.
-
-    Parameters
-    ----------
-    request : CampaignRequest
-        Options of the command line.
     """
     from tdint.campaign.store import check_chunks, open_existing
     from tdint.output.tables.campaign import status_table
@@ -289,11 +279,6 @@ def _status(request: CampaignRequest) -> None:
 
 def _export(request: CampaignRequest) -> None:
     """Write the tables of a campaign again (`tdint campaign export`).
-
-    Parameters
-    ----------
-    request : CampaignRequest
-        Options of the command line.
 
     Raises
     ------
@@ -324,11 +309,6 @@ def _export(request: CampaignRequest) -> None:
 
 def _merge(request: CampaignRequest) -> None:
     """Combine the parts of a campaign in one directory, and write the tables.
-
-    Parameters
-    ----------
-    request : CampaignRequest
-        Options of the command line.
 
     Raises
     ------
@@ -373,11 +353,6 @@ def _unused_inputs(store: Store) -> list[TdintError]:
     There is at most one error for all records and one for all buildings. A campaign without some of
     its inputs is not complete, although all other runs are completed, so that `merge` ends with the
     same errors as the calls for its parts.
-
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
     """
     error_types: tuple[tuple[str, type[TdintError]], ...] = (
         ("building", ModelError),
@@ -397,13 +372,7 @@ def _unused_inputs(store: Store) -> list[TdintError]:
 
 
 def _folder(request: CampaignRequest) -> Path:
-    """Return the directory of `status` or `export`; raise UsageError unless it is exactly one.
-
-    Parameters
-    ----------
-    request : CampaignRequest
-        Options of the command line.
-    """
+    """Return the directory of `status` or `export`; raise UsageError unless it is exactly one."""
     if len(request.arguments) != 2:
         raise UsageError(
             f"exactly one directory is required, got {len(request.arguments) - 1}; use: "

@@ -266,15 +266,7 @@ def _sorted_files(request: Request) -> Request:
 
 
 def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
-    """Report the timing of the time integrations, any disturbance of it, and the other programs.
-
-    Parameters
-    ----------
-    timings : sequence of Timing
-        Conditions of the time measurements, one for each chart.
-    programs : sequence of Peer
-        Other programs in the chart.
-    """
+    """Report the timing of the time integrations, any disturbance of it, and the other programs."""
     from tdint.system import CLOCKS
 
     # Report the timing with the largest ratio of wall time to processor time.
@@ -321,11 +313,6 @@ def _check(request: Request) -> BuildingRequest:
 
 def _chart_many(request: Request) -> None:
     """Compute performance profiles over many problems and write them.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
 
     Raises
     ------
@@ -389,13 +376,7 @@ def _chart_many(request: Request) -> None:
 
 
 def _problems(request: Request) -> list[FieldProblem]:
-    """Return the problems of --problems, or all combinations of the models and records.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    """
+    """Return the problems of --problems, or all combinations of the models and records."""
     from tdint.analysis.chart.profiles import crossed, read_problems
     from tdint.model.config.model_file import load_model
 
@@ -421,12 +402,7 @@ def _problems(request: Request) -> list[FieldProblem]:
 def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:
     """Return the methods of a chart.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    default : sequence of str
-        Methods that are used if the command line specifies no method.
+    `default`: methods that are used if the command line specifies no method.
 
     Raises
     ------
@@ -448,16 +424,7 @@ def _chart(
 ) -> tuple[Chart, list[Advice], list[str]]:
     """Measure the methods on one building.
 
-    Parameters
-    ----------
-    request : Request
-        The command line.
-    model : Model
-        The building and its ground motion.
-    record : Record or None
-        The record; None for a model without a record.
-    progress : Progress
-        Receives the progress.
+    `record` is the record; None for a model without a record.
 
     Returns
     -------
@@ -501,11 +468,6 @@ def _chart(
 
         `measure` repeats the timing until this result no longer changes.
 
-        Parameters
-        ----------
-        points : sequence of Point
-            Measured times and errors of the methods and time steps.
-
         Returns
         -------
         list of (str, float)
@@ -543,18 +505,7 @@ def _add_other_programs(
 
     With --peers, these are SciPy and OpenSeesPy; programs of plug-ins are always measured.
 
-    Parameters
-    ----------
-    request : Request
-        The command line.
-    problem : Problem
-        The building and its ground motion.
-    chart : Chart
-        The times and errors of the methods of tdint.
-    steps : sequence of float
-        Time steps, s.
-    progress : Progress
-        Receives the progress.
+    `steps` contains the time steps, s.
 
     Returns
     -------
@@ -585,15 +536,6 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
 
     The limits apply to the error that --target-error selects. Each advice also contains the error
     of the peak drifts that `tdint run` would estimate for this method and time step.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    chart : Chart
-        Measured times and errors of one problem.
-    problem : Problem
-        Problem of the chart.
     """
     from tdint.analysis.chart.work_precision import alternative, cheapest
     from tdint.methods.catalogue import parse
@@ -618,13 +560,6 @@ def _peaks_at_start(request: Request, chart: Chart) -> bool:
 
     This is the case for free vibration from an initial displacement. The errors of the peak drifts
     are then zero for all methods.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    chart : Chart
-        Measured times and errors of one problem.
     """
     motion = chart.reference.motion
     peaks, start = motion.peak_drift, abs(motion.drift[0])
@@ -642,20 +577,7 @@ def _deliver(
 ) -> None:
     """Write the table, the figure and the summary of one building.
 
-    Parameters
-    ----------
-    request : Request
-        The command line.
-    charts : list of Chart
-        One chart, or one for each number of stories.
-    model : Model
-        The building.
-    record : Record or None
-        The record; None for a model without a record.
-    advice : list of Advice
-        The recommended methods and time steps.
-    notes : list of str
-        The notes of the summary.
+    `record` is the record; None for a model without a record.
     """
     from tdint.output.summary import chart_summary
 
@@ -703,14 +625,7 @@ _RULE = (
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
     """Write the recommended methods and the default method, with their times and errors.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    chart : Chart
-        Measured times and errors of one problem.
-    advice : list of Advice
-        Recommended methods and time steps, one for each error of `LIMITS`.
+    `advice` contains the recommended methods and time steps, one for each error of `LIMITS`.
     """
 
     for recommendation in advice:
@@ -735,17 +650,7 @@ def _cost_text(point: Point, target_error: str) -> str:
 
 
 def _recommendation_text(request: Request, usual: Point, advice: Advice) -> str:
-    """Return a sentence with the cheapest method for an error limit and its alternatives.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    usual : Point
-        Result of the common choice of method and time step.
-    advice : Advice
-        Recommended method and time step for an error limit.
-    """
+    """Return a sentence with the cheapest method for an error limit and its alternatives."""
     target = request.target_error
     goal = f"For {100.0 * advice.limit:g} % ({target}): "
     best, next_best = advice.point, advice.next_best
@@ -775,14 +680,8 @@ def _recommendation_text(request: Request, usual: Point, advice: Advice) -> str:
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
     """Return the notes about the charts: skipped samples, failed runs, uncertain references.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    charts : list of Chart
-        Measured times and errors; with --stories, one chart for each number of stories.
-    record : Record or None
-        Ground motion; None for a problem without a record.
+    `charts` contains the measured times and errors; with --stories, one chart for each number of
+    stories. `record` is the ground motion; None for a problem without a record.
     """
     from tdint.methods.catalogue import catalogue
 

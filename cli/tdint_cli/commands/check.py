@@ -124,11 +124,6 @@ def command(
 def _check_methods(plugins: tuple[str, ...]) -> None:
     """Compare the methods of plug-ins with their declared properties, and write the table.
 
-    Parameters
-    ----------
-    plugins : tuple of str
-        Files of the plug-ins.
-
     Raises
     ------
     Failures
@@ -157,13 +152,6 @@ def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
 
     Each law with its parameters is tested once, in the last story that has it. The list is empty
     without plug-ins, and for a model on standard input, which can be read only once.
-
-    Parameters
-    ----------
-    file : str
-        Model file.
-    plugins : tuple of str
-        Files of the plug-ins that define laws.
     """
     if not plugins or file == "-":
         return []

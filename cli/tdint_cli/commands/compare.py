@@ -43,10 +43,7 @@ _LISTED = 8  # number of fitted values in the message; the files contain all val
 def _requirement(text: str) -> tuple[str, float]:
     """Return the name and the value of a requirement NAME=NUMBER for every floor.
 
-    Parameters
-    ----------
-    text : str
-        Requirement of the form NAME=NUMBER.
+    `text` is the requirement of the form NAME=NUMBER.
 
     Raises
     ------
@@ -212,18 +209,8 @@ def _write(
 ) -> None:
     """Write the files of a comparison.
 
-    Parameters
-    ----------
-    request : Request
-        The command line.
-    model : Model
-        The building before the fit.
-    comparisons : sequence of Comparison
-        The comparisons, of the recording and of the blind recordings.
-    fitted : Fit or None
-        The fitted values; None without --fit.
-    units : OutputUnits
-        Units of the files.
+    `model` is the building before the fit. `comparisons` contains the comparisons, of the recording
+    and of the blind recordings. `fitted` contains the fitted values; None without --fit.
     """
     from tdint.model.config.model_file import rewrite_model
     from tdint.output.summary import comparison_summary
@@ -281,12 +268,7 @@ def _spectrum_periods(request: Request, comparison: Comparison) -> Array:
     the frequency band of the recording and not shorter than two sampling intervals; if no period
     remains, the longest period of `PERIODS` is used.
 
-    Parameters
-    ----------
-    request : Request
-        The command line.
-    comparison : Comparison
-        Comparison with the first recording.
+    `comparison` is the comparison with the first recording.
     """
     all_periods = options.spectra.chosen_periods(request.periods, PERIODS)
     if request.periods is not None:
@@ -307,16 +289,8 @@ def _page(
 ) -> bytes:
     """Return the HTML page of --report; the verdict at its top is the result of --require.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    comparisons : sequence of Comparison
-        Comparisons of the computed response with the recordings.
-    fitted : Fit or None
-        Fitted values of the model; None without --fit.
-    periods : ndarray
-        Periods of the response spectra in the figure, s.
+    `fitted` contains the fitted values of the model; None without --fit. `periods` contains the
+    periods of the response spectra in the figure, s.
     """
     from tdint.analysis.compare import absolute_displacements, unmet
     from tdint.output.building_report import comparison_page
@@ -359,13 +333,7 @@ def _page(
 
 
 def _least_agreement(comparisons: Sequence[Comparison]) -> str:
-    """Return a sentence on the floors with the least agreement.
-
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        Comparisons of the computed response with the recordings.
-    """
+    """Return a sentence on the floors with the least agreement."""
     floors = [floor for item in comparisons for floor in item.floors]
     lowest = min(floors, key=lambda floor: floor.correlation)
     # With the logarithm, the ratios 0.5 and 2 are equally far from 1.
@@ -383,15 +351,7 @@ def _least_agreement(comparisons: Sequence[Comparison]) -> str:
 
 
 def _motion_sentence(item: Comparison, units: OutputUnits) -> str:
-    """Return a sentence about the ground motion and the method of a comparison.
-
-    Parameters
-    ----------
-    item : Comparison
-        Comparison of the computed response with one recording.
-    units : OutputUnits
-        Units of the values in the text.
-    """
+    """Return a sentence about the ground motion and the method of a comparison."""
     event, run, band = item.event, item.response, item.event.recording.band
     band_text = f"{band[0]:g} to {band[1]:g} Hz" if band else "unfiltered"
     pga, pga_unit = units.of(event.base.pga, "m/s^2"), units.unit("m/s^2")[0]
@@ -408,14 +368,7 @@ def _motion_sentence(item: Comparison, units: OutputUnits) -> str:
 def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
     """Write the comparisons and the fit to the terminal, then warnings and notes.
 
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        Comparisons of the computed response with the recordings.
-    fitted : Fit or None
-        Fitted values of the model; None without --fit.
-    units : OutputUnits
-        Units of the values in the text.
+    `fitted` contains the fitted values of the model; None without --fit.
     """
     from tdint.analysis.compare import absolute_displacements
     from tdint.output.tables.buildings import fitted_in

@@ -94,13 +94,7 @@ class _DriftSpectra(TableType):
     """Drift spectra of each component for each damping ratio."""
 
     def check(self, request: DriftRequest) -> None:
-        """Raise UsageError for options that exclude each other, before any computation.
-
-        Parameters
-        ----------
-        request : DriftRequest
-            Options of the command line.
-        """
+        """Raise UsageError for options that exclude each other, before any computation."""
         if request.stories is not None and request.story_height is not None:
             raise UsageError("--stories cannot be used with --story-height; omit one of them")
         if request.beam and (request.stories is not None or request.story_height is not None):
@@ -114,15 +108,7 @@ class _DriftSpectra(TableType):
             number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)
 
     def compute(self, request: DriftRequest, records: Sequence[Record]) -> Results:
-        """Return the spectra of each component for each damping ratio.
-
-        Parameters
-        ----------
-        request : DriftRequest
-            Options of the command line.
-        records : sequence of Record
-            Components of one record.
-        """
+        """Return the spectra of each component for each damping ratio."""
         from tdint.analysis.spectra.drift import drift_spectrum, parse_height_period
 
         results = [
@@ -141,13 +127,5 @@ class _DriftSpectra(TableType):
         return Results(results, records)
 
     def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum]) -> Figure:
-        """Return the figure, with one line per spectrum.
-
-        Parameters
-        ----------
-        request : DriftRequest
-            Options of the command line.
-        results : sequence of DriftSpectrum
-            Spectra, one for each component and damping ratio.
-        """
+        """Return the figure, with one line per spectrum."""
         return figures.spectrum_curves.drift_spectrum_picture(results, request.shown_units)

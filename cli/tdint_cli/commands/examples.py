@@ -198,17 +198,6 @@ def _files(
 
     The table contains the runs with all time steps, the figures only the runs with the first time
     step.
-
-    Parameters
-    ----------
-    example : Example
-        Example of the paper.
-    runs : list of ExampleRun
-        Runs of the example.
-    reference : str
-        Reference solution, such as "paper".
-    suffix : str
-        Suffix of the figure files.
     """
     table = tables.methods.example_table(runs, reference)
     first_runs = [run for run in runs if run.dt == runs[0].dt]
@@ -231,13 +220,6 @@ def _general_figures(examples: Sequence[Example], suffix: str) -> dict[str, Cont
 
     These are the figures of the paper with methods on an oscillator, the figures of the buildings,
     and the figure of other values of beta, which is not in the paper.
-
-    Parameters
-    ----------
-    examples : sequence of Example
-        Requested examples, for the figures of their buildings.
-    suffix : str
-        Suffix of the figure files.
     """
     numbers = [*_OSCILLATOR_FIGURES, _ORDER_FIGURE]
     draw_functions: dict[str, Callable[[], Any]] = {
@@ -267,10 +249,7 @@ def _draw_oscillator_figure(number: int) -> Any:
     Figures 1 to 5 show oscillators without load, figure 6 the order of accuracy under a harmonic
     load. The methods are the five methods of the paper and, as thin lines, impulse4 and moment4.
 
-    Parameters
-    ----------
-    number : int
-        Number of the figure in the paper, 1 to 6.
+    `number` is the number of the figure in the paper, 1 to 6.
     """
     from tdint.analysis.assessment.order import observed_order, order_problem
     from tdint.analysis.assessment.paper_examples import FIVE
@@ -310,14 +289,8 @@ def _draw_beta_scan() -> Any:
 def _exact(example: Example, dt: float, reference: str) -> str:
     """Return the method and the time step of the reference solution as text.
 
-    Parameters
-    ----------
-    example : Example
-        Example of the paper.
-    dt : float
-        Time step of the methods, s, which the reference solution divides.
-    reference : str
-        `paper` for the reference solution of the paper, `finer` for the more accurate one.
+    `dt` is the time step of the methods, s, which the reference solution divides. `reference` is
+    `paper` for the reference solution of the paper, `finer` for the more accurate one.
     """
     from tdint.analysis.assessment.paper_examples import EXACT, FINER, exact_steps
 
@@ -329,19 +302,7 @@ def _exact(example: Example, dt: float, reference: str) -> str:
 
 
 def _report_example(example: Example, runs: list[ExampleRun], reference: str, remark: bool) -> None:
-    """Report an example: its reference solutions, the ranking of the methods, and a remark.
-
-    Parameters
-    ----------
-    example : Example
-        Example of the paper.
-    runs : list of ExampleRun
-        Runs of the example with one time step.
-    reference : str
-        Reference solution, such as "paper".
-    remark : bool
-        Print the explanation of the paper's ranking.
-    """
+    """Report an example: its reference solutions, the ranking of the methods, and a remark."""
     from tdint.analysis.assessment.paper_examples import EXACT, exact_steps, gap
 
     dt = runs[0].dt

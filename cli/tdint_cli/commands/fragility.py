@@ -317,14 +317,7 @@ def _write_openquake(
 
     The models contain only types with a function for every damage state.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    functions : sequence of Fragility
-        Fitted functions in SI units.
-    files : sequence of Path
-        Paths of the fragility model and of the vulnerability model.
+    `files` contains the paths of the fragility model and of the vulnerability model.
     """
     from tdint.output.tables.exports import (
         STRENGTH,
@@ -354,19 +347,7 @@ def _page(
     functions: Sequence[Fragility],
     draw: Callable[[Sequence[Fragility]], Figure],
 ) -> bytes:
-    """Return the HTML page of --report.
-
-    Parameters
-    ----------
-    request : Request
-        The command line.
-    result : FragilityResult
-        Result of the fits, with its messages.
-    functions : sequence of Fragility
-        Functions in the units of the output.
-    draw : callable
-        Function that draws the figure of functions.
-    """
+    """Return the HTML page of --report."""
     from tdint.output.page import PageText
     from tdint.output.study_report import fragility_page
     from tdint.output.summary import files_read

@@ -250,12 +250,7 @@ def command(request: IdaRequest) -> None:
 def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
     """Return the intensity measure of --im, with --period and --damping for spectral measures.
 
-    Parameters
-    ----------
-    request : IdaRequest
-        The command line.
-    model : Model
-        The building; its first period is the default of --period.
+    `model` is the building; its first period is the default of --period.
 
     Raises
     ------
@@ -304,11 +299,6 @@ def _folder(request: IdaRequest) -> Path | None:
 
     The result is the directory; it is None if the results are not written to a directory.
 
-    Parameters
-    ----------
-    request : IdaRequest
-        Options of the command line.
-
     Raises
     ------
     OutputError
@@ -349,20 +339,8 @@ def _write(
 ) -> None:
     """Write the tables, the summary and the figure of the study.
 
-    Parameters
-    ----------
-    request : IdaRequest
-        Options of the command line.
-    study : IdaStudy
-        Study in SI units, for the summary.
-    shown : IdaStudy
-        Study with intensities in the output units, for the tables and the figure.
-    settings : IdaSettings
-        Settings of the study.
-    units : OutputUnits
-        Units of the files.
-    unused : list of str
-        Error messages of the records that could not be read.
+    `shown` is the study with intensities in the output units, for the tables and the figure.
+    `unused` contains the error messages of the records that could not be read.
     """
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written
@@ -412,16 +390,7 @@ def _write(
 def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: list[str]) -> bytes:
     """Return the HTML page of --report.
 
-    Parameters
-    ----------
-    request : IdaRequest
-        Options of the command line.
-    study : IdaStudy
-        Study in SI units.
-    settings : IdaSettings
-        Settings of the study.
-    unused : list of str
-        Error messages of the records that could not be read.
+    `unused` contains the error messages of the records that could not be read.
     """
     from tdint.output.page import PageText, page_units
     from tdint.output.study_report import ida_page
@@ -439,15 +408,7 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
 
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
-    """Report the default treatment of component pairs, unless the user has selected a treatment.
-
-    Parameters
-    ----------
-    request : IdaRequest
-        Options of the command line.
-    study : IdaStudy
-        Results of the study.
-    """
+    """Report the default treatment of component pairs, unless the user has selected a treatment."""
     from tdint.campaign.pairs import pairs_note
 
     if study.partners and request.pair_demand is None:
@@ -457,12 +418,8 @@ def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
 def _report(study: IdaStudy, precision: float) -> None:
     """Report the results, and warn of conditions that affect their meaning.
 
-    Parameters
-    ----------
-    study : IdaStudy
-        Results of the study.
-    precision : float
-        Maximum ratio of the upper to the lower limit of a capacity, minus 1, without a warning.
+    `precision` is the maximum ratio of the upper to the lower limit of a capacity, minus 1, without
+    a warning.
     """
     from tdint.campaign.pairs import SEPARATE, motions_text
 
@@ -498,12 +455,8 @@ def _report(study: IdaStudy, precision: float) -> None:
 def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
     """Return warnings about conditions that make the capacities less reliable.
 
-    Parameters
-    ----------
-    study : IdaStudy
-        Results of the study.
-    precision : float
-        Maximum ratio of the upper to the lower limit of a capacity, minus 1, without a warning.
+    `precision` is the maximum ratio of the upper to the lower limit of a capacity, minus 1, without
+    a warning.
     """
     runs, warnings = [run for curve in study.curves for run in curve.runs], []
     without_result = sum(not (run.stable or run.collapsed) for run in runs)
@@ -535,13 +488,7 @@ def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
 
 
 def _median(study: IdaStudy) -> str:
-    """Return a sentence with the median collapse capacity for one initial damage.
-
-    Parameters
-    ----------
-    study : IdaStudy
-        Results for one initial damage.
-    """
+    """Return a sentence with the median collapse capacity for one initial damage."""
     import numpy as np
 
     from tdint.campaign.ida_curve import fractiles

@@ -173,13 +173,6 @@ def _exported_files(request: Request) -> list[Path]:
 def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     """Write the processed ground motions to the file of --export, and their JSON file.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    products : sequence of Product
-        Results of each record, with its processed components.
-
     Returns
     -------
     tuple of str
@@ -235,15 +228,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
 
 
 def _work(request: Request, task: Task) -> Product:
-    """Read a record and return the results of its components; may run in a worker process.
-
-    Parameters
-    ----------
-    request : Request
-        Options of the command line.
-    task : Task
-        The file of the record.
-    """
+    """Read a record and return the results of its components; may run in a worker process."""
     from tdint.output.summary import record_summary
 
     records = request.read(task.source)

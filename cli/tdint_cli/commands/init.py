@@ -240,10 +240,7 @@ def _check(request: Request) -> None:
 def _laws(request: Request) -> list[FittedLaw]:
     """Fit the hysteretic law of each story to its force-drift curve, and report the misfit.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line, with --from-pushover and --weights.
+    `request` contains the options of the command line, with --from-pushover and --weights.
 
     Returns
     -------
@@ -283,14 +280,7 @@ def _laws(request: Request) -> list[FittedLaw]:
 def _model(name: str, request: Request, motion: str | None) -> str:
     """Return the text of the model file: stories from the options, or a building type.
 
-    Parameters
-    ----------
-    name : str
-        Name of the building.
-    request : Request
-        Options of the command line.
-    motion : str or None
-        Name of the file of the ground motion; None for a model without a ground motion.
+    `motion` is the name of the file of the ground motion; None for a model without a ground motion.
     """
     from tdint.model.story_curves import story_model, type_model
 

@@ -152,14 +152,7 @@ def _model_files(
 ) -> dict[Path, bytes]:
     """Return the paths and the contents (YAML) of the model files, ID.yaml for each building.
 
-    Parameters
-    ----------
-    derived : sequence of InventoryBuilding
-        Buildings that the rules have generated from the rows of the table.
-    rules : str
-        Name of the rules, for a comment in the files.
-    folder : str
-        Directory of the files.
+    `derived` contains the buildings that the rules have generated from the rows of the table.
 
     Raises
     ------

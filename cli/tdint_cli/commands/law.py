@@ -123,14 +123,7 @@ def command(request: Request) -> None:
 def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> None:
     """Print the tested law and a table of cycles, or without cycles the extremes of the path.
 
-    Parameters
-    ----------
-    test : CyclicTest
-        The result of the test.
-    cycles : sequence of Cycle
-        The last cycle of each amplitude; empty with --path.
-    units : OutputUnits
-        The units of the values.
+    `cycles` is the last cycle of each amplitude; empty with --path.
     """
     from tdint.model.definition import LAWS
 

@@ -95,15 +95,8 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
 
     The runs are planned as a campaign with a single building, but without a campaign file.
 
-    Parameters
-    ----------
-    request : Request
-        The options of the command line.
-    records : tuple of str
-        The record files. If empty, the records of the table of --factors are used, or without
-        --factors the record of the model.
-    model : Model
-        The building.
+    `records` contains the record files. If empty, the records of the table of --factors are used,
+    or without --factors the record of the model.
 
     Raises
     ------

@@ -188,16 +188,7 @@ def _summary(
 ) -> dict[str, Any]:
     """Return the content of the JSON file of a match: settings, records and written files.
 
-    Parameters
-    ----------
-    request : MatchRequest
-        The command line.
-    records : sequence of Record
-        The records before scaling and matching.
-    files : sequence of Path
-        Files of the matched ground motions.
-    table : Table
-        Table of the misfits, whose columns the JSON file explains.
+    `records` contains the records before scaling and matching.
     """
     from tdint.output.summary import record_summary, table_summary
 
@@ -219,17 +210,7 @@ def _summary(
 def _report(
     request: MatchRequest, matches: Sequence[Match], targets: Sequence[TargetSpectrum]
 ) -> None:
-    """Write the misfits of all matched ground motions to the terminal, with warnings.
-
-    Parameters
-    ----------
-    request : MatchRequest
-        The command line.
-    matches : sequence of Match
-        Matched ground motions.
-    targets : sequence of TargetSpectrum
-        Target for each damping ratio.
-    """
+    """Write the misfits of all matched ground motions to the terminal, with warnings."""
     for matched in matches:
         # The representation of a match is a sentence in angle brackets.
         say(repr(matched)[1:-1] + ".")
@@ -253,16 +234,7 @@ def _match_each(
 ) -> list[Match]:
     """Match each ground motion separately to the target spectra.
 
-    Parameters
-    ----------
-    motions : sequence of Record or Horizontals
-        Ground motions (single components or pairs) that are scaled and matched.
-    targets : sequence of TargetSpectrum
-        Target for each damping ratio.
-    matching_options : dict
-        Keyword arguments `periods` and `damping` of `tdint.match`.
-    show_progress : callable
-        Receives a label and the completed fraction of the work.
+    `motions` contains the ground motions (single components or pairs) that are scaled and matched.
     """
     from tdint.analysis.matching import match
 
@@ -285,13 +257,6 @@ def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:
 
     The scatter is the standard deviation of ln Sa over the motions, averaged over the periods,
     before and after matching.
-
-    Parameters
-    ----------
-    matches : sequence of Match
-        Matched motions of the suite.
-    target : TargetSpectrum
-        Spectrum to which the motions were matched.
     """
     import numpy as np
 
@@ -319,12 +284,7 @@ def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:
 def _misfit_warning(matched: Match, max_misfit: float) -> list[str]:
     """Return the warning about the largest misfit of a matched motion at a damping ratio.
 
-    Parameters
-    ----------
-    matched : Match
-        Matched motion at this damping ratio.
-    max_misfit : float
-        Maximum misfit without a warning, as a fraction of the target.
+    `max_misfit` is the maximum misfit without a warning, as a fraction of the target.
 
     Returns
     -------

@@ -111,11 +111,6 @@ def _record(model: Model) -> tuple[Record | None, list[str]]:
     The vibration modes of the building do not depend on the ground motion. If the record cannot be
     read, the command therefore continues without the spectrum, and the report states the reason.
 
-    Parameters
-    ----------
-    model : Model
-        Building.
-
     Returns
     -------
     record : Record or None
@@ -136,17 +131,7 @@ def _record(model: Model) -> tuple[Record | None, list[str]]:
 
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:
-    """Run a response spectrum analysis, write its outputs and print its summary.
-
-    Parameters
-    ----------
-    model : Model
-        Building.
-    target : str
-        Design spectrum: a code with its parameters, or a file.
-    outputs : Outputs
-        Output options of the command line.
-    """
+    """Run a response spectrum analysis, write its outputs and print its summary."""
     from tdint.analysis.spectra.modal import response_spectrum_analysis
     from tdint.model.building import assemble
 
@@ -203,13 +188,6 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
 def _peak_sentence(result: ModalResponse, units: OutputUnits) -> str:
     """Return a sentence on the base shear and the roof displacement; if all modes are included, a
     second sentence states this.
-
-    Parameters
-    ----------
-    result : ModalResponse
-        Result of the response spectrum analysis.
-    units : OutputUnits
-        Units of the values in the text.
     """
     # Report the combinations of the modal peaks by CQC and by SRSS, because they differ for closely
     # spaced modes.

@@ -101,13 +101,9 @@ def command(request: Request) -> None:
 def _report_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
     """Print the powers of omega dt in the first time step for each method.
 
-    Parameters
-    ----------
-    pairs : dict of str to list of Overshoot
-        Motions from an initial displacement and from an initial velocity, for each method and
-        damping ratio.
-    verdicts : list of str
-        Texts of the last column, in the order of `pairs`.
+    `pairs` contains the motions from an initial displacement and from an initial velocity, for each
+    method and damping ratio. `verdicts` contains the texts of the last column, in the order of
+    `pairs`.
     """
     from tdint.analysis.assessment.stability import EXACT_POWERS
 
@@ -133,11 +129,8 @@ def _report_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> No
 def _report_maxima(pairs: dict[str, list[Overshoot]]) -> None:
     """Print the maximum ratios of displacement and velocity to the exact motion.
 
-    Parameters
-    ----------
-    pairs : dict of str to list of Overshoot
-        Motions from an initial displacement and from an initial velocity, for each method and
-        damping ratio.
+    `pairs` contains the motions from an initial displacement and from an initial velocity, for each
+    method and damping ratio.
     """
     from tdint.analysis.assessment.stability import BEYOND
 

@@ -106,14 +106,7 @@ def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: Output
     The verdict at its top lists the target displacements. If a target displacement is not valid,
     its line in the verdict contains the reasons.
 
-    Parameters
-    ----------
-    result : Pushover
-        The pushover curve.
-    targets : sequence of TargetDisplacement
-        The target displacements; empty without --target.
-    units : OutputUnits
-        The units of the values.
+    `targets` contains the target displacements; empty without --target.
     """
     from tdint.output.building_report import method_name, pushover_page
     from tdint.output.page import PageText, page_units
@@ -140,12 +133,7 @@ def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: Output
 def _target_sentence(target: TargetDisplacement, units: OutputUnits) -> str:
     """Return a sentence on the target displacement of a method and the equivalent oscillator.
 
-    Parameters
-    ----------
-    target : TargetDisplacement
-        Target displacement and the properties of the equivalent oscillator.
-    units : OutputUnits
-        Units of the values in the text.
+    `target` contains the target displacement and the properties of the equivalent oscillator.
     """
     if target.method == "n2":
         factors = (
@@ -167,15 +155,7 @@ def _target_sentence(target: TargetDisplacement, units: OutputUnits) -> str:
 
 
 def _result_text(result: Pushover, units: OutputUnits) -> str:
-    """Return a sentence on the maximum base shear and a sentence on the last step.
-
-    Parameters
-    ----------
-    result : Pushover
-        Result of the pushover analysis.
-    units : OutputUnits
-        Units of the values in the text.
-    """
+    """Return a sentence on the maximum base shear and a sentence on the last step."""
     last = -1
     text = f"{result.model.name}, {result.pattern} pattern: maximum base shear "
     text += f"{units.text(result.largest_base_shear, 'N')} at a roof displacement of "

@@ -165,14 +165,7 @@ def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> di
 
     Members of archives and standard input are compared after the run.
 
-    Parameters
-    ----------
-    recorded : _RecordedCommand
-        Recorded command.
-    folder : Path
-        Working directory of the repeated command.
-    changed : bool
-        Allow changed inputs, and warn of them.
+    `changed` is True to allow changed inputs, and warn of them.
 
     Returns
     -------
@@ -207,15 +200,6 @@ def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> di
 def _check_plugins(recorded: _RecordedCommand, folder: Path, trust: bool) -> None:
     """Check the plug-ins of the recorded command before they are executed.
 
-    Parameters
-    ----------
-    recorded : _RecordedCommand
-        Recorded command.
-    folder : Path
-        Working directory of the repeated command.
-    trust : bool
-        True with --trust, which allows the execution of plug-ins.
-
     Raises
     ------
     UsageError
@@ -243,14 +227,9 @@ def _check_provenance(
 ) -> None:
     """Report the differences of inputs, plug-ins and versions between two runs.
 
-    Parameters
-    ----------
-    recorded, repeated : _RecordedCommand
-        The stored JSON file, and the JSON file of the repeated command.
-    known_changes : collection of str
-        Names of the changed inputs that are already reported.
-    changed : bool
-        Allow changed inputs, and warn of them.
+    `recorded` and `repeated` are the stored JSON file, and the JSON file of the repeated command.
+    `known_changes` contains the names of the changed inputs that are already reported. `changed` is
+    True to allow changed inputs, and warn of them.
 
     Raises
     ------
@@ -323,11 +302,6 @@ class _RecordedCommand:
     @classmethod
     def read(cls, name: str) -> _RecordedCommand:
         """Read a JSON file, or the summary in a directory.
-
-        Parameters
-        ----------
-        name : str
-            Name of a JSON file, or of a directory with a summary.
 
         Raises
         ------
@@ -447,12 +421,7 @@ def _is_folder_name(output: str, file: Path) -> bool:
 def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
     """Parse a recorded command line with click, without running it.
 
-    Parameters
-    ----------
-    file : Path
-        The JSON file, for messages.
-    arguments : Any
-        The command line after `tdint`.
+    `arguments` is the command line after `tdint`.
 
     Returns
     -------
@@ -507,12 +476,7 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
 def _files(command: click.Command, values: Mapping[str, Any]) -> Iterator[str]:
     """Yield the names of the input files on a command line.
 
-    Parameters
-    ----------
-    command : click.Command
-        Command of the command line.
-    values : mapping
-        Values of the parameters of the command line, by parameter name.
+    `values` contains the values of the parameters of the command line, by parameter name.
     """
     for item in command.params:
         if isinstance(item.type, SampleUnitsType) or (
@@ -526,12 +490,7 @@ def _texts(values: Mapping[str, Any], name: str) -> list[str]:
 
     click represents a missing value by a special object, which is not text.
 
-    Parameters
-    ----------
-    values : mapping
-        Values of the parameters of the command line, by parameter name.
-    name : str
-        Name of the parameter.
+    `values` contains the values of the parameters of the command line, by parameter name.
     """
     value = values.get(name)
     items = value if isinstance(value, list | tuple) else [value]
@@ -541,12 +500,7 @@ def _texts(values: Mapping[str, Any], name: str) -> list[str]:
 def _is_there(folder: Path, name: str) -> bool:
     """Return True if a file or the archive that contains it exists, or for standard input.
 
-    Parameters
-    ----------
-    folder : Path
-        Directory to which the name is relative.
-    name : str
-        Name of the file or of a member of an archive; '-' is standard input.
+    `name` is the name of the file or of a member of an archive; '-' is standard input.
     """
     return name == STDIN or any(map(is_file, (folder / name, *(folder / name).parents)))
 
@@ -575,14 +529,7 @@ class _NewOutputs:
     def __call__(self, parameter: str, name: str, folder: bool) -> str:
         """Return the new path that replaces the path of an output.
 
-        Parameters
-        ----------
-        parameter : str
-            Name of the option.
-        name : str
-            The original name.
-        folder : bool
-            True if the name is a directory.
+        `folder` is True if the name is a directory.
 
         Returns
         -------
@@ -666,14 +613,7 @@ def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -
     Its standard output is discarded. If a signal ends the command, `click.exceptions.Exit` with its
     exit code is raised, so that `tdint rerun` ends also.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        Words of the command line after `tdint`.
-    folder : Path
-        Working directory of the command.
-    outputs : _NewOutputs
-        Replacement paths of the outputs.
+    `arguments` contains the words of the command line after `tdint`.
     """
     settings = current()
     before = ELSEWHERE.set(outputs)
@@ -697,14 +637,8 @@ def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -
 def _refuse_changes(recorded: _RecordedCommand, changes: Mapping[str, str], changed: bool) -> None:
     """Raise UsageError for changed inputs, or print a warning for each with --changed.
 
-    Parameters
-    ----------
-    recorded : _RecordedCommand
-        Recorded command.
-    changes : mapping of str to str
-        Messages about the changed inputs, by name of the input.
-    changed : bool
-        True with --changed, which allows changed inputs.
+    `changes` contains the messages about the changed inputs, by name of the input. `changed` is
+    True with --changed, which allows changed inputs.
     """
     if changes and not changed:
         remedy = f"{recorded.file} records other inputs; add --changed to use the changed inputs"
@@ -715,15 +649,9 @@ def _refuse_changes(recorded: _RecordedCommand, changes: Mapping[str, str], chan
 def _change_text(name: str, before: str | None, now: str | None) -> str:
     """Return a message about a changed input.
 
-    Parameters
-    ----------
-    name : str
-        Name of the input.
-    before : str or None
-        SHA-256 of the input in the recorded run; None if the recorded run did not read it.
-    now : str or None
-        Present SHA-256 of the input; None if it is not read now. If `before` is None, any nonempty
-        text has the same effect.
+    `before` is the SHA-256 of the input in the recorded run; None if the recorded run did not read
+    it. `now` is the present SHA-256 of the input; None if it is not read now. If `before` is None,
+    any nonempty text has the same effect.
     """
     # If a SHA-256 is missing, only one of the two runs has read the input.
     if before is None or now is None:
@@ -740,12 +668,8 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
     The result for each file is printed, and a table of the first differences is written to standard
     output.
 
-    Parameters
-    ----------
-    recorded, repeated : _RecordedCommand
-        The stored JSON file, and the JSON file of the repeated command.
-    outputs : _NewOutputs
-        The files that are written now.
+    `recorded` and `repeated` are the stored JSON file, and the JSON file of the repeated command.
+    `outputs`: the files that are written now.
 
     Returns
     -------
@@ -836,16 +760,7 @@ def _compare_file(
 ) -> tuple[str, bool, list[Difference]]:
     """Compare an original file with the file that is written now.
 
-    Parameters
-    ----------
-    before, now : Path
-        The original file and the new file.
-    name : str
-        Name of the file, for messages.
-    is_table : bool
-        True for a table; its name can have any suffix.
-    rules : _Rules
-        Columns and keys that are not compared.
+    `rules` contains the columns and keys that are not compared.
 
     Returns
     -------
@@ -899,14 +814,7 @@ def _summarize_differences(
 ) -> tuple[str, bool, list[Difference]]:
     """Count the differences of two files and find the maximum.
 
-    Parameters
-    ----------
-    name : str
-        Name of the file in the message.
-    differences : iterable of Difference
-        Differences between the recorded file and the new file.
-    manner : str
-        Manner of the comparison in the message, such as 'value by value'.
+    `manner` is the manner of the comparison in the message, such as 'value by value'.
 
     Returns
     -------
@@ -942,15 +850,7 @@ def _summarize_differences(
 
 
 def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
-    """Yield the differences of the rows in two stores: of runs, stories and events.
-
-    Parameters
-    ----------
-    before : Path
-        Store of the recorded run.
-    now : Path
-        Store of the repeated run.
-    """
+    """Yield the differences of the rows in two stores: of runs, stories and events."""
     from tdint.campaign.store_schema import (
         ROW_TABLES,
         check_store,
@@ -1007,11 +907,5 @@ def _recorded_files(recorded: _RecordedCommand) -> Iterator[Path]:
 
 
 def _size(difference: Difference) -> float:
-    """Return the relative size of a difference, or -1 for texts, which have no size.
-
-    Parameters
-    ----------
-    difference : Difference
-        Difference between two values.
-    """
+    """Return the relative size of a difference, or -1 for texts, which have no size."""
     return -1.0 if math.isnan(difference.relative) else difference.relative

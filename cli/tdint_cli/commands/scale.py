@@ -319,11 +319,6 @@ def _scale_function(request: ScaleRequest) -> Any:
 
     The target is read here, before the records, so that its errors are reported immediately.
 
-    Parameters
-    ----------
-    request : ScaleRequest
-        Options of the command line.
-
     Returns
     -------
     callable
@@ -374,13 +369,6 @@ def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
 
     The range is, in this order of priority: --range; 0.2 to 2 times the period of --at; 0.2 times
     the shortest to 2 times the longest first period of the buildings; all periods of the target.
-
-    Parameters
-    ----------
-    request : ScaleRequest
-        Options of the command line.
-    target : TargetSpectrum
-        Target spectrum.
     """
     from tdint.number_parsing import Grid
 
@@ -406,14 +394,7 @@ def _select_function(
 
     The tables of events and of the standard deviation are read here, before the records.
 
-    Parameters
-    ----------
-    request : ScaleRequest
-        The options of the command line.
-    target : TargetSpectrum
-        The target spectrum.
-    periods : ndarray
-        Periods at which the spectra are compared with the target, s.
+    `periods` contains the periods at which the spectra are compared with the target, s.
     """
     import numpy as np
 
@@ -468,13 +449,7 @@ def _select_function(
 
 
 def _warnings(scaling: Scaling) -> list[str]:
-    """Return warnings about a suite: too few ground motions, or unusual factors.
-
-    Parameters
-    ----------
-    scaling : Scaling
-        Scaled suite with its factors.
-    """
+    """Return warnings about a suite: too few ground motions, or unusual factors."""
     from tdint.campaign.scaling import BOUNDS, FEW, POSSIBLE
 
     warnings = []
@@ -495,15 +470,7 @@ def _warnings(scaling: Scaling) -> list[str]:
 
 
 def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
-    """Return the settings that affect the factors, for the JSON file.
-
-    Parameters
-    ----------
-    request : ScaleRequest
-        Options of the command line.
-    scaling : Scaling
-        Scaled suite with its factors.
-    """
+    """Return the settings that affect the factors, for the JSON file."""
     periods = scaling.periods
     return {
         "rule": scaling.rule,
@@ -540,11 +507,6 @@ def _limit_line(scaling: Scaling) -> str:
     """Return a line on scale factors that are equal to a limit of --factor-range.
 
     The line counts selected and other ground motions. It is empty without such factors.
-
-    Parameters
-    ----------
-    scaling : Scaling
-        Scaled suite with its factors.
     """
     low, high = scaling.limits or (0.0, math.inf)
     if not scaling.at_limit and not scaling.others_at_limit:
@@ -562,15 +524,7 @@ def _limit_line(scaling: Scaling) -> str:
 
 
 def _summary_text(scaling: Scaling, units: OutputUnits) -> str:
-    """Return the summary on standard error: number of records, target and factors.
-
-    Parameters
-    ----------
-    scaling : Scaling
-        Scaled suite with its factors.
-    units : OutputUnits
-        Units of the values in the text.
-    """
+    """Return the summary on standard error: number of records, target and factors."""
     import numpy as np
 
     from tdint.ground_motion.record import Record
@@ -607,13 +561,7 @@ def _summary_text(scaling: Scaling, units: OutputUnits) -> str:
 
 
 def _selection_text(scaling: Scaling) -> str:
-    """Return the lines about a selection: its misfit, omitted motions, factors at a limit.
-
-    Parameters
-    ----------
-    scaling : Scaling
-        Scaled selection with its factors.
-    """
+    """Return the lines about a selection: its misfit, omitted motions, factors at a limit."""
     import numpy as np
 
     periods, target, remaining = scaling.periods, scaling.target, scaling.unselected_spectra

@@ -25,12 +25,7 @@ def _ranges(
 ) -> dict[str, tuple[float, float]]:
     """Parse the values of --vary: NAME=LOW:HIGH, separated by commas.
 
-    Parameters
-    ----------
-    ctx, parameter : click.Context, click.Parameter
-        Arguments of a click callback; not used.
-    texts : tuple of str
-        The value of each --vary option.
+    `ctx` and `parameter` are the arguments of a click callback; not used.
 
     Returns
     -------
@@ -132,10 +127,7 @@ def _one_at_a_time(request: Request) -> None:
 
     The table of the effects is written, and the largest effect on the peak drift ratio is printed.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the command line: model, records and ranges of the parameters.
+    `request` contains the options of the command line: model, records and ranges of the parameters.
 
     Raises
     ------

@@ -155,12 +155,7 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
     """Return the paths of a table, its figure and its JSON file after a check of the figure.
 
-    Parameters
-    ----------
-    request : TablesRequest
-        The options of the command line.
-    table : Path or None
-        File of the table; None without -o, and with -o DIR if no table is written to a file.
+    `table`: file of the table; None without -o, and with -o DIR if no table is written to a file.
     """
     # With -o DIR, a figure is a file next to the table of its record. Without a table there is no
     # figure.
@@ -177,16 +172,7 @@ def _work(
 
     This function may run in a worker process.
 
-    Parameters
-    ----------
-    request : TablesRequest
-        The options of the command line.
-    table_type : TableType
-        The type of table.
-    width : int or None
-        Width of the terminal in characters; None for CSV.
-    task : Task
-        The files of the record and its table.
+    `width` is the width of the terminal in characters; None for CSV.
     """
     from tdint.output.summary import record_summary
 
@@ -211,19 +197,7 @@ def _work(
 def _picture(
     request: TablesRequest, table_type: TableType, results: Sequence[Any], suffix: str
 ) -> bytes:
-    """Return the figure of some results as bytes, in the format of a file name suffix.
-
-    Parameters
-    ----------
-    request : TablesRequest
-        The options of the command line.
-    table_type : TableType
-        The type of table.
-    results : sequence
-        The results, one line of the figure each.
-    suffix : str
-        Suffix of the file name, such as '.png'.
-    """
+    """Return the figure of some results as bytes, in the format of a file name suffix."""
     stream = BytesIO()
     figures.style.picture(suffix, lambda: table_type.picture(request, results))(stream)
     return stream.getvalue()
@@ -237,16 +211,7 @@ def _write(
 ) -> None:
     """Write a table with the rows of several records, its JSON file and its figure.
 
-    Parameters
-    ----------
-    request : TablesRequest
-        The options of the command line.
-    table_type : TableType
-        The type of table.
-    table : Path or None
-        The file of the table; None to write only the figure.
-    products : sequence of RecordTable
-        The results of the records, in the order of their rows.
+    `table` is the file of the table; None to write only the figure.
     """
     from tdint.output.summary import table_summary
 

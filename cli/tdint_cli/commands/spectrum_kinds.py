@@ -201,10 +201,7 @@ class TablesRequest(RecordsRequest):
 def _bandwidth(text: str) -> float:
     """Parse the bandwidth of a smoothing window; return 0 for 'none'.
 
-    Parameters
-    ----------
-    text : str
-        Bandwidth, a positive number or 'none'.
+    `text` is the bandwidth, a positive number or 'none'.
     """
     return (
         0.0
@@ -419,13 +416,7 @@ class _OscillatorSpectra(TableType):
     """Spectra over the requested periods, with a note on these periods."""
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        """
+        """Raise UsageError for options that cannot be used together, before any computation."""
         _ = request.elastic_settings  # raises UsageError if these options exclude each other
         if request.target_spectrum and not request.plot:
             raise UsageError(
@@ -442,12 +433,7 @@ class _OscillatorSpectra(TableType):
     def remark(self, request: SpectrumRequest, interval: float) -> str:
         """Return a note on periods that are short for the sampling interval, or too coarse.
 
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        interval : float
-            Maximum sampling interval of all records, s.
+        `interval` is the maximum sampling interval of all records, s.
         """
         periods = request.chosen_periods()
         remarks: list[str] = []
@@ -843,15 +829,7 @@ MODES = (
 
 
 def _is_single(request: SpectrumRequest, file: str) -> bool:
-    """Return True if a file has exactly one horizontal component.
-
-    Parameters
-    ----------
-    request : SpectrumRequest
-        Options of the command line.
-    file : str
-        Name of the file.
-    """
+    """Return True if a file has exactly one horizontal component."""
     from tdint.ground_motion.horizontals import is_vertical
     from tdint.ground_motion.reading.read import read_records
 

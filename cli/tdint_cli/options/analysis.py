@@ -132,14 +132,8 @@ def _specifications(
 
     A comma also separates the parameters of a method: `newmark:beta=0.25,gamma=0.5` is one method.
 
-    Parameters
-    ----------
-    _ : click.Context
-        Context of the command; not used.
-    __ : click.Parameter
-        Option; not used.
-    texts : tuple of str
-        Values of the option, each a comma-separated list of methods.
+    `_` is the context of the command; not used. `__` is the option; not used. `texts` contains the
+    values of the option, each a comma-separated list of methods.
     """
     specifications: list[str] = []
     for text in texts:
@@ -382,13 +376,6 @@ def with_motion(model: Model, request: BuildingRequest) -> Model:
 
 def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     """Return the record of the command line, or the record of the model with changed options.
-
-    Parameters
-    ----------
-    request : BuildingRequest
-        Options of the command line.
-    model : Model
-        Building.
 
     Returns
     -------

@@ -1067,15 +1067,7 @@ def _argument_name(parameter: click.Parameter) -> str:
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
-    """Return True if the command line specifies a value of this parameter.
-
-    Parameters
-    ----------
-    ctx : click.Context
-        Context of the command.
-    parameter : click.Parameter
-        Parameter of the command.
-    """
+    """Return True if the command line specifies a value of this parameter."""
     # Click before 8.2 reports the command line as the source of an argument without values.
     name = parameter.name or ""
     return (
@@ -1161,17 +1153,7 @@ def general() -> list[click.Parameter]:
 
 
 def _setting(names: list[str], field: str, text: str) -> HeadedOption:
-    """Return a flag that sets a field of the settings, before or after the name of the command.
-
-    Parameters
-    ----------
-    names : list of str
-        Names of the flag, such as '--quiet'.
-    field : str
-        Field of `Settings` that the flag sets to True.
-    text : str
-        Help text.
-    """
+    """Return a flag that sets a field of the settings, before or after the name of the command."""
 
     def switch(ctx: click.Context, _: click.Parameter, is_set: bool) -> None:
         """Set the field of the settings if the flag is set."""

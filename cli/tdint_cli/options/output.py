@@ -65,14 +65,7 @@ def _check_output(
     The file of a table must have a suffix, because a name without a suffix is a directory in
     commands that write several files.
 
-    Parameters
-    ----------
-    context : click.Context
-        Context of the command.
-    parameter : click.Parameter
-        Option -o of the command.
-    value : str or None
-        Value of the option; None if it is not specified.
+    `value` is the value of the option; None if it is not specified.
 
     Raises
     ------
@@ -151,14 +144,7 @@ def _check_report(
 ) -> str | None:
     """Return the file name of --report; raise UsageError if it is empty or not an HTML file.
 
-    Parameters
-    ----------
-    context : click.Context
-        Context of the command.
-    parameter : click.Parameter
-        Option --report of the command.
-    value : str or None
-        Value of the option; None if it is not specified.
+    `value` is the value of the option; None if it is not specified.
     """
     value = refuse_empty(context, parameter, value)
     if value and not value.lower().endswith((".html", ".htm")):
