@@ -461,13 +461,8 @@ def stream_table(
 def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the cells of each row of a CSV file, which is read in parts.
 
-    Parameters
-    ----------
-    source : str
-        Name of the file.
-    error : type
-        Type of the exception that is raised if the file contains a null character or is not UTF-8
-        text.
+    `error` is the type of the exception that is raised if the file contains a null character or is
+    not UTF-8 text.
     """
     with Path(source).open(encoding="utf-8-sig", newline="") as file:
 
@@ -498,15 +493,6 @@ def _parse_rows(
 
     If a quotation mark is not closed, all following rows are part of one cell. The row `_LAST_ROW`,
     which is appended to the lines, detects this error: it is then missing.
-
-    Parameters
-    ----------
-    source : str
-        Name of the file, for messages.
-    lines : iterable of str
-        Lines of the file.
-    error : type
-        Type of the exceptions.
     """
     # The line break before the appended row ends the last line of a file that has no line break.
     reader = csv.reader(chain(lines, ("\n", f"{_LAST_ROW}\n")), skipinitialspace=True)
@@ -529,15 +515,8 @@ def _parse_rows(
 def _read_checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
     """Read a complete file, check its content, and record its digest as an input of the command.
 
-    Parameters
-    ----------
-    source : str
-        Name of the file; `-` is standard input.
-    needs : str
-        Description of a valid file, for messages.
-    error : type
-        Type of the exception that is raised if the file cannot be read, is larger than
-        `MOST_BYTES`, is not UTF-8 text, or contains a null character.
+    `error` is the type of the exception that is raised if the file cannot be read, is larger than
+    `MOST_BYTES`, is not UTF-8 text, or contains a null character.
     """
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
     data = read_whole(

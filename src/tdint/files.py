@@ -394,15 +394,6 @@ def _write(file: Path, content: Content, stream: BinaryIO) -> None:
 
     The compressed bytes do not depend on the time or the name, so that equal contents result in
     equal files.
-
-    Parameters
-    ----------
-    file : Path
-        Name of the file, which determines the compression.
-    content : bytes or callable
-        Content, or a function that writes it to a binary stream.
-    stream : BinaryIO
-        Output.
     """
     writer = (lambda into: into.write(content)) if isinstance(content, bytes) else content
     if file.suffix.lower() != ".gz":

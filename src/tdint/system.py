@@ -155,13 +155,6 @@ def _is_protected(parent: Path, folder: Path) -> bool:
     The directory must belong to this user and must not be writable for others. Its parent may
     belong to root, and may be writable for others if it has the sticky bit, like /tmp. Always True
     on Windows.
-
-    Parameters
-    ----------
-    parent : Path
-        Directory that contains `folder`.
-    folder : Path
-        The directory.
     """
     if not hasattr(os, "getuid"):
         return True

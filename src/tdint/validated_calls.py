@@ -64,13 +64,6 @@ def _wrong_argument(function: str, arguments: inspect.BoundArguments) -> UsageEr
     If all arguments match, the error is for the first argument with an annotation such as `Any` or
     `AnyModel`: it matches every value, so that the value may still be the cause of the failure.
     Without such an argument, return None.
-
-    Parameters
-    ----------
-    function : str
-        Public name of the called function, for the message.
-    arguments : inspect.BoundArguments
-        Arguments of the call by name of the parameter.
     """
     unchecked_error = None  # error for the first argument that matches every value
     for parameter in arguments.signature.parameters.values():
@@ -114,12 +107,7 @@ def _accepts_any(annotation: ast.AST) -> bool:
 def _matches(value: Any, annotation: ast.expr) -> bool:
     """Return True if a value matches an annotation, or if the annotation cannot be checked.
 
-    Parameters
-    ----------
-    value : object
-        Value of an argument.
-    annotation : ast.expr
-        Parsed annotation of the parameter, such as `Sequence[float] | None`.
+    `annotation` is the parsed annotation of the parameter, such as `Sequence[float] | None`.
     """
     match annotation:
         case ast.BinOp():  # the operator | of a union

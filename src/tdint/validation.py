@@ -166,14 +166,7 @@ _XI = 0.05
 def _history(model: Mapping[str, Any], *record: Record, method: str | None = None) -> History:
     """Run a model and return its response history.
 
-    Parameters
-    ----------
-    model : mapping
-        Content of a model file.
-    *record : Record
-        Ground motion; optional.
-    method : str, optional
-        Time-integration method instead of the method of the model.
+    `method` is the time-integration method instead of the method of the model.
     """
     history = run(load_model(model), *record, method=method, history=True, check=False).history
     assert history is not None
@@ -183,14 +176,8 @@ def _history(model: Mapping[str, Any], *record: Record, method: str | None = Non
 def _oscillator(method: str, dt: float, duration: float, **keys: Any) -> History:
     """Return the response history of an oscillator with a mass of 1 kg and a period of 1 s.
 
-    Parameters
-    ----------
-    method : str
-        Time-integration method.
-    dt, duration : float
-        Time step and duration, s.
-    **keys
-        Further keys of the model file; `story` replaces the stiffness of the story.
+    `dt` and `duration` are the time step and duration, s. `**keys` contains the further keys of the
+    model file; `story` replaces the stiffness of the story.
     """
     story = {"mass": 1.0} | (keys.pop("story", None) or {"stiffness": _OMEGA**2})
     return _history(
@@ -324,14 +311,8 @@ INCH = 0.0254
 def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10) -> Array:
     """Return the displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5.
 
-    Parameters
-    ----------
-    method : str
-        Time-integration method.
-    law : mapping, optional
-        Hysteretic law of the story; linear by default.
-    steps : int
-        Number of time steps of 0.1 s; one displacement for each step.
+    `law` is the hysteretic law of the story; linear by default. `steps` is the number of time steps
+    of 0.1 s; one displacement for each step.
     """
     model = {
         "units": {"length": "in", "force": "kip", "mass": "kip*s^2/in"},
