@@ -68,8 +68,6 @@ def draw(
 
     Parameters
     ----------
-    columns : sequence of str
-        Column names.
     rows : sequence of sequence
         Values of each row, in the order of `columns`. None is an empty cell.
     width : int

@@ -616,11 +616,6 @@ def is_complete(store: Store) -> bool:
     """Return True if all runs of a campaign are done.
 
     A mean over some of the motions could be mistaken for the mean over all motions.
-
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
     """
     return not unfinished(store)
 
@@ -784,10 +779,6 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
         Store and options of the command line.
     folder : Path
         Output directory.
-    simcenter : bool
-        Write the SimCenter file.
-    maps : MapRequest
-        Maps to write.
 
     Raises
     ------

@@ -100,8 +100,6 @@ class LazyGroup(HelpAsData, click.Group):
 
         Parameters
         ----------
-        ctx : click.Context
-            Context of the group.
         args : list of str
             Command line after the general options; the first item is the name of the command.
 

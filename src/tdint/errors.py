@@ -137,8 +137,6 @@ def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
     ----------
     name : str
         The unknown name. Upper and lower case are equivalent.
-    names : iterable of str
-        The valid names.
     cutoff : float
         Minimum similarity, between 0 and 1, of `difflib.get_close_matches`.
     """
@@ -156,8 +154,6 @@ def did_you_mean(name: str, names: Iterable[str], cutoff: float = 0.6) -> str:
 
     Parameters
     ----------
-    name : str
-        The unknown name.
     names : iterable of str
         The valid names.
     cutoff : float

@@ -447,8 +447,6 @@ def write_file(file: Path, writer: Content, *, overwrite: bool) -> None:
 
     Parameters
     ----------
-    file : Path
-        The file.
     writer : bytes or callable
         Content, or a function that writes it to a binary stream.
     overwrite : bool

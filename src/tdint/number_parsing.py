@@ -43,8 +43,6 @@ def number_text(value: float, digits: int = DIGITS, *, unlike: float | None = No
 
     Parameters
     ----------
-    value : float
-        The number.
     digits : int
         Number of significant digits, 3 or 4; trailing zeros are omitted.
     unlike : float, optional

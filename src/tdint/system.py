@@ -418,8 +418,6 @@ def spawn_detached(arguments: list[str], folder: Path) -> None:
 
     Parameters
     ----------
-    arguments : list of str
-        Program and its arguments.
     folder : Path
         Working directory of the program.
 
@@ -560,8 +558,6 @@ def on_threads(
         Function that receives an item and returns its result.
     items : iterable
         Items; None is not allowed.
-    jobs : int
-        Number of threads.
     """
     # Import here, because most uses of this module do not need threads.
     from concurrent import futures

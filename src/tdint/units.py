@@ -416,8 +416,6 @@ class OutputUnits:
         ----------
         name : str
             Name of the column or key in SI units.
-        unit : str
-            SI unit.
         """
         output_unit, factor = self.unit(unit)
         error_suffix = "_error" if name.endswith("_error") else ""
@@ -436,8 +434,6 @@ def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
 
     Parameters
     ----------
-    text : str
-        The list.
     others : OutputUnits
         Units of the quantities that the list does not contain.
 

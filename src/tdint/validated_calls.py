@@ -31,8 +31,6 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
 
     Parameters
     ----------
-    function : callable
-        The function.
     name : str
         Its public name, for messages.
     """

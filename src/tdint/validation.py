@@ -87,8 +87,6 @@ def cases_of(
 
     Parameters
     ----------
-    group : str
-        Name of the group in the file.
     computations : mapping of str to tuple
         For each name of a case, the function that computes the values, and the reference values of
         a closed-form solution (empty if the file contains published values).

@@ -254,13 +254,6 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
     The name of the table is the name of the record without its suffix, or with its suffix if
     several records have the same stem.
 
-    Parameters
-    ----------
-    files : sequence of str
-        The record files.
-    folder : Path
-        The directory of the tables.
-
     Raises
     ------
     OutputError

@@ -112,8 +112,6 @@ class TableType(Protocol):
         ----------
         request : Any
             Options of the command line.
-        records : sequence of Record
-            Components of one record.
         """
 
     def table(self, request: Any, lines: Sequence[Any]) -> Table:
@@ -662,8 +660,6 @@ class Rotated(_OscillatorSpectra):
         ----------
         request : SpectrumRequest
             Options of the command line.
-        files : sequence of str
-            Names of the files.
         """
         from tdint.ground_motion.horizontals import USUAL, files_of_motions
 

@@ -323,11 +323,6 @@ class BuildingRequest(RecordRequest):
 def warn_of(model: Model) -> None:
     """Print warnings about unusual values of a building, such as its period; the most common cause
     is a wrong unit.
-
-    Parameters
-    ----------
-    model : Model
-        Building.
     """
     from tdint.model.building import assemble
     from tdint.model.plausibility import unusual_values

@@ -168,10 +168,6 @@ class ListOf(ValueType):
         ----------
         ctx : click.Context
             Context of the command.
-        param : click.Parameter
-            Parameter of the value.
-        incomplete : str
-            Incomplete text of the value.
         """
         first_values, comma, last_value = incomplete.rpartition(",")
         items = self.item.shell_complete(ctx, param, last_value)
@@ -369,8 +365,6 @@ class PairsType(ValueType):
         ----------
         ctx : click.Context
             Context of the command.
-        param : click.Parameter
-            Parameter of the value.
         incomplete : str
             Incomplete text of the value.
         """
@@ -417,10 +411,6 @@ class Name(ValueType):
         ----------
         ctx : click.Context
             Context of the command.
-        param : click.Parameter
-            Parameter of the value.
-        incomplete : str
-            Incomplete text of the value.
         """
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
@@ -492,8 +482,6 @@ class FileName(ValueType):
         ----------
         ctx : click.Context
             Context of the command.
-        param : click.Parameter
-            Parameter of the value.
         incomplete : str
             Incomplete text of the value.
         """
@@ -628,8 +616,6 @@ def option(
 
     Parameters
     ----------
-    *names : str
-        Names of the option, as for click.
     heading : str
         The heading in the help, an item of `ORDER`.
     rare : bool
@@ -916,8 +902,6 @@ class Command(HelpAsData):
 
         Parameters
         ----------
-        ctx : click.Context
-            Context of the command.
         formatter : click.HelpFormatter
             Formatter to which the help is written.
         """
@@ -963,8 +947,6 @@ class Command(HelpAsData):
 
         Parameters
         ----------
-        ctx : click.Context
-            Context of the command.
         args : list of str
             Words of the command line after the name of the command.
 
@@ -1101,8 +1083,6 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
     ----------
     mode : Mode
         Mode of the current command line.
-    modes : iterable of Mode
-        All modes of the command.
     """
     context = click.get_current_context()
     # An option that is listed for no mode has an effect in all modes, so that only options of other
@@ -1129,8 +1109,6 @@ def command(
 
     Parameters
     ----------
-    name : str
-        Name of the command.
     *examples : str
         Two command lines for the help, which run in a directory with the files that `tdint init
         office.yaml` writes.
@@ -1170,8 +1148,6 @@ def flag(
 
     Parameters
     ----------
-    names : list of str
-        Names of the flag.
     callback : callable
         Function of the context, the parameter and the value; click calls it during parsing.
     text : str

@@ -295,14 +295,8 @@ class Outputs:
         ----------
         output : str or None
             The value of -o.
-        plot : str or None
-            The value of --plot.
         overwrite : bool
             True if existing files may be replaced.
-        units : OutputUnits, optional
-            The value of --output-units.
-        report : str, optional
-            The value of --report.
 
         Raises
         ------
@@ -349,8 +343,6 @@ class Outputs:
 
         Parameters
         ----------
-        table : Table
-            The table.
         draw : callable, optional
             Returns the figure of --plot.
         summarize : callable, optional
@@ -458,8 +450,6 @@ def provenance(
     ----------
     meanings : mapping
         Description of each column of the table.
-    units : OutputUnits
-        Units of the file.
     contents : dict, optional
         Results and settings of the command, in SI units.
 
@@ -496,8 +486,6 @@ def summary_bytes(
     ----------
     contents : mapping
         Results and settings in SI units.
-    units : OutputUnits
-        Units of the file.
     keys : mapping of str to str
         SI units of keys in addition to the standard keys. The values of all these keys are
         converted.

@@ -201,8 +201,6 @@ class FloorRequest:
 
         Parameters
         ----------
-        plan : Plan
-            The plan of the campaign.
         store : Store
             The results of the campaign.
         jobs : int or None
@@ -269,8 +267,6 @@ class FloorRequest:
 
         Parameters
         ----------
-        response : Response
-            The response of the run.
         folder : Path
             The directory of the files.
         units : OutputUnits

@@ -159,8 +159,6 @@ def number_of(argument: Any, name: str) -> float | None:
 
     Parameters
     ----------
-    argument : object
-        Argument.
     name : str
         Name of the argument in messages.
 
@@ -187,8 +185,6 @@ def between(
 
     Parameters
     ----------
-    argument : object
-        Argument.
     name : str
         Name of the argument in messages.
     low, high : float
@@ -221,8 +217,6 @@ def ratio_of(argument: Any, name: str) -> float | None:
 
     Parameters
     ----------
-    argument : object
-        Argument.
     name : str
         Name of the argument in messages.
 
@@ -239,8 +233,6 @@ def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    argument : object
-        Argument.
     name : str
         Name of the argument in messages.
 
@@ -343,8 +335,6 @@ def as_sequence(argument: Any, name: str) -> Sequence[Any]:
 
     Parameters
     ----------
-    argument : object
-        Argument.
     name : str
         Name of the argument in messages.
 

@@ -84,8 +84,6 @@ class RunsRequest:
 
         Parameters
         ----------
-        run : RunSpec
-            Run.
         history : bool
             True if histories are kept.
         """

@@ -375,10 +375,6 @@ def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
     ----------
     amplitudes : sequence of float
         Amplitudes, in m or in another unit; the drifts have the same unit.
-    cycles : int
-        Number of cycles of each amplitude.
-    points : int
-        Number of points in each quarter of a cycle.
     """
     rising_quarter = np.arange(1, points + 1) / points
     falling_quarter = np.arange(points - 1, -1, -1) / points
@@ -393,8 +389,6 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
 
     Parameters
     ----------
-    building : Building
-        Building.
     story : int
         Number of the story, from 1.
     drifts : ndarray, shape (points,)

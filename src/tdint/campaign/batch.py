@@ -250,8 +250,6 @@ def story_rows(
 
     Parameters
     ----------
-    building : int
-        Number of the building.
     run : Run
         Ground motion, scale factor and sample of the run.
     stories : StoryPeaks
@@ -286,8 +284,6 @@ def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list
 
     Parameters
     ----------
-    building : int
-        Number of the building.
     run : Run
         Ground motion, scale factor and sample of the run.
     events : sequence of EventResponse
@@ -335,10 +331,6 @@ def building_step(
         The building and its method.
     records : mapping of int to Record
         Ground motions by number.
-    runs : sequence of Run
-        All runs of the building.
-    settings : RunSettings
-        Settings of the runs.
     tolerance : float
         Maximum estimated error, relative to the peak drifts.
 
@@ -456,8 +448,6 @@ class Batch:
 
         Parameters
         ----------
-        runs : sequence of Run
-            The runs.
         max_step : float or None
             Maximum time step that meets the tolerance, s. The time step of the settings is halved
             or doubled to obtain the longest step up to this limit. None: no time step meets the

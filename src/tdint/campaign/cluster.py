@@ -127,8 +127,6 @@ def on_cluster(
         Scheduler address and certificates.
     chunk : callable
         Creates the chunk with a given number; called when the chunk is submitted.
-    numbers : sequence of int
-        Numbers of the chunks to run.
 
     Raises
     ------

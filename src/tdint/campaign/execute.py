@@ -109,10 +109,6 @@ def execute_plan(
 
     Parameters
     ----------
-    plan : Plan
-        Plan of the campaign.
-    store : Store
-        Store of the campaign.
     engine : callable
         Function that runs the chunks.
     shard : Shard, optional
@@ -164,11 +160,6 @@ def execute_plan(
 
 def threads(jobs: int) -> Engine:
     """Return an engine that uses threads of this process.
-
-    Parameters
-    ----------
-    jobs : int
-        Number of threads.
 
     Raises
     ------

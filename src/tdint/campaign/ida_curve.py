@@ -442,8 +442,6 @@ class PairCurve(IdaCurve):
 
         Parameters
         ----------
-        first, second : IdaCurve
-            Curves of the components.
         demand : str
             `larger` or `mean`.
         """
@@ -532,8 +530,6 @@ def fractiles(
 
     Parameters
     ----------
-    curves : sequence of IdaCurve
-        Curve of each record.
     drift_ratios : ndarray, shape (k,)
         Drift ratios.
     fractions : sequence of float
@@ -653,8 +649,6 @@ def damaged(
     ----------
     subject : Subject
         The building and its method.
-    mainshock : Record
-        The mainshock.
     drift : float
         Maximum drift ratio that the mainshock has to cause.
     first_factor : float

@@ -169,8 +169,6 @@ def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Mod
     ----------
     buildings : ModelFiles
         Paths of the files.
-    analysis : AnalysisOverrides
-        Analysis settings of the campaign.
 
     Returns
     -------
@@ -201,13 +199,6 @@ def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Mod
 def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
     """Return a model with the collapse drift and the P-delta setting that the campaign file
     specifies for all buildings. Settings that it does not specify (None) are not changed.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    analysis : AnalysisOverrides
-        Analysis settings of the campaign.
 
     Raises
     ------

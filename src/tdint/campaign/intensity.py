@@ -155,8 +155,6 @@ def factor_to(value: float, measure: IntensityMeasure, unscaled: float) -> float
     ----------
     value : float
         Requested intensity of the scaled motion.
-    measure : IntensityMeasure
-        Intensity measure.
     unscaled : float
         Intensity of the motion without scaling, in the same unit.
     """

@@ -162,8 +162,6 @@ class SiteEvents:
 
         Parameters
         ----------
-        buildings : int
-            Number of buildings.
         runs : callable
             Function that returns the number of runs of a motion.
         """
@@ -247,8 +245,6 @@ class EveryMotion:
 
         Parameters
         ----------
-        buildings : int
-            Number of buildings.
         runs : callable
             Function that returns the number of runs of a motion.
         """
@@ -336,8 +332,6 @@ class GridSamples:
 
         Parameters
         ----------
-        buildings : int
-            Number of buildings.
         runs : callable
             Function that returns the number of runs of a motion.
         """
@@ -497,8 +491,6 @@ class Scales:
 
         Parameters
         ----------
-        motion : int
-            Number of the motion.
         periods : sequence of float
             First period of each building, s.
         """
@@ -655,8 +647,6 @@ class MeasureLevels:
 
         Parameters
         ----------
-        motion : int
-            Number of the motion.
         periods : sequence of float
             First period of each building, s.
         """

@@ -166,11 +166,6 @@ class PairRule:
     def groups(self, records: Iterable[int]) -> dict[int, list[int]]:
         """Group records by motion.
 
-        Parameters
-        ----------
-        records : iterable of int
-            Numbers of the records.
-
         Returns
         -------
         dict of int to list of int

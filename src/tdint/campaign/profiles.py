@@ -281,13 +281,6 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     """Divide the statistics of each building by the statistics of a baseline building, at each
     level of intensity.
 
-    Parameters
-    ----------
-    profiles : sequence of Profile
-        Profiles of all buildings.
-    baseline : str
-        Name of the baseline building.
-
     Returns
     -------
     list of Ratios
@@ -364,11 +357,6 @@ def profiles(store: Store) -> Iterator[Profile]:
 
     The values of a single building are in memory at a time. If the store contains no peaks of
     stories, there are no profiles.
-
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
     """
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
@@ -486,8 +474,6 @@ class SuiteRules:
         ----------
         store : Store
             Store of the campaign.
-        building : int
-            Number of the building.
         """
         query = (
             "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY "
@@ -501,11 +487,6 @@ class SuiteRules:
 
         The scale factors of each motion are ranked by their magnitude (without sign). The smallest
         factors of all motions are the first level, and so on.
-
-        Parameters
-        ----------
-        status : mapping of Run to str
-            Status of each run.
         """
         runs_of_rank: dict[int, list[Run]] = defaultdict(list)
         # Motions may have different factors for the same level. The level of a run is therefore the
@@ -716,10 +697,6 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
 
     Parameters
     ----------
-    plan : Plan
-        Plan of the campaign.
-    store : Store
-        Store of the campaign.
     choice : FloorChoice
         Floors, periods and damping ratios.
     jobs : int

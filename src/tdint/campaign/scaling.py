@@ -178,8 +178,6 @@ def suite_spectra(
 
     Parameters
     ----------
-    motions : sequence of Record or Horizontals
-        The motions.
     periods : ndarray, shape (k,)
         Periods, s.
     damping : float
@@ -206,10 +204,6 @@ def scale_to_value(
 
     Parameters
     ----------
-    motions : sequence of Record or Horizontals
-        The motions.
-    measure : IntensityMeasure
-        The intensity measure.
     value : float
         Requested value of the measure, SI units.
     pair : str
@@ -244,10 +238,6 @@ def scale_to_target(
 
     Parameters
     ----------
-    motions : sequence of Record or Horizontals
-        The motions.
-    target : TargetSpectrum
-        Target spectrum.
     periods : ndarray, shape (k,)
         Periods, s, in the range of the target.
     damping : float
@@ -285,8 +275,6 @@ def scale_asce7(
     ----------
     pairs : sequence of Horizontals
         At least 11 pairs of horizontal components.
-    target : TargetSpectrum
-        Target spectrum.
     periods : ndarray, shape (k,)
         Periods, s. The rule is satisfied at all periods between the first and the last.
     damping : float
@@ -324,8 +312,6 @@ def scale_ec8(
 
     Parameters
     ----------
-    motions : sequence of Record or Horizontals
-        The motions.
     target : TargetSpectrum
         Target spectrum with a value at the period 0.
     periods : ndarray, shape (k,)
@@ -354,12 +340,8 @@ def check_rule(
     ----------
     rule : str
         `mean`, `asce7` or `ec8`.
-    motions : sequence of Record or Horizontals
-        The motions.
     count : int
         Number of motions to which the rule applies.
-    target : TargetSpectrum
-        The target spectrum.
 
     Raises
     ------
@@ -477,8 +459,6 @@ def scale_p695(
 
     Parameters
     ----------
-    pairs : sequence of Horizontals
-        The pairs.
     period : float, optional
         Period, s; required with `value`.
     value : float, optional

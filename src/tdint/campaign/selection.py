@@ -363,11 +363,6 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     Both components of a recording belong to the same event, whether they are a pair or two files
     with similar names.
 
-    Parameters
-    ----------
-    motions : sequence of Record or Horizontals
-        The motions.
-
     Returns
     -------
     list of str
@@ -493,8 +488,6 @@ def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, st
 
     Parameters
     ----------
-    motions : sequence of Record or Horizontals
-        The motions.
     event_of_file : mapping of str to str
         The event of each file. A file is named by its path, its name or its name without suffix.
 

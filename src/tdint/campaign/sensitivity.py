@@ -121,8 +121,6 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
 
     Parameters
     ----------
-    model : Model
-        The building.
     ranges : mapping of str to (float, float)
         Low and high values of parameters, by the names of `Model.replace`.
 
@@ -218,8 +216,6 @@ def plan_of(
 
     Parameters
     ----------
-    model : Model
-        The building.
     ranges : mapping of str to (float, float)
         Low and high values of parameters.
     motions : CampaignMotions

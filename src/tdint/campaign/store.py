@@ -335,8 +335,6 @@ class Store:
         ----------
         error : type or None
             Type of the exception in the `with` block; None: no exception.
-        raised : BaseException or None
-            The exception.
 
         Raises
         ------
@@ -736,11 +734,6 @@ class Store:
     def building_type(self, building: int) -> tuple[str, str, float, float]:
         """Return the properties of a building for the computation of its damage.
 
-        Parameters
-        ----------
-        building : int
-            Number of the building.
-
         Returns
         -------
         tuple of (str, str, float, float)
@@ -805,8 +798,6 @@ def open_store(
     ----------
     folder : Path or None
         Directory of the store; None: in memory.
-    plan : Plan
-        Campaign.
     building_numbers : sequence of int, optional
         Numbers of the buildings of a shard; by default all buildings are in the store.
 
@@ -876,8 +867,6 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
 
     Parameters
     ----------
-    folder : Path
-        Directory of the campaign.
     write : bool
         True to open the store for writing.
 
@@ -908,11 +897,6 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
 def open_written(file: Path) -> Store:
     """Open the store of a study and verify it. Unlike the store of a campaign, it is written
     without a write-ahead log.
-
-    Parameters
-    ----------
-    file : Path
-        Path of the store.
 
     Raises
     ------

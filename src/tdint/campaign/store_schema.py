@@ -80,11 +80,6 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
     """Return a read-only connection, which can be opened while another process writes. All queries
     read the state of the store at the time of this call.
 
-    Parameters
-    ----------
-    file : Path
-        Path of the file.
-
     Raises
     ------
     OutputError
@@ -134,8 +129,6 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Connection.
     name : str
         Path of the file, for messages.
     statement : str
@@ -419,8 +412,6 @@ class RowTable:
             Connection to the store.
         rows : iterable of tuple
             Rows as returned by `plain`.
-        chunk : int
-            Number of the chunk.
         """
         placeholders = ", ".join("?" * (len(self.columns) + 1))
         connection.executemany(
@@ -539,8 +530,6 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
 
     Parameters
     ----------
-    number : int
-        Number of the chunk.
     seconds : float
         Processor time, s.
     *tables : iterable of tuple
@@ -600,8 +589,6 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Connection to the file.
     name : str
         Path of the file, for messages.
 

@@ -238,11 +238,6 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
 
     The first mode of a building with relative masses and stiffnesses converts the curve, which
     describes an oscillator, to backbone curves of the stories.
-
-    Parameters
-    ----------
-    facts : CapacityFacts
-        Capacity curve and data of the building.
     """
     n, curve, ratio = facts.stories, facts.curve, facts.damping_ratio
 

@@ -745,8 +745,6 @@ def derive_all(
 
     Parameters
     ----------
-    rows : sequence of InventoryRow
-        Rows of the inventory.
     rules : str
         Name of the rules, one of `RULES`.
     stiffness, damping : float
@@ -820,8 +818,6 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
 
     Parameters
     ----------
-    name : str
-        Name of the model.
     building : DerivedBuilding or CapacityBuilding
         Building with its stories from the ground up.
     rules : str

@@ -154,8 +154,6 @@ def check_limits(
 
     Parameters
     ----------
-    limits : iterable of Limit
-        Limits of the building.
     peaks : mapping of str to ndarray, shape (motions, n)
         Peak responses of the stories under each motion, by the names of
         `tdint.analysis.run.outcome.StoryValues`.
@@ -217,8 +215,6 @@ def check_demands(
 
     Parameters
     ----------
-    limits : tuple of Limit
-        Limits of the model.
     requested : float, str or None
         Drift limit that is used instead of the limits of the model, or the name of a performance
         level of the model; None for all limits of the model.
@@ -270,8 +266,6 @@ def chosen_limits(
 
     Parameters
     ----------
-    limits : tuple of Limit
-        Limits of the model.
     requested : float, str or None
         Drift limit that is used instead of the limits of the model, or the name of a performance
         level of the model; None for all limits of the model.
@@ -313,8 +307,6 @@ def check_level(limits: Iterable[Limit], level: str, name: str) -> None:
 
     Parameters
     ----------
-    limits : iterable of Limit
-        Limits of the building.
     level : str
         Name of the requested performance level.
     name : str

@@ -264,8 +264,6 @@ def design_level(structure: str, year: int, zone: str) -> str:
     ----------
     structure : str
         Structure type, one of `STRUCTURES`.
-    year : int
-        Year of construction.
     zone : str
         Seismic zone, one of `ZONES`.
 
@@ -296,8 +294,6 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
 
     Parameters
     ----------
-    facts : BuildingFacts
-        Data of the building.
     scatter : Scatter, optional
         Random factors on stiffness and damping; default 1.
     """

@@ -61,8 +61,6 @@ class Origin:
         ----------
         noun : str
             `law` or `method`.
-        registered : dataclass
-            The law or method.
         """
         # Imported here, because most commands do not need the digests.
         from tdint.kernels.building.sources import CODE, files_of
@@ -196,8 +194,6 @@ def home_of(registered: Any, attribute: str) -> tuple[str, str] | None:
 
     Parameters
     ----------
-    registered : Method, DriftLaw or None
-        Registered method or law.
     attribute : str
         Name of the variable of plug-ins that lists these objects, `METHODS` or `LAWS`.
 
@@ -229,8 +225,6 @@ def require_version(registered: Any, attribute: str, file: str, digest: str) -> 
 
     Parameters
     ----------
-    registered : Method or DriftLaw
-        Method or law that is registered in this process.
     attribute : str
         Name of the variable of plug-ins that lists these objects, `METHODS` or `LAWS`.
     file, digest : str
@@ -382,8 +376,6 @@ def installed(group: str, register: Callable[[Any, Origin], object]) -> None:
 
     Parameters
     ----------
-    group : str
-        Group of entry points.
     register : callable
         Receives the object and its `Origin`; raises UsageError if the object is invalid.
     """
@@ -441,8 +433,6 @@ def check_name(name: str, names: Any, noun: str, where: str) -> None:
     ----------
     name : str
         Name of the law, method or reference program.
-    names : collection of str
-        Names in use.
     noun : str
         Noun for messages.
     where : str

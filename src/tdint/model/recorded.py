@@ -174,8 +174,6 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     ----------
     source : str or Path
         The YAML file; `-` is standard input. Relative paths refer to the directory of the file.
-    stories : int
-        Number of stories of the building.
 
     Raises
     ------

@@ -113,8 +113,6 @@ def story_model(
     ----------
     name : str
         Name of the building.
-    stories : int
-        Number of stories.
     period : float
         Period of the first mode, s; not used if `laws` are specified.
     system : str
@@ -238,12 +236,8 @@ def type_model(
 
     Parameters
     ----------
-    name : str
-        Name of the building.
     structure : str
         Structural type of Hazus.
-    stories : int
-        Number of stories.
     year : int
         Year of construction.
     area : float

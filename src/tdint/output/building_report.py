@@ -204,8 +204,6 @@ def mode_page(
 
     Parameters
     ----------
-    model : Model
-        The building.
     table : Table
         Modes, longest period first (`mode_table`).
     draw : callable
@@ -361,8 +359,6 @@ def comparison_page(
         Verdict, warnings and inputs of the report.
     fitted : Table or None
         Values that were fitted to one of the recordings.
-    units : OutputUnits
-        Units of the report.
     """
     response, units = comparisons[0].response, page_units(units)
     integration = f"{method_text(response.method)}, time step {response.dt:.6g} s"

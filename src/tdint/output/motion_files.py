@@ -61,8 +61,6 @@ def motion_contents(
 
     Parameters
     ----------
-    motions : sequence of Record or Horizontals
-        The ground motions.
     file_format : str
         Format of the files: mseed, at2 or csv.
 

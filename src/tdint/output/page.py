@@ -317,8 +317,6 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
 
     Parameters
     ----------
-    title : str
-        Title of the report.
     about : str
         Introduction of one sentence.
     chapters : iterable of Chapter

@@ -145,8 +145,6 @@ def figure_width(text: str, of: str = "--style") -> float:
 
     Parameters
     ----------
-    text : str
-        The width.
     of : str
         Source of the text, for error messages.
 
@@ -192,8 +190,6 @@ def in_print(text: str, printed: PrintedAs) -> str:
 
     Parameters
     ----------
-    text : str
-        Text in the figure.
     printed : PrintedAs
         Print settings, which contain the replacements of labels.
     """

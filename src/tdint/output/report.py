@@ -63,8 +63,6 @@ def model_chapter(
 
     Parameters
     ----------
-    model : Model
-        The building.
     units : OutputUnits
         Units of the table; SI by default.
     peaks : StoryPeaks, optional

@@ -97,8 +97,6 @@ def ida_page(
         Settings of the levels and runs.
     page_text : PageText
         Warnings, head and inputs of the report.
-    units : OutputUnits
-        Units of the report.
     damping : float
         Damping ratio of spectral intensity measures.
     """

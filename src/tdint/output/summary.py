@@ -426,8 +426,6 @@ def field_summary(
 
     Parameters
     ----------
-    chart : FieldChart
-        Measurements of all problems.
     notes : sequence of str
         Notes of the command.
     meanings : mapping

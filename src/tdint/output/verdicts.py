@@ -215,8 +215,6 @@ def isolator_sentence(check: LimitCheck | None, units: OutputUnits, *, mean: boo
     ----------
     check : LimitCheck or None
         Displacement of the isolators, as `isolator_check` of a run or a suite.
-    units : OutputUnits
-        Units of the sentence.
     mean : bool
         True for a suite, with its mean and its maximum.
     """
@@ -246,8 +244,6 @@ def limit_table(
     checks_by_name : mapping of str to sequence of LimitCheck
         Comparisons by the name of the building and the intensity level; the name is empty if there
         is one building at one level.
-    units : OutputUnits
-        Units of demands and limits.
     mean : bool
         True for a suite, with the columns of the maximum and its motion.
     """
@@ -286,8 +282,6 @@ def limits_summary(checks: Iterable[LimitCheck], *, mean: bool) -> list[dict[str
 
     Parameters
     ----------
-    checks : iterable of LimitCheck
-        Comparisons.
     mean : bool
         True for the mean demands of a suite, with the maximum and its motion.
     """

@@ -297,8 +297,6 @@ def observed_order(
 
     Parameters
     ----------
-    integrator : Integrator
-        Method.
     problem : OrderProblem
         Oscillator with its load and exact motion.
     halvings : int

@@ -299,8 +299,6 @@ def reference(
 
     Parameters
     ----------
-    example : Example
-        The example.
     dt : float
         Time step, s.
     method : str
@@ -335,8 +333,6 @@ def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
 
     Parameters
     ----------
-    example : Example
-        The example.
     dt : float
         Interval of the times at which the solutions are compared, s.
     method : str
@@ -355,8 +351,6 @@ def run_example(
 
     Parameters
     ----------
-    example : Example
-        The example.
     dt : float
         Time step, s.
     integrators : sequence of Integrator

@@ -283,8 +283,6 @@ def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[fl
     ----------
     problem : Problem
         Building with its excitation.
-    method_count : int
-        Number of methods.
     repeats : int
         Number of times that each run is timed.
     """
@@ -452,8 +450,6 @@ def by_tolerance(
     ----------
     problem : Problem
         Building with its excitation.
-    integrator : Integrator
-        Method that chooses its time steps.
     tolerances : iterable of float
         Relative tolerances of the peak drifts, one point each.
     judge : callable
@@ -674,10 +670,6 @@ def alternative(points: Sequence[Point], quantity: str, limit: float, best: Poin
         All points of the chart.
     quantity : str
         Name of the error, for example `peak_drift`.
-    limit : float
-        Tolerance.
-    best : Point
-        The recommended point.
     """
     lines = dict.fromkeys(point.line for point in points if point.line != best.line)
     meeting = [point for line in lines for point in within(points, line, quantity, limit)]
@@ -694,8 +686,6 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
     ----------
     points : iterable of Point
         Points of all lines; those of a line are sorted by decreasing time step.
-    line : str
-        Name of the line.
     quantity : str
         Name of the error, for example `peak_drift`.
     limit : float

@@ -101,8 +101,6 @@ class Demand(Quantity):
         ----------
         stories : StoryPeaks
             Peaks of the run, shape (n,).
-        errors : StoryErrors
-            Their estimated errors.
         """
         values, errors_of_stories = (
             self._story_values(source, stories.height) for source in (stories, errors)

@@ -218,8 +218,6 @@ def neighbor_samples(
     ----------
     near : mapping
         Two neighbors of the value of each parameter, by the indices of building and sample.
-    names : sequence of str
-        Parameters.
     parameters : mapping of str to ndarray, shape (samples,)
         Values of the varied parameters of buildings in the original samples.
 

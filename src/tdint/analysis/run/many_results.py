@@ -342,8 +342,6 @@ def store_values(
     arrays : StoryValues or None
         Arrays of all runs, shape (all runs, stories of the tallest building), which are changed.
         No effect if None.
-    numbers : int or sequence of int
-        Rows of the runs.
     values : StoryValues or None
         Values of the runs, shape (n,) or (runs, n). No effect if None.
     """

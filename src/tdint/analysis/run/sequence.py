@@ -187,17 +187,10 @@ def event_responses(
     ----------
     joined : Case
         Case under the joined record.
-    sequence : ShockSequence
-        Events.
     steps : Steps
         Time steps of the completed run.
     check : bool, default False
         Estimate the errors by one additional run.
-
-    Returns
-    -------
-    tuple of EventResponse
-        Response to each event.
     """
     events = _parts(joined, sequence, steps)
     if not check:

@@ -527,8 +527,6 @@ def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> O
 
     Parameters
     ----------
-    record : Record
-        Ground motion.
     period, damping : float
         Natural period, s, positive; damping ratio in [0, 1), default 0.05.
 

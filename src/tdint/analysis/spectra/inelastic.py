@@ -399,8 +399,6 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
         Function that receives a strength ratio and returns the ductility.
     target : float
         Required ductility, at least 1.
-    start : float
-        Maximum strength ratio.
 
     Raises
     ------

@@ -417,13 +417,6 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
     source : str
         CSV file with the column `damping`, or `ec8:...` without its parameter `damping`; for a
         single ratio any source of `read_target`.
-    dampings : sequence of float
-        Damping ratios.
-
-    Returns
-    -------
-    tuple of TargetSpectrum
-        Spectrum for each damping ratio.
 
     Raises
     ------
@@ -798,10 +791,6 @@ def differences(
 
     Parameters
     ----------
-    spectra : sequence of Spectrum
-        Computed spectra.
-    published : PublishedSpectrum
-        Published spectrum.
     log_log : bool
         As in `PublishedSpectrum.at`.
     """

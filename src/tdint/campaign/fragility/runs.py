@@ -128,8 +128,6 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
 
     Parameters
     ----------
-    states : DamageStates
-        Damage states.
     demand : ndarray, shape (runs,)
         Demands, SI units.
     status : sequence of str
@@ -161,8 +159,6 @@ def exceedance(states: DamageStates, demand: Array) -> Array:
 
     Parameters
     ----------
-    states : DamageStates
-        Damage states with their medians and dispersion.
     demand : ndarray, shape (runs,)
         Demands, SI units.
 
@@ -183,8 +179,6 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
 
     Parameters
     ----------
-    model : Model
-        The building with its damage states.
     stories : StoryPeaks
         Peak responses of the run, in arrays of shape (1, stories).
     status : str

@@ -113,8 +113,6 @@ def read_damage_request(value: Value | None, rules: str | None) -> DamageRequest
 
     Parameters
     ----------
-    value : Value or None
-        Value of the key.
     rules : str or None
         Name of the rules of the inventory; None if the buildings are model files.
     """
@@ -390,8 +388,6 @@ def damage_of(
         Settings of the campaign file.
     classes : ClassDamage
         Thresholds and loss ratios by building class, read from the CSV files of `request`.
-    buildings : Buildings
-        Buildings of the campaign.
 
     Returns
     -------

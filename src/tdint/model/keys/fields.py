@@ -771,8 +771,6 @@ class Section:
         ----------
         value : Value
             Value of the section in the file. It collects the reported errors (`faults`).
-        node : MappingNode
-            Mapping with the entries of the section.
         keys : collection of str
             Allowed keys; the type `Keys` also declares the types of their values.
         """

@@ -189,13 +189,6 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
 
     The lines are distinguishable without color: methods differ by dashes and markers. If there are
     several damping ratios, the dashes distinguish the ratios, and the markers the methods.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Method of each line.
-    dampings : sequence of float
-        Damping ratio of each line.
     """
     method_index = {method: i for i, method in enumerate(dict.fromkeys(methods))}
     ratio_index = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}

@@ -27,8 +27,6 @@ def short_footnote(chart: Chart, target: str, has_triangles: bool) -> str:
 
     Parameters
     ----------
-    chart : Chart
-        Measurements.
     target : str
         Quantity whose error is shown, such as `peak-drift`.
     has_triangles : bool
@@ -52,8 +50,6 @@ def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: 
         Measurements.
     target : str
         Quantity whose error is shown, such as `peak-drift`.
-    points : sequence of Point
-        Points in the diagram.
     has_triangles : bool
         True if the diagram contains triangles.
     """

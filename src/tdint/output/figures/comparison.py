@@ -85,8 +85,6 @@ def comparison_picture(
         Comparisons of one building, one per event; at least one.
     periods : ndarray, shape (k,)
         Periods of the spectra, s.
-    damping : float
-        Damping ratio of the spectra.
     units : OutputUnits
         Units of lengths and accelerations; SI by default.
 
@@ -316,8 +314,6 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
         The panel.
     test : CyclicTest
         Cyclic test of the story. If it exceeds the yield drift, the yield drift is marked.
-    units : OutputUnits
-        Units of drifts and shears.
     """
     factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N", units)
     drift = units.of(test.path.drift, "m")
@@ -736,12 +732,8 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     record : Record
         Ground motion.
-    units : OutputUnits
-        Unit of the acceleration.
     """
     time = np.arange(record.acceleration.size) * record.dt
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)

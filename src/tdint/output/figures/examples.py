@@ -37,8 +37,6 @@ def example_picture(
     runs : sequence of ExampleRun
         Runs of one example and one time step, of which at least one is completed. Variants are
         omitted.
-    shown : ExampleFigure
-        Figure of the paper.
     exact : str
         Label of the exact solution in the legend.
     reference : str
@@ -105,8 +103,6 @@ def row_picture(title: str, model: Model) -> Figure:
 
     Parameters
     ----------
-    title : str
-        Title of the figure.
     model : Model
         Building with polynomial laws and linear dashpots. Forces on its floors are written above
         the masses.

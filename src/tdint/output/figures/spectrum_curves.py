@@ -96,8 +96,6 @@ def draw_over_periods(
         Results over the period; at least one.
     panels : sequence
         Label of each panel, and function that returns the values of a result in this panel.
-    labels : sequence of str
-        Labels of the results.
     variants : sequence, optional
         Value of each result that distinguishes lines of the same component; by default the damping
         ratio.
@@ -283,8 +281,6 @@ def over_periods_title(
     ----------
     single_title, several : str
         Names of the quantity in the singular and in the plural.
-    results : sequence
-        Results of the figure.
     more : str
         Further conditions, such as the method of solution.
     """
@@ -378,8 +374,6 @@ def draw_tripartite(
         Spectra; at least one.
     labels : sequence of str
         Label of each spectrum.
-    units : OutputUnits
-        Units of the axes and of the scales.
     """
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
@@ -647,12 +641,8 @@ def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnit
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     spectra : sequence of Spectrum
         Response spectra; at least one.
-    units : OutputUnits
-        Unit of the accelerations.
     """
     for number, (spectrum, label) in enumerate(
         zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())
@@ -772,8 +762,6 @@ def rotated_picture(
         Spectra with the same percentiles; at least one.
     units : OutputUnits
         Units of the axes; SI by default.
-    target : TargetSpectrum, optional
-        Target spectrum.
     """
     units = units.in_figures
     # Each line shows one ground motion at one damping ratio: a percentile over the horizontal

@@ -196,8 +196,6 @@ def method_styles(methods: Iterable[str], highlight: str = "") -> dict[str, dict
 
     Parameters
     ----------
-    methods : iterable of str
-        Methods with their parameters.
     highlight : str
         Method to highlight; empty by default.
 
@@ -335,8 +333,6 @@ class Picture:
 
         Parameters
         ----------
-        figure : Figure
-            The figure.
         stream : BinaryIO
             Output.
         """
@@ -727,8 +723,6 @@ def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     text : str
         Text of one or more lines.
     x, y : float
@@ -792,8 +786,6 @@ def legend_columns(labels: Sequence[str], most: int, width: float | None = None)
 
     Parameters
     ----------
-    labels : sequence of str
-        Labels of the legend.
     most : int
         Maximum number of columns.
     width : float, optional
@@ -820,14 +812,8 @@ def add_legend(
 
     Parameters
     ----------
-    figure : Figure
-        The figure.
     axes : Axes
         Any panel of the figure.
-    lines : list of Line2D
-        Lines with an entry.
-    labels : list of str
-        Label of each line.
     narrow : int
         Maximum number of characters of the labels for three columns; otherwise there are two. The
         available width can require fewer columns.
@@ -1028,12 +1014,6 @@ def write_labels(
 
     Parameters
     ----------
-    figure : Figure
-        The figure.
-    axes : Axes
-        Axes of the labels.
-    labels : iterable of (x, y, text)
-        Positions and texts.
     marks : sequence of (x, y)
         Points that no label may cover.
     """

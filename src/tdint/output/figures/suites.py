@@ -126,8 +126,6 @@ def draw_drift_profiles(
 
     Parameters
     ----------
-    axes : Axes
-        Axes.
     profiles : sequence of Profile
         Statistics of each building and level.
     units : OutputUnits
@@ -296,8 +294,6 @@ def floor_picture(
 
     Parameters
     ----------
-    spectra : sequence of FloorSpectrum
-        Spectra of the floors.
     units : OutputUnits
         Units of the axes; SI by default.
     title : str
@@ -335,8 +331,6 @@ def floor_suite_picture(
 
     Parameters
     ----------
-    suites : sequence of FloorSuite
-        Spectra of each floor, scale factor and damping ratio.
     units : OutputUnits
         Units of the axes; SI by default.
     periods : sequence of (str, float)

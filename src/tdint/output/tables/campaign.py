@@ -414,8 +414,6 @@ def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = S
         Peaks of a building at one level.
     names : sequence of str
         Names of the quantities. A quantity that is zero or missing in all stories is omitted.
-    units : OutputUnits
-        Units of the table.
     """
     columns: list[Column] = [_STORY_OF_PROFILE]
     for quantity in _named(names):
@@ -516,8 +514,6 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     ----------
     store : Store
         Store of the campaign, with the names of buildings and records.
-    floors : sequence of RunFloors
-        Spectra of the floors in each run.
     """
     # Two samples can be the same ground motion; their numbers distinguish the rows.
     has_samples = store.count("sample > 0") > 0
@@ -602,8 +598,6 @@ def status_table(statuses: dict[str, int], remaining: int) -> Table:
 
     Parameters
     ----------
-    statuses : dict of str to int
-        Number of completed runs by status.
     remaining : int
         Number of runs that are not completed.
     """
@@ -616,8 +610,6 @@ def copied_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
 
     Parameters
     ----------
-    store : Store
-        Store of the campaign.
     others : iterable of str
         Names of the preceding columns. An inventory column with one of these names gets the prefix
         `inventory_`.

@@ -173,8 +173,6 @@ def demand_names(stories: int, direction: int) -> list[str]:
 
     Parameters
     ----------
-    stories : int
-        Number of stories.
     direction : int
         Horizontal direction of the ground motion, 1 or 2.
     """
@@ -349,11 +347,6 @@ def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable
 def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[str]]:
     """Select the building types that have a fragility function of every damage state.
 
-    Parameters
-    ----------
-    functions : sequence of Fragility
-        Fragility functions of all building types.
-
     Returns
     -------
     list of Fragility
@@ -417,10 +410,6 @@ def vulnerability_model(
 
     Parameters
     ----------
-    functions : sequence of Fragility
-        Fragility functions by building type.
-    losses : mapping of str to sequence of float
-        Loss ratio in each state, by building type.
     name : str
         Name of the campaign, for the description.
 

@@ -73,12 +73,8 @@ def write_geojson(
 
     Parameters
     ----------
-    store : Store
-        Store of the campaign.
     stream : BinaryIO
         Output.
-    units : OutputUnits
-        Units of the demands.
     events : collection of str
         Events to write; all by default. The average annual loss includes all events.
     """

@@ -451,8 +451,6 @@ def fragility_table(
 
     Parameters
     ----------
-    functions : sequence of Fragility
-        Fragility functions.
     total : bool
         True to add the standard deviation with the modeling dispersion; false by default.
     states : sequence of Column

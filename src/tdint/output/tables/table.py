@@ -87,8 +87,6 @@ def columns_of(result_class: type, *additional: str) -> tuple[Column, ...]:
 
     Parameters
     ----------
-    result_class : type
-        Class of the results.
     *additional : str
         Names of quantities that are included in addition to the quantities of every table.
     """
@@ -136,8 +134,6 @@ def described_in(
     ----------
     meanings : mapping of str to mapping
         `meaning` and `unit` (SI) of each column by its name, as `describe` returns them.
-    units : OutputUnits
-        Units of the table.
 
     Returns
     -------
@@ -236,8 +232,6 @@ class Table:
 
         Parameters
         ----------
-        columns : sequence of Column
-            All columns of the table.
         results : iterable
             Results in the order of the rows.
         heads : iterable of tuple
