@@ -18,6 +18,7 @@ from tdint.units import OutputUnits
 from tdint_cli import options
 from tdint_cli.commands.run_request import (
     ALL_FILES,
+    ELEMENTS,
     MODES,
     SEQUENCE,
     SEVERAL,
@@ -253,7 +254,7 @@ def _step_count(request: Request, case: Case) -> int:
     dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
     step_count = case.steps(dt, duration).count
     if request.history:
-        _check_disk_space(request, len(case.model.stories), step_count)
+        _check_disk_space(request, case.model, step_count)
     return step_count
 
 
@@ -323,10 +324,11 @@ def _record_warnings(record: Record | None) -> list[str]:
     return [f"{record.source}: {text}" for text in record.warnings] if record else []
 
 
-def _check_disk_space(request: Request, stories: int, steps: int) -> None:
+def _check_disk_space(request: Request, model: Model, steps: int) -> None:
     """Raise OutputError if the disk has not enough space for the response history."""
     if file := request.history_file:
-        columns = len(tables.responses.history_columns(stories, bool(request.check)))
+        columns = len(tables.responses.history_columns(len(model.stories), bool(request.check)))
+        columns += sum(len(story.elements) for story in model.stories)
         rows = steps // request.history_every + 1
         bytes_per_number = _MIN_COMPRESSED_BYTES if file.suffix == ".gz" else _MIN_BYTES
         check_disk_space(file, rows * columns * bytes_per_number)
@@ -349,7 +351,9 @@ def _files(
     files: dict[Path, Content] = {}
     if request.output:
         files[Path(request.output) / STORIES] = stories.csv()
-    _check_disk_space(request, len(response.model.stories), response.steps)
+        if elements := tables.responses.element_table(response):
+            files[Path(request.output) / ELEMENTS] = elements.in_units(units).csv()
+    _check_disk_space(request, response.model, response.steps)
     if (file := request.history_file) and response.history_chunks:
         # The columns of estimated errors increase the size of the file by half, so that they are
         # written only with --check.

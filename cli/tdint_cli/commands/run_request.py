@@ -18,7 +18,8 @@ from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 from tdint_cli.options.suite import LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
-ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
+ELEMENTS = "elements.csv"
+ALL_FILES = (STORIES, ELEMENTS, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: if its status is `done`, all files are
 complete."""
 

@@ -32,6 +32,7 @@ from tdint.model.definition import (
     RayleighRatio,
     Story,
     changes_of,
+    column_name,
     damped_by,
     spring_columns,
     spring_label,
@@ -67,6 +68,8 @@ class Building:
         The undamped vibration of the initial stiffness.
     isolators : tuple of int
         Indices of the isolator stories, counted from 0.
+    element_labels : tuple of str
+        Story and name of each element of the stories with several elements.
     """
 
     linear_terms: Array
@@ -76,6 +79,7 @@ class Building:
     yield_drift: Array
     vibration: FreeVibration
     isolators: tuple[int, ...] = ()
+    element_labels: tuple[str, ...] = ()
 
     @property
     def height_contributions(self) -> Array:
@@ -399,7 +403,14 @@ def assemble(model: Model) -> Building:
     # `modal` contains the damping between several floors, such as modal damping. Each row w adds
     # w w^T to the damping matrix.
     modal = add_damping(linear_terms, law_parameters[rows.STIFFNESS, :n], model, vibration)
-    return Building(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators)
+    labels = tuple(
+        f"story_{number}_{column_name(element.name)}"
+        for number, story in enumerate(stories, start=1)
+        for element in story.elements
+    )
+    return Building(
+        linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators, labels
+    )
 
 
 def law_columns(stories: Sequence[Story]) -> list[range]:

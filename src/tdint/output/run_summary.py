@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tdint.analysis.run.demands import DEMANDS, only
-from tdint.analysis.run.outcome import ENERGY_TERMS
+from tdint.analysis.run.outcome import ELEMENT_QUANTITIES, ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
 from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
@@ -96,6 +96,12 @@ MEANINGS = {
     "loss_ratio": ("1", "mean loss ratio"),
     "version": ("1", "version of this file's layout"),
 }
+MEANINGS |= {quantity.column: (quantity.unit, quantity.meaning) for quantity in ELEMENT_QUANTITIES}
+MEANINGS |= {
+    f"{quantity.column}_error": (quantity.unit, f"estimated absolute error of {quantity.column}")
+    for quantity in ELEMENT_QUANTITIES
+}
+MEANINGS["yield_drift_m"] = ("m", "drift at first yield; null without yielding")
 MEANINGS |= {
     f"{name}_J": ("J", f"{meaning}, at the end or the last time reached")
     for name, meaning in ENERGY_TERMS.items()
@@ -188,6 +194,7 @@ def run_summary(
             "error": energy.error,
         },
         "peaks": peaks(response.stories),
+        **_elements(response),
         "check": _check(response.check, response.stories),
         **(
             {"events": [_event_summary(event) for event in response.events]}
@@ -349,6 +356,21 @@ def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | N
         f"{demand.column}_error": demand.error(stories, errors) for demand in DEMANDS
     }
     return {key: None if math.isnan(error) else error for key, error in errors_by_column.items()}
+
+
+def _elements(response: Response) -> dict[str, Any]:
+    """Return the rows of elements.csv under the key `elements`; empty without such a table."""
+    from tdint.output.tables.responses import element_table
+
+    table = element_table(response)
+    if table is None:
+        return {}
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    return {
+        "elements": [
+            {key: None if value != value else value for key, value in row.items()} for row in rows
+        ]
+    }
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:

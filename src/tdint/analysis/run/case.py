@@ -23,6 +23,7 @@ from tdint.analysis.run.outcome import (
     STORY_QUANTITIES,
     UNSTABLE,
     Collapse,
+    ElementPeaks,
     Energy,
     EnergyHistory,
     FailedRun,
@@ -47,7 +48,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
-from tdint.model.building import Building
+from tdint.model.building import Building, element_yield_drifts
 from tdint.model.definition import LAWS, Model
 from tdint.model.plausibility import (
     DUCTILITY,
@@ -92,6 +93,28 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
         Arrays of shape (n,) or (runs, n) with one attribute for each quantity, in SI units.
     """
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
+
+
+def element_peaks(model: Model, space: Workspace, stories: StoryPeaks) -> ElementPeaks | None:
+    """Return the results of the elements of all stories with several elements; None without such
+    stories."""
+    elements = [
+        (i, story, j) for i, story in enumerate(model.stories) for j in range(len(story.elements))
+    ]
+    if not elements:
+        return None
+    columns = slice(len(model.stories) + 1, None)
+    yield_drift = np.array([element_yield_drifts(story)[j] for _, story, j in elements])
+    indices = np.array([i for i, _, _ in elements])
+    return ElementPeaks(
+        peak_force=space.law_state[rows.PEAK_FORCE, columns].copy(),
+        dissipated_energy=space.law_state[rows.ENERGY_SPENT, columns].copy(),
+        ductility=stories.peak_drift[indices] / yield_drift,
+        story=indices + 1,
+        element=tuple(story.elements[j].name for _, story, j in elements),
+        law=tuple(story.elements[j].law.name for _, story, j in elements),
+        yield_drift=yield_drift,
+    )
 
 
 def residual_oscillation(building: Building, space: Workspace) -> Array:
@@ -242,10 +265,14 @@ def named_history(
     # The reference energy is 0 only for a building that remains at rest.
     has_energy = max_input_energy > 0.0
     relative = imbalance / max_input_energy if has_energy else np.zeros_like(imbalance)
+    has_elements = building.elements > 0
+    first_element = first_energy + rows.ENERGY_TERMS
     return History(
         time=time,
         ground_acceleration=table[:, 0],
         energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=relative),
+        element_force=table[:, first_element:] if has_elements else None,
+        element_labels=building.element_labels,
         **{name: compute(building, forces, time, table) for name, compute in HISTORIES.items()},  # type: ignore[arg-type]
     )
 
@@ -781,6 +808,7 @@ class Case:
             residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,
             warnings=warnings,
+            elements=element_peaks(self.model, space, stories),
         )
         return replace(response, notes=self._notes(response))
 
@@ -818,6 +846,11 @@ class Case:
                 f"({pluralize(response.substeps, 'time')} in total)"
             )
         notes += _interstep_notes(response)
+        if response.elements is not None and np.isfinite(response.elements.ductility).any():
+            notes.append(
+                "the ductility of a story with several elements refers to the element that yields "
+                "first; the table of the elements contains the ductility of each"
+            )
         # Under forces on floors, which do not end, there is no state of rest.
         if record and not (ended_by_collapse or self.model.excitation.forces):
             notes += self._vibration_note(response, free_vibration=end - record.duration)

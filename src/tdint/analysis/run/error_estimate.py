@@ -51,6 +51,7 @@ import numpy as np
 
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import (
+    ElementValues,
     ErrorEstimate,
     ErrorHistory,
     EventResponse,
@@ -299,9 +300,11 @@ def with_error_estimate(
     # for rounding, unless it collapses at least one of its steps earlier.
     if abs(other.steps * other.dt - response.steps * response.dt) > 0.5 * other.dt:
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
+    errors = story_errors(response, other, factors(case.method), start=start_peaks(case, steps))
     check = ErrorEstimate.of(
         response.stories,
-        story_errors(response, other, factors(case.method), start=start_peaks(case, steps)),
+        errors,
+        elements=element_errors(response, other, factors(case.method), errors),
         time_steps=(other.dt,),
         method=other.method,
         corrected=other.stories,
@@ -400,12 +403,9 @@ def story_errors(
         """Return the errors of a quantity in each story (see the module docstring)."""
         # Errors of residual drifts are related to peak drifts, because residual drifts can be 0.
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
-        difference = np.abs(getattr(response.stories, name) - getattr(other.stories, name))
-        extrapolated = by.difference * difference
-        minimum = COMMON * common(extrapolated, size)
-        if by.most < math.inf:
-            minimum = np.minimum(minimum, by.most * difference)
-        error: Array = np.maximum(extrapolated, np.maximum(minimum, FLOOR * size))
+        error = _extrapolated(
+            getattr(response.stories, name), getattr(other.stories, name), size, by
+        )
         # For residual drifts, the bound is the change of the drift after the requested time, which
         # is added. For peaks, it is the possible excess between time steps.
         bound: Array = getattr(response.interstep_bound, name)
@@ -419,6 +419,38 @@ def story_errors(
         return np.maximum(error, bound)
 
     return StoryErrors(**{field.name: errors(field.name) for field in fields(StoryErrors)})
+
+
+def element_errors(
+    response: Response, other: Response, by: EstimateFactors, errors: StoryErrors
+) -> ElementValues | None:
+    """Return the estimated errors of the elements, by the rules of `story_errors`.
+
+    The error of a ductility is the error of the peak drift of the story divided by the yield drift.
+    """
+    elements, others = response.elements, other.elements
+    if elements is None or others is None:
+        return None
+    return ElementValues(
+        peak_force=_extrapolated(elements.peak_force, others.peak_force, elements.peak_force, by),
+        dissipated_energy=_extrapolated(
+            elements.dissipated_energy,
+            others.dissipated_energy,
+            np.abs(elements.dissipated_energy),
+            by,
+        ),
+        ductility=errors.peak_drift[elements.story - 1] / elements.yield_drift,
+    )
+
+
+def _extrapolated(values: Array, others: Array, size: Array, by: EstimateFactors) -> Array:
+    """Return errors from the difference to a more accurate run, with minima relative to `size`."""
+    difference = np.abs(values - others)
+    extrapolated = by.difference * difference
+    minimum = COMMON * common(extrapolated, size)
+    if by.most < math.inf:
+        minimum = np.minimum(minimum, by.most * difference)
+    return np.asarray(np.maximum(extrapolated, np.maximum(minimum, FLOOR * size)))
 
 
 def common(errors: Array, size: Array) -> Array:

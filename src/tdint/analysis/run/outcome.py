@@ -191,6 +191,53 @@ class StoryPeaks(Tabular, StoryValues):
 
 
 @dataclass(frozen=True)
+class ElementValues:
+    """Quantities of the elements of stories with several elements, or their errors; arrays with one
+    value per element.
+    """
+
+    peak_force: Annotated[Array, Quantity("N", "maximum absolute force of the element")]
+    dissipated_energy: Annotated[Array, Quantity("J", "dissipated by the element since the start")]
+    ductility: Annotated[
+        Array, Quantity("1", "peak drift of the story divided by the yield drift of the element")
+    ]
+
+
+ELEMENT_QUANTITIES = quantities(ElementValues)
+"""Quantities of an element that have an error estimate."""
+
+
+@dataclass(frozen=True, repr=False)
+class ElementPeaks(Tabular, ElementValues):
+    """Results of the elements of stories with several elements, one value per element.
+
+    Attributes
+    ----------
+    peak_force : ndarray
+        Maximum absolute forces, N.
+    dissipated_energy : ndarray
+        Energies dissipated since the start, J.
+    ductility : ndarray
+        Peak drift of the story divided by the yield drift of the element; nan for an element that
+        does not yield.
+    story : ndarray of int
+        Numbers of the stories, from 1.
+    element, law : tuple of str
+        Names of the elements and of their laws.
+    yield_drift : ndarray
+        Drifts at first yield, m; nan for an element that does not yield.
+    """
+
+    story: NDArray[np.int64]
+    element: tuple[str, ...]
+    law: tuple[str, ...]
+    yield_drift: Array
+
+    def _headline(self) -> str:
+        return f"of {pluralize(len(self.element), 'element')}"
+
+
+@dataclass(frozen=True)
 class StoryErrors(StoryValues):
     """Estimated absolute errors of the attributes of `StoryPeaks`, with the same names, shapes and
     units; nan if unknown.
@@ -309,6 +356,8 @@ class ErrorEstimate:
         Choice of the time step, if it was chosen for a tolerance.
     corrected : StoryPeaks or None
         Peaks of the additional run, which are more accurate; None if a collapse ended the run.
+    elements : ElementValues or None
+        Estimated errors of the elements of stories with several elements.
     """
 
     errors: StoryErrors
@@ -318,6 +367,7 @@ class ErrorEstimate:
     method: str = ""
     step_choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
+    elements: ElementValues | None = None
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
@@ -463,6 +513,10 @@ class History(Tabular):
         Energy terms, J.
     error : ErrorHistory or None
         Estimated errors of all quantities except accelerations, if they were requested.
+    element_force : ndarray, shape (steps + 1, elements), or None
+        Forces of the elements of stories with several elements, N; None without such stories.
+    element_labels : tuple of str
+        Story and name of each of these elements, such as `story_1_moat_wall`.
     """
 
     time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
@@ -492,6 +546,8 @@ class History(Tabular):
     ]
     energy: EnergyHistory
     error: ErrorHistory | None = None
+    element_force: Array | None = None
+    element_labels: tuple[str, ...] = ()
 
     def _headline(self) -> str:
         """Return the description of the result in one line, without the class name."""
@@ -543,6 +599,8 @@ def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.
         return None
     if isinstance(parts[0], np.ndarray):
         return join(parts)
+    if isinstance(parts[0], tuple):  # labels, which all parts have in common
+        return parts[0]
     names = [member.name for member in fields(parts[0])]
     return type(parts[0])(
         **{name: _joined([getattr(part, name) for part in parts], join) for name in names}
@@ -654,6 +712,8 @@ class Response(Tabular):
         and `stories` are those of the complete sequence.
     gradient : Gradient or None
         Derivatives of the peaks, if requested (`tdint.analysis.run.gradient`).
+    elements : ElementPeaks or None
+        Results of the elements of stories with several elements; None without such stories.
     """
 
     model: Model
@@ -679,6 +739,7 @@ class Response(Tabular):
     warnings: tuple[str, ...] = ()
     events: tuple[EventResponse, ...] = ()
     gradient: Gradient | None = None
+    elements: ElementPeaks | None = None
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
         """Compare the demands with limits.

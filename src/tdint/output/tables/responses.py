@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.analysis.run.outcome import (
+    ELEMENT_QUANTITIES,
     ENERGY_TERMS,
     STORY_QUANTITIES,
     ErrorHistory,
@@ -30,6 +31,7 @@ from tdint.units import SI, OutputUnits, quantities
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
 
+_ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
 STORY_COLUMNS = (
     Column(
         "story", "1", numbered("peak_drift"), "story (or the floor above), numbered from the ground"
@@ -40,6 +42,20 @@ STORY_COLUMNS = (
 STORY_ERROR = error_columns(STORY_COLUMNS[2:])
 """Additional columns of a run with error estimates."""
 
+ELEMENT_COLUMNS = (
+    Column("story", "1", "story", "story, numbered from the ground"),
+    Column("element", "text", "element", "name of the element in the model file"),
+    Column("law", "text", "law", "hysteretic law of the element"),
+    Column.of_quantity(_ELEMENT["peak_force"]),
+    Column.of_quantity(_ELEMENT["dissipated_energy"]),
+    Column("yield_drift_m", "m", "yield_drift", "drift at first yield; empty without yielding"),
+    Column.of_quantity(_ELEMENT["ductility"]),
+)
+"""Columns of elements.csv: the elements of stories with several elements."""
+ELEMENT_ERROR = error_columns(Column.of_quantity(quantity) for quantity in _ELEMENT.values())
+ELEMENT_FORCE = Column("force_N", "N", "element_force", "force of the element")
+"""Column of each element in a response history; the story and the name of the element precede the
+name of the column."""
 _ALL = "all"
 SHOCK = Column("shock", "text", "shock", f"event of a sequence, from 1; {_ALL}: the whole sequence")
 
@@ -102,6 +118,21 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
     )
 
 
+def element_table(response: Response) -> Table | None:
+    """Return the table of the elements of stories with several elements, with error estimates if
+    the run has them; None without such stories."""
+    elements = response.elements
+    if elements is None:
+        return None
+    errors = response.check.elements if response.check else None
+    groups = [(ELEMENT_COLUMNS, elements), *([(ELEMENT_ERROR, errors)] if errors else [])]
+    rows = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)
+    return Table.of(
+        [column for columns, _ in groups for column in columns],
+        [tuple(chain.from_iterable(row)) for row in rows],
+    )
+
+
 def response_table(response: Response) -> Table:
     """Return the table of the peak responses of a run, with one row per story from the ground up.
 
@@ -121,24 +152,30 @@ def response_table(response: Response) -> Table:
     return Table((SHOCK.name, *table.columns), rows, describe([SHOCK]) | table.meanings)
 
 
-def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
+def history_groups(
+    error: bool, has_elements: bool = False
+) -> tuple[tuple[str, tuple[Column, ...]], ...]:
     """Return the columns of a response history in groups, as tuples of a name and the columns.
 
-    A group with the name `floor` or `story` is repeated for each floor or story; a group with an
-    empty name (time, ground, energies) is written once. `error` adds the columns of the estimated
-    errors.
+    A group with the name `floor`, `story` or `element` is repeated for each floor, story or element
+    of stories with several elements; a group with an empty name (time, ground, energies) is written
+    once. `error` adds the columns of the estimated errors.
     """
+    elements = (("element", (ELEMENT_FORCE,)),) if has_elements else ()
     errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
     return (
         ("", HISTORY_START),
         ("floor", HISTORY_FLOOR),
         ("story", HISTORY_STORY),
+        *elements,
         ("", HISTORY_ENERGY),
         *errors,
     )
 
 
-def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
+def history_columns(
+    stories: int, error: bool = False, elements: Sequence[str] = ()
+) -> tuple[Column, ...]:
     """Return the columns of the CSV file of a response history, for example `floor_2_velocity_m_s`.
 
     Parameters
@@ -147,10 +184,14 @@ def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
         Number of stories of the building.
     error : bool
         True to add the columns of the estimated errors at the end; false by default.
+    elements : sequence of str
+        Labels of the elements (`History.element_labels`).
     """
     result: list[Column] = []
-    for location, group in history_groups(error):
+    for location, group in history_groups(error, bool(elements)):
         prefixes = [f"{location}_{i}_" for i in range(1, stories + 1)] if location else [""]
+        if location == "element":
+            prefixes = [f"{label}_" for label in elements]
         for prefix in prefixes:
             result += [replace(column, name=prefix + column.name) for column in group]
     return tuple(result)
@@ -193,7 +234,9 @@ def write_history(
     has_error = history.error is not None
     names_and_factors = [
         units.column(column.name, column.unit)
-        for column in history_columns(history.displacement.shape[1], has_error)
+        for column in history_columns(
+            history.displacement.shape[1], has_error, history.element_labels
+        )
     ]
     if header:
         stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
@@ -203,7 +246,10 @@ def write_history(
     # For a group with the quantities a and b of each story, the columns of the file are a and b of
     # story 1, a and b of story 2, and so on, as in `history_columns`. `stack` therefore adds the
     # quantity as the last axis, and `reshape` joins the axes of stories and quantities.
-    groups = [[column.of(history) for column in group] for _, group in history_groups(has_error)]
+    groups = [
+        [column.of(history) for column in group]
+        for _, group in history_groups(has_error, bool(history.element_labels))
+    ]
     for start in range(0, len(history.time), _ROWS_AT_ONCE):
         row_slice = slice(start, start + _ROWS_AT_ONCE)
         group_blocks = (

@@ -367,13 +367,15 @@ def _history_columns(result: History) -> _Values:
     """Return the columns of a response history with their values, as in the CSV file."""
     stories, has_error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
-    for location, columns in responses.history_groups(has_error):
+    labels = result.element_labels
+    for location, columns in responses.history_groups(has_error, bool(labels)):
         arrays = [column.of(result) for column in columns]
         if location:  # a column for each floor or story, in the order of the CSV file
-            values += [array[:, i] for i in range(stories) for array in arrays]
+            count = len(labels) if location == "element" else stories
+            values += [array[:, i] for i in range(count) for array in arrays]
         else:
             values += arrays
-    return list(zip(responses.history_columns(stories, has_error), values, strict=True))
+    return list(zip(responses.history_columns(stories, has_error, labels), values, strict=True))
 
 
 _VALUES: dict[str, Callable[[Any], _Values]] = {
@@ -403,6 +405,7 @@ _VALUES: dict[str, Callable[[Any], _Values]] = {
     "Runs": _runs_columns,
     "Scaling": _from(studies.factor_table),
     "StabilityCurve": partial(_column_values, methods.STABILITY),
+    "ElementPeaks": partial(_column_values, responses.ELEMENT_COLUMNS),
     "StoryPeaks": partial(_column_values, responses.STORY_COLUMNS),
     "TargetDisplacement": partial(_column_values, buildings.TARGET_DISPLACEMENT),
 }
