@@ -111,8 +111,8 @@ def element_peaks(model: Model, space: Workspace, stories: StoryPeaks) -> Elemen
         dissipated_energy=space.law_state[rows.ENERGY_SPENT, columns].copy(),
         ductility=stories.peak_drift[indices] / yield_drift,
         story=indices + 1,
-        element=tuple(story.elements[j].name for _, story, j in elements),
-        law=tuple(story.elements[j].law.name for _, story, j in elements),
+        element=np.array([story.elements[j].name for _, story, j in elements]),
+        law=np.array([story.elements[j].law.name for _, story, j in elements]),
         yield_drift=yield_drift,
     )
 

@@ -222,15 +222,15 @@ class ElementPeaks(Tabular, ElementValues):
         does not yield.
     story : ndarray of int
         Numbers of the stories, from 1.
-    element, law : tuple of str
+    element, law : ndarray of str
         Names of the elements and of their laws.
     yield_drift : ndarray
         Drifts at first yield, m; nan for an element that does not yield.
     """
 
     story: NDArray[np.int64]
-    element: tuple[str, ...]
-    law: tuple[str, ...]
+    element: NDArray[np.str_]
+    law: NDArray[np.str_]
     yield_drift: Array
 
     def _headline(self) -> str:
