@@ -16,7 +16,7 @@ from tdint import load_model, run
 from tdint.analysis.static import follow_path
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.model.building import assemble
-from tdint.model.definition import CODES, SUM_OF_ELEMENTS, Element, Law, Story, simple_model
+from tdint.model.definition import CODES, SUM_OF_ELEMENTS, Element, Story, simple_model
 
 BILINEAR = {"type": "bilinear", "stiffness": STIFFNESS, "yield_force": STRENGTH, "hardening": 0.05}
 STOP = {"type": "gap", "gap": 2.0 * YIELD_DRIFT, "stop_stiffness": 3.0 * STIFFNESS}
