@@ -7,7 +7,7 @@ from tdint.kernels import layout
 from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories import law_state
 from tdint.model.building import assemble
-from tdint.model.definition import CODES, simple_model, simple_story
+from tdint.model.definition import CODES, Law, simple_model, simple_story
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05  # N/m, N, and stiffness after yielding divided by K
 CYCLE = np.concatenate(
@@ -23,8 +23,10 @@ def law_table(name, *parameters):
     name : str
         Name of the law.
     *parameters : float
-        Other parameters in the order of the law, in SI units.
+        Other parameters in the order of the law, in SI units. The last may be omitted if they have
+        defaults.
     """
+    parameters = Law(name, parameters).parameters
     table = np.zeros((layout.FIRST_PARAMETER + len(parameters), 2))
     table[layout.CODE, 0] = CODES[name]
     table[layout.STIFFNESS, 0] = K

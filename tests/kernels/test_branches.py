@@ -29,7 +29,7 @@ INTACT = (math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
 LAW_CASES = {
     "linear": (),
     "polynomial": (K, 200.0, 5e4),
-    "bilinear": (FY, HARDENING),
+    "bilinear": (FY, HARDENING, 0.8 * FY),
     "peak-oriented": (FY, HARDENING, 0.4),
     "tanh": (FY,),
     "bouc-wen": (FY, HARDENING, 1.7, 0.6),

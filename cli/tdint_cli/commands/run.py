@@ -702,5 +702,7 @@ def _collapse_sentence(response: Response, collapse: Collapse) -> str:
     else:
         limit = f"{100.0 * response.model.collapse_drift:g} %"
         cause = f"the drift ratio of story {collapse.story} exceeds {limit} at {time}"
-    end = "; analysis stopped: drift grew without bound" if collapse.ended else ""
+    end = ""
+    if collapse.ended:
+        end = "; analysis stopped" + ("" if collapse.failed else ": drift grew without bound")
     return f"Status {response.status}: {cause}{end}."

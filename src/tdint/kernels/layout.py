@@ -213,7 +213,8 @@ INITIAL_DISSIPATION = ENERGY_TERMS + 10  # dissipated by the laws up to the init
 COLLAPSE_STEP = ENERGY_TERMS + 11
 # Index of the first failed story, or of the story with the largest excess of its drift ratio limit
 COLLAPSE_STORY = ENERGY_TERMS + 12
-COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if the story has failed
+# 1 if the story has failed, NO_RESISTANCE if its drift has exceeded HIGH_LIMIT or LOW_LIMIT
+COLLAPSE_FAILED = ENERGY_TERMS + 13
 # Energies at the collapse, then ENERGY_INITIAL and ENERGY_REFERENCE, J
 COLLAPSE_ENERGIES = ENERGY_TERMS + 14
 TOTAL_INERTIA = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # sum of mass times acceleration, N
@@ -227,11 +228,18 @@ TOTALS_SIZE = TOTAL_INERTIA + 6
 
 # Value of totals[COLLAPSE_STEP] without collapse
 NO_COLLAPSE = -1.0
+# Value of totals[COLLAPSE_FAILED] at which the time integration ends
+NO_RESISTANCE = 2.0
 
 # limits: collapse limits, by story
 LIMIT = 0  # drift ratio above which the story has collapsed
 HEIGHT = 1  # story height, m; nan for a story without a limit
 FAILED = 2  # value of INTERNAL after the story has lost its strength; nan for laws without failure
+HIGH_LIMIT = 3  # drifts beyond which the story has no resistance left, m; infinite for no limit
+LOW_LIMIT = 4
+# Smallest absolute drift that can exceed one of the limits above, m: a fast test for all stories
+SMALLEST_LIMIT = 5
+LIMIT_ROWS = 6
 
 # flags: properties that are set before the time integration and remain constant
 LINEAR = 0  # 1 if every law is linear

@@ -145,10 +145,6 @@ def workspace(
                 f"of memory, {free / 1000000000.0:.3g} GB are free; use fewer time steps, or "
                 "write the history to a file, which needs less memory"
             )
-    # Value of row INTERNAL of a story that has failed; nan for laws that do not fail. INTERNAL of a
-    # story with elements is 1 if all of them have failed.
-    codes = building.story_laws[rows.CODE].tolist()
-    failed = np.array([1.0 if code == rows.ELEMENTS else LAWS[int(code)].failed for code in codes])
     columns = building.law_parameters.shape[1]
     totals = np.zeros(rows.TOTALS_SIZE)
     totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
@@ -164,10 +160,65 @@ def workspace(
         observer_state=np.zeros((rows.OBSERVER_ROWS, n + 1)),
         # First half: peaks; second half: possible peaks of unresolved motion.
         peaks=np.zeros((2 * rows.PEAK_ROWS, n)),
-        limits=np.array([np.full(n, collapse_drift), building.heights, failed]),
+        limits=collapse_limits(building, collapse_drift),
         totals=totals,
         history=np.zeros((row_count, width)),
     )
+
+
+def collapse_limits(building: Building, collapse_drift: float) -> Array:
+    """Return the table of the collapse limits, shape (LIMIT_ROWS, n).
+
+    Parameters
+    ----------
+    building : Building
+        Heights, laws and P-delta of the stories.
+    collapse_drift : float
+        Drift ratio above which a story has collapsed.
+    """
+    limits = np.empty((rows.LIMIT_ROWS, building.stories))
+    limits[rows.LIMIT] = collapse_drift
+    limits[rows.HEIGHT] = building.heights
+    # INTERNAL of a story with elements is 1 if all of them have failed.
+    codes = building.story_laws[rows.CODE].tolist()
+    limits[rows.FAILED] = [
+        1.0 if code == rows.ELEMENTS else LAWS[int(code)].failed for code in codes
+    ]
+    limits[rows.HIGH_LIMIT] = [_resistance_limit(building, i, 1.0) for i in range(len(codes))]
+    limits[rows.LOW_LIMIT] = [-_resistance_limit(building, i, -1.0) for i in range(len(codes))]
+    # A story without height (nan) has no limit of the drift ratio.
+    limits[rows.SMALLEST_LIMIT] = np.fmin(
+        limits[rows.LIMIT] * limits[rows.HEIGHT],
+        np.minimum(limits[rows.HIGH_LIMIT], -limits[rows.LOW_LIMIT]),
+    )
+    return limits
+
+
+def _resistance_limit(building: Building, i: int, side: float) -> float:
+    """Return the drift on a side beyond which a story has no resistance, m.
+
+    The last lines of its law, or of all its elements, and P-delta have no force together there. It
+    is infinite if no line falls, or if a law has no last line.
+    """
+    table = building.law_parameters
+    columns = (
+        range(
+            int(table[rows.FIRST_ELEMENT, i]),
+            int(table[rows.END_ELEMENT, i]),
+        )
+        if table[rows.CODE, i] == rows.ELEMENTS
+        else (i,)
+    )
+    force, slope, has_falling_line = 0.0, float(building.linear_terms[rows.GEOMETRIC, i]), False
+    for column in columns:
+        code, stiffness, *values = table[:, column].tolist()
+        line = LAWS[int(code)].last_line(stiffness, values, side)
+        if line is None:
+            return math.inf
+        force += line[0]
+        slope += line[1]
+        has_falling_line |= line[1] < 0.0
+    return force / -slope if has_falling_line and slope < 0.0 else math.inf
 
 
 def history_width(building: Building) -> int:

@@ -134,11 +134,29 @@ class Law:
         A key of `LAWS`.
     parameters : tuple of float
         Values in SI units in the order of `LAWS[name].parameters`. A `many` parameter is the last
-        one and is flattened.
+        one and is flattened. The last parameters may be omitted if they have defaults.
     """
 
     name: str
     parameters: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Append the defaults of parameters that are omitted at the end."""
+        declared_parameters = LAWS[self.name].parameters if self.name in LAWS else ()
+        if any(item.many or item.points for item in declared_parameters):
+            return
+        values = list(self.parameters)
+        by_name = {
+            item.name: value
+            for item, value in zip(declared_parameters, values, strict=False)
+            if not item.group
+        }
+        for item in declared_parameters[len(values) :]:
+            if item.default is None:
+                return
+            default = by_name[item.default] if isinstance(item.default, str) else item.default
+            values.append(default)
+        object.__setattr__(self, "parameters", tuple(values))
 
     @property
     def values(self) -> dict[str, float]:

@@ -45,7 +45,14 @@ from tdint.kernels.time_loop.loop import END_COLUMNS, integrate, integrate_many
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
 from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
 from tdint.methods.method import Integrator
-from tdint.methods.workspace import HALVINGS, Workspace, history_width, state_jumps, workspace
+from tdint.methods.workspace import (
+    HALVINGS,
+    Workspace,
+    collapse_limits,
+    history_width,
+    state_jumps,
+    workspace,
+)
 from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
 from tdint.model.definition import Model
 
@@ -571,7 +578,8 @@ class PreparedBuilding:
             for name in varied_arrays:
                 getattr(prepared.building, name)[...] = getattr(drawn, name)[sample]
             space.flags[rows.UNRESOLVED_MODES] = is_unresolved[sample]
-            space.limits[1] = drawn.heights[sample]  # heights for the collapse drift ratio
+            sampled = replace(prepared.building, heights=drawn.heights[sample])
+            space.limits[...] = collapse_limits(sampled, self.collapse_drift)
             integrate_runs([spec], result.part(i, i + 1))
         return result
 

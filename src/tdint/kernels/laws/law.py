@@ -175,6 +175,11 @@ class DriftLaw:
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
+    last_line : callable
+        (initial stiffness, parameter values, side 1 or -1) -> force at zero drift, N, and slope,
+        N/m, of the line that limits the force of a side at large drifts; positive in the direction
+        of the side. None for a law without such a line. A time integration ends where a falling
+        line has no force, because the law continues the line.
     """
 
     name: str
@@ -192,6 +197,9 @@ class DriftLaw:
     fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     stiffness_after_yield: Callable[[float, Sequence[float]], float] | None = None
     failed: float = math.nan
+    last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (
+        lambda stiffness, values, side: None
+    )
 
 
 def yields_at_its_strength(stiffness: float, values: Sequence[float]) -> float:

@@ -343,8 +343,8 @@ def integrate(
     -------
     int
         0, or the negative error code of the step that failed. NOT_FINITE: the response is not
-        finite or exceeds RUNAWAY, or the iteration has diverged (relative residual nan or at least
-        OVERFLOW). NOT_CONVERGED: the iteration has not converged after `max_halvings` halvings.
+        finite or exceeds RUNAWAY, a story has no resistance left (COLLAPSE_FAILED), or the
+        iteration has diverged (relative residual nan or at least OVERFLOW). NOT_CONVERGED: the iteration has not converged after `max_halvings` halvings.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -431,6 +431,10 @@ def integrate(
         if has_diverged(state, linear_terms.shape[1] - 1):
             return rows.NOT_FINITE
         check_limits(sum_law_energies, scene, memory, step_index + 1, seen)
+        # A story on a falling line continues with a negative resistance. The run ends with this
+        # step like a run that fails after a collapse.
+        if totals[rows.COLLAPSE_FAILED] == rows.NO_RESISTANCE and step_index + 1 < steps:
+            return rows.NOT_FINITE
         if history.shape[0] > 0 and (step_index + 1) % steps_per_row == 0:
             update_law_energies(sum_law_energies, scene, memory, seen)
             # `store` writes the ground acceleration of the motion (first argument). It computes the

@@ -708,18 +708,15 @@ def store(ground, fitted_ground, memory, seen, row):
 
 @inline
 def exceeds_limits(law_state, seen):
-    """Return True if the peak drift of a story exceeds its limit or a story has failed.
+    """Return True if the peak drift of a story exceeds SMALLEST_LIMIT or a story has failed.
 
-    A story has failed if row INTERNAL of its law state has the value FAILED. Stories without a
-    limit have the height nan, and stories without a failure the value nan in row FAILED: the
-    comparisons are then False.
+    `record_collapse` then compares the drift with each limit. A story has failed if row INTERNAL of
+    its law state has the value FAILED; nan, for laws without failure, is equal to no value.
     """
     limits = seen.limits
     is_exceeded = False
     for i in range(limits.shape[1]):
-        is_exceeded |= (
-            seen.peaks[rows.PEAK_DRIFT, i] > limits[rows.LIMIT, i] * limits[rows.HEIGHT, i]
-        )
+        is_exceeded |= seen.peaks[rows.PEAK_DRIFT, i] > limits[rows.SMALLEST_LIMIT, i]
         is_exceeded |= law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]
     return is_exceeded
 
@@ -729,18 +726,25 @@ def record_collapse(law_state, steps, seen):
     """Store the story and the step of the collapse, and the energies at this time, in `totals`.
 
     The story is the lowest failed story. If no story has failed, it is the story with the largest
-    excess of its peak drift ratio (peak drift / height) over its limit. Call this function only if
-    `exceeds_limits` is True; otherwise only the energies would be stored. The energies in `totals`
-    must have been updated before. `steps` is the number of complete steps.
+    excess of its peak drift ratio (peak drift / height) over its limit. If the drift exceeds only
+    the smaller of two limits on the other side (SMALLEST_LIMIT), only the energies are stored. The
+    energies in `totals` must have been updated before. `steps` is the number of complete steps.
     """
     _, peaks, limits, totals, _ = seen
     largest_excess = 0.0
     for i in range(limits.shape[1]):
         excess = peaks[rows.PEAK_DRIFT, i] / limits[rows.HEIGHT, i] - limits[rows.LIMIT, i]
         # The infinite excess of the lowest failed story is not exceeded by other stories.
-        if law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]:
+        drift = law_state[rows.DRIFT, i]
+        has_no_resistance = (drift >= limits[rows.HIGH_LIMIT, i]) | (
+            drift <= limits[rows.LOW_LIMIT, i]
+        )
+        if has_no_resistance:
+            totals[rows.COLLAPSE_FAILED] = rows.NO_RESISTANCE
+        elif law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]:
+            totals[rows.COLLAPSE_FAILED] = max(totals[rows.COLLAPSE_FAILED], 1.0)
+        if has_no_resistance or law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]:
             excess = math.inf
-            totals[rows.COLLAPSE_FAILED] = 1.0
         if excess > largest_excess:
             largest_excess = excess
             totals[rows.COLLAPSE_STEP] = steps
