@@ -757,8 +757,11 @@ def _changed_numbers(
     base_numbers = [list(story_numbers(story)) for story in model.stories]
     changed: dict[tuple[int, int], Array] = {}
     stories_with_set_law = set()
+    set_by_name: set[tuple[int, int]] = set()
     for name, sampled_values in values.items():
         for change in changes_of(model, name):
+            if change.is_superseded(set_by_name):
+                continue
             value_index = change.story, change.column
             # Several parameters can change the same value; they are applied in order.
             current = changed.get(value_index, base_numbers[change.story][change.column])

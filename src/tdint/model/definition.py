@@ -591,11 +591,14 @@ class Model:
         damping = self.damping
         # Indices of the changed stories. The value is True if a parameter of the law is changed.
         changed_stories: dict[int, bool] = {}
+        set_by_name: set[tuple[int, int]] = set()
         for name, value in numbers.items():
             check_value(name, value)
             if name == "damping":
                 damping = damped_by(self, value)
             for change in changes_of(self, name):
+                if change.is_superseded(set_by_name):
+                    continue
                 change.check(name, value)
                 row = table[change.story]
                 row[change.column] = row[change.column] * value if change.factor else value
@@ -759,12 +762,28 @@ class Change(NamedTuple):
         The value is a factor on the number, otherwise its new value.
     bounds : LawParameter, optional
         Declaration of the parameter with its bounds.
+    follows : bool
+        The number is not named by the parameter, but follows it by default: the model does not
+        state a value of its own (for the negative side of a law).
     """
 
     story: int
     column: int
     factor: bool
     bounds: LawParameter | None = None
+    follows: bool = False
+
+    def is_superseded(self, set_by_name: set[tuple[int, int]]) -> bool:
+        """Return True if the number follows another one, but has been set by its own name before.
+
+        A number that this change sets by its name is added to `set_by_name`: index of the story and
+        column of each number.
+        """
+        if self.follows:
+            return (self.story, self.column) in set_by_name
+        if not self.factor:
+            set_by_name.add((self.story, self.column))
+        return False
 
     @property
     def sets_law_parameter(self) -> bool:
@@ -883,7 +902,22 @@ def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
     return numbers
 
 
-def _changes_by_parameter(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
+_ChangedNumber = tuple[int, bool, LawParameter | None] | tuple[int, bool, LawParameter | None, bool]
+
+
+def _followed_name(law: Law, name: str, declaration: LawParameter) -> str:
+    """Return the number of a law whose value a number has by default; "" without such a number.
+
+    For `negative.backbone[1].drift` it is `backbone[1].drift`.
+    """
+    if not isinstance(declaration.default, str):
+        return ""
+    # The default is the first parameter with this name (`stories.read_law`).
+    source = next(item for item in LAWS[law.name].parameters if item.name == declaration.default)
+    return source.path + name.removeprefix(declaration.path)
+
+
+def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
     """Return the values of a story that each parameter changes, by the name of the parameter.
 
     If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
@@ -895,14 +929,13 @@ def _changes_by_parameter(story: Story) -> dict[str, list[tuple[int, bool, LawPa
 
     Returns
     -------
-    dict of str to list of (int, bool, LawParameter or None)
-        For each changed value: its index in `story_numbers`, True if the value of the parameter is
-        a factor on it (False: its new value), and the declaration with the bounds. The list is
-        empty for a parameter that cannot be changed.
+    dict of str to list of tuple
+        Fields `column`, `factor`, `bounds` and `follows` of a `Change` for each changed value; the
+        last two may be omitted. The list is empty for a parameter that cannot be changed.
     """
     # Indices of the values that the factors on the stiffness and on the strength multiply.
     stiffness_indices, strength_indices = [], []
-    set_law: dict[str, list[tuple[int, bool, LawParameter | None]]] = {}
+    set_law: dict[str, list[_ChangedNumber]] = {}
     has_stiffness = False
     for number, (spring, columns) in enumerate(
         zip(story.springs, spring_columns(story), strict=True), start=1
@@ -913,21 +946,31 @@ def _changes_by_parameter(story: Story) -> dict[str, list[tuple[int, bool, LawPa
         # is its first element.
         prefixes = [f"elements[{number}]"]
         prefixes.append(f"elements[{spring.name}]" if story.elements else "law")
+        values = spring.law.values
+        described_numbers = [
+            (i, *described)
+            for i, described in enumerate(_named_parameters(spring.law), start=columns.first)
+            if described[0] in values
+        ]
         for prefix in prefixes:
             if prefix != "law" and not has_stiffness:
                 bounds = LawParameter("stiffness", low=0.0)
                 set_law[f"{prefix}.stiffness"] = [(columns.stiffness, False, bounds)]
-            for i, described in enumerate(_named_parameters(spring.law), start=columns.first):
-                name, _, _, declaration = described
+            for i, name, _, _, declaration in described_numbers:
                 set_law[f"{prefix}.{name}"] = [(i, False, declaration)]
+                # The number of the other side with the same default changes as well, if it is
+                # equal.
+                source = _followed_name(spring.law, name, declaration)
+                if source in values and values[source] == values[name]:
+                    set_law[f"{prefix}.{source}"].append((i, False, declaration, True))
         # Factors apply to all numbers with the dimension of a stiffness or of a strength (force).
-        for i, described in enumerate(_named_parameters(spring.law), start=columns.first):
-            _, force, length, _ = described
+        for i, _, force, length, declaration in described_numbers:
             if force == 1 and (has_stiffness or length == -1):
                 stiffness_indices.append(i)
-            if (force, length) == (1, 0):
+            # The points of a curve move along the line of the initial stiffness.
+            if (force, length) == (1, 0) or declaration.open_ended:
                 strength_indices.append(i)
-    changes: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
+    changes: dict[str, list[_ChangedNumber]] = {
         "mass_factor": [(MASS, True, None)],
         "stiffness_factor": [(i, True, None) for i in stiffness_indices],
         "strength_factor": [(i, True, None) for i in strength_indices],

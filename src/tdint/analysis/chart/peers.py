@@ -32,6 +32,7 @@ from tdint.arrays import Array
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
+from tdint.model.building import Building
 from tdint.model.damage_states import DONE
 from tdint.model.definition import CODES
 from tdint.model.plugins import peers
@@ -310,6 +311,8 @@ def _unsupported(problem: Problem) -> str:
     building = problem.building
     if not np.all(np.isin(building.story_laws[rows.CODE], [CODES[name] for name in _MATERIALS])):
         return f"a story's law is not one of {', '.join(_MATERIALS)}"
+    if _has_two_strengths(building):
+        return "a bilinear story has a different strength in each direction"
     if building.power_damped:
         return "the model has power-law dashpots"
     if len(building.modal):
@@ -317,6 +320,14 @@ def _unsupported(problem: Problem) -> str:
     if _proportion(building.linear_terms[rows.FLOOR_DAMPER, :-1], building.mass) is None:
         return "dampers from the floors to the ground are not in proportion to the masses"
     return ""
+
+
+def _has_two_strengths(building: Building) -> bool:
+    """Return True if a bilinear story has different yield forces on both sides."""
+    table = building.law_parameters[:, :-1]
+    bilinear = table[:, table[rows.CODE] == CODES["bilinear"]]
+    first = rows.FIRST_PARAMETER
+    return bool(bilinear.size and np.any(bilinear[first] != bilinear[first + 2]))
 
 
 def _proportion(numerators: Array, denominators: Array) -> float | None:
@@ -542,7 +553,10 @@ def solve_ivp_points(
     """
     law = _bilinear_parts(problem)
     if law is None:
-        return [], ["scipy's solve_ivp is omitted: a story's law is neither linear nor bilinear"]
+        return [], [
+            "scipy's solve_ivp is omitted: a story's law is neither linear nor bilinear with equal "
+            "strengths in both directions"
+        ]
     points: list[Point] = []
     notes: list[str] = []
     for method in METHODS:
@@ -562,7 +576,8 @@ def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
     """Split each story into an elastic spring and a parallel elastic-perfectly plastic spring.
 
     The elastic spring has the stiffness after yield, and includes P-delta. A linear story has only
-    the elastic spring. The result is None if a story is neither bilinear nor linear.
+    the elastic spring. The result is None if a story is neither linear nor bilinear with equal
+    strengths.
 
     Returns
     -------
@@ -573,6 +588,8 @@ def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
     law_parameters = problem.building.story_laws
     is_bilinear = law_parameters[rows.CODE] == CODES["bilinear"]
     if not np.all(is_bilinear | (law_parameters[rows.CODE] == CODES["linear"])):
+        return None
+    if _has_two_strengths(problem.building):
         return None
     yield_force, ratio_after_yield = (
         law_parameters[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + 2]
