@@ -29,6 +29,9 @@ def example(name, stiffness, strength):
                 math.inf,
             ),
         )
+    if name == "multilinear":
+        side = (drift, strength, 3.0 * drift, 1.4 * strength, *76 * (math.inf,))
+        return Law(name, (0.0, 0.05 * stiffness, *side, *side))
     for parameter in LAWS[name].parameters:
         if parameter.many:
             values += [stiffness, -0.1 * stiffness / drift, 0.05 * stiffness / drift**2]

@@ -92,7 +92,9 @@ def _dimension(parameter: LawParameter):
     if parameter.many:
         return "a list: force/length, force/length^2, ..."
     if parameter.points:
-        return "two to four points [length, force]"
+        return f"{parameter.point_count_text} [length, force]"
+    if parameter.choices:
+        return " \\| ".join(parameter.choices)
     powers = {"force": parameter.force, "length": parameter.length}
     above, below = (
         [name for name, power in powers.items() if power * sign > 0] for sign in (1, -1)

@@ -37,6 +37,8 @@ LAW_CASES = {
     "trilinear-pinching": (FY, 2.5 * FY, 0.2, 0.4, 0.3),
     "imk": (*IMK_SIDE, *IMK_SIDE, *4 * [1.5], 1.0, 0.4, 0.6),
     "multilinear-pinching": (*2 * MULTILINEAR_SIDE, *2 * (0.5, 0.25, 0.05), *INTACT),
+    # Rule kinematic; tests/kernels/test_multilinear.py contains all rules.
+    "multilinear": (0.0, 0.02 * K, *2 * (FY / K, FY, 0.05, 1.4 * FY, *76 * (math.inf,))),
 }
 
 
@@ -58,7 +60,7 @@ def test_declarations_of_law_agree_with_its_functions(name):
     assert path_faults(LAWS[name], numbers) == []
 
 
-@pytest.mark.parametrize("name", sorted(set(LAW_CASES) - {"polynomial", "multilinear-pinching"}))
+@pytest.mark.parametrize("name", sorted(set(LAW_CASES) - {"polynomial", "multilinear-pinching", "multilinear"}))
 def test_declared_dimensions_of_parameters_are_correct(name):
     """If the unit of force is a thousandth and the unit of length a hundredth, every force along a
     path is 1000 times the number. Laws with lists as parameters are omitted."""
@@ -321,8 +323,8 @@ def test_rate_opposite_to_branch_changes_sign_at_start_or_not_at_all():
 
 
 def test_force_is_nan_after_too_many_changes_of_branch():
-    """A law with 40 branches of equal length: a path over up to 16 ends has a force, a longer path
-    has none."""
+    """A law with branches of equal length: a path over up to the maximum number of ends has a
+    force, a longer path has none."""
 
     def switch(law_parameters, law_state, i, block, event):
         upper = law_state[block + rows.UPPER, i] + FY / K
@@ -332,12 +334,13 @@ def test_force_is_nan_after_too_many_changes_of_branch():
     law_parameters = law_table("linear")
     state = law_state_table(law_parameters)
     branch_following.set_branch(state, 0, 0, K, -math.inf, FY / K, 0.0)
-    for ends in (16, 17):
+    most = branch_following._MAX_BRANCHES
+    for ends in (most, most + 1):
         tangent = walk(law_parameters, state, 0, 0, rows.SECOND_TRIAL, (ends + 0.5) * FY / K)
-        expected = FY * (1.0 + 0.5 * (ends - 0.5)) if ends == 16 else math.nan
+        expected = FY * (1.0 + 0.5 * (ends - 0.5)) if ends == most else math.nan
         force = state[rows.SECOND_TRIAL + rows.FORCE, 0]
         assert force == pytest.approx(expected, rel=1e-12, nan_ok=True)
-        assert math.isnan(tangent) == (ends == 17)
+        assert math.isnan(tangent) == (ends > most)
 
 
 def event_of_one_story(d0, d3, w0, w1, sign, ignored=0.0):
@@ -409,12 +412,12 @@ def test_gap_stiffens_with_any_stop():
     assert not LAWS["gap"].stiffens([0.05, 0.0])
 
 
-@pytest.mark.parametrize("name", ["bilinear", "peak-oriented"])
-def test_hardening_ratio_of_1_is_refused(name):
+@pytest.mark.parametrize(("name", "lowest"), [("bilinear", -1.0), ("peak-oriented", 0.0)])
+def test_hardening_ratio_of_1_is_refused(name, lowest):
     """The branches of the law would have the same stiffness."""
     (hardening,) = (one for one in LAWS[name].parameters if one.name == "hardening")
-    assert (hardening.low, hardening.high) == (0.0, 1.0)
-    assert hardening.low_allowed and not hardening.high_allowed
+    assert (hardening.low, hardening.high) == (lowest, 1.0)
+    assert not hardening.high_allowed
 
 
 def test_ultimate_drift_of_trilinear_pinching_is_beyond_yield_drift():

@@ -224,11 +224,11 @@ bilinear
         ...}
 {type: bilinear, yield_forc: 3, hardening: 1}, stiffness: 1
     stories[1].law.yield_forc: unknown key; did you mean 'yield_force'?
-    stories[1].law.hardening: must be <ratio>, got '1'
+    stories[1].law.hardening: must be a number above -1 and below 1, got '1'
 {type: bilinear, coefficients: [1]}, stiffness: 1
     stories[1].law.yield_force: is missing; give a positive number
-    stories[1].law.hardening: is missing; give <ratio>
-    stories[1].law.coefficients: unknown key; known: type, yield_force, hardening
+    stories[1].law.hardening: is missing; give a number above -1 and below 1
+    stories[1].law.coefficients: unknown key; known: type, yield_force, hardening, negative
 {type: polynomial, coefficients: [-3, x]}
     stories[1].law: the initial stiffness of the polynomial law must be a positive number, got -3
     stories[1].law.coefficients[2]: must be a number, got 'x'

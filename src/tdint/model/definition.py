@@ -160,9 +160,17 @@ class Law:
 
     @property
     def values(self) -> dict[str, float]:
-        """Parameters by the names that `vary` accepts after `stories[N].law.`, in SI units."""
-        names = (name for name, _, _, _ in _named_parameters(self))
-        return dict(zip(names, self.parameters, strict=True))
+        """Parameters by the names that `vary` accepts after `stories[N].law.`, in SI units.
+
+        Names instead of numbers and points that the model does not specify are omitted.
+        """
+        return {
+            name: value
+            for (name, _, _, declaration), value in zip(
+                _named_parameters(self), self.parameters, strict=True
+            )
+            if not (declaration.choices or (declaration.open_ended and math.isinf(value)))
+        }
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the function that restores the pickled law in another process, and its arguments.
@@ -886,10 +894,9 @@ def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
     for parameter in LAWS[law.name].parameters:
         path = parameter.path
         if parameter.points:
-            # A law always has four points (`four_points`).
             numbers += [
                 (f"{path}[{k}].{coordinate}", *dimension, parameter)
-                for k in range(1, 5)
+                for k in range(1, parameter.points + 1)
                 for coordinate, dimension in _POINT_DIMENSIONS.items()
             ]
         elif parameter.many:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         gap,
         imk,
         linear,
+        multilinear,
         multilinear_pinching,
         peak_oriented,
         polynomial,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
         trilinear_pinching,
         imk,
         multilinear_pinching,
+        multilinear,
     )
 
 # The order must not change, because the position of a law is its number.
@@ -53,6 +55,7 @@ NAMES = (
     "trilinear-pinching",
     "imk",
     "multilinear-pinching",
+    "multilinear",
 )
 """Names of the laws of tdint in the order of their numbers."""
 

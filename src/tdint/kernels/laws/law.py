@@ -12,6 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 
+MAX_POINTS = 40
+"""Maximum number of points of a backbone curve on each side. They occupy two rows each in the table
+of parameters, and a law may need a row of each state for each point."""
+
+
 @dataclass(frozen=True)
 class LawParameter:
     """Parameter of a drift law, as specified in a model file.
@@ -29,10 +34,18 @@ class LawParameter:
     many : bool
         True if the parameter is a list of any length. Entry j (counted from 1) has the dimension
         force^1 length^-j.
-    points : bool
-        True if the parameter is a list of two to four points [drift, force]. Each number must be
-        within the bounds. The parameter occupies eight rows (four points); points that are not
-        specified are inserted between the specified points.
+    points : int
+        Maximum number of points if the parameter is a list of points [drift, force], otherwise 0.
+        Each number must be within the bounds. The parameter occupies two rows for each of `points`
+        points.
+    least_points : int
+        Minimum number of points of such a list.
+    open_ended : bool
+        Points that are not specified are infinite (True), or are inserted between the last two
+        specified points (False, for four points).
+    choices : tuple of str
+        Allowed names, if the value is a name instead of a number. The value in the table is the
+        index of the name.
     default : float, str or None
         Value if the model file omits the parameter: a number, or the name of the parameter with the
         same value. None if the parameter is required.
@@ -53,7 +66,10 @@ class LawParameter:
     low_allowed: bool = True
     high_allowed: bool = True
     many: bool = False
-    points: bool = False
+    points: int = 0
+    least_points: int = 2
+    open_ended: bool = False
+    choices: tuple[str, ...] = ()
     default: float | str | None = None
     group: str = ""
     without: float | None = None
@@ -63,6 +79,13 @@ class LawParameter:
     def path(self) -> str:
         """Name of the parameter with its group, as in `group.name`."""
         return f"{self.group}.{self.name}" if self.group else self.name
+
+    @property
+    def point_count_text(self) -> str:
+        """Allowed number of points as text, for a list of points."""
+        words = {1: "one", 2: "two", 4: "four"}
+        least, most = (words.get(count, str(count)) for count in (self.least_points, self.points))
+        return f"{least} to {most} points"
 
 
 @dataclass(frozen=True)

@@ -1153,10 +1153,10 @@ LAW = DriftLaw(
     "along straight lines (Pinching4)",
     _functions,
     parameters=(
-        LawParameter("backbone", points=True, low=0.0, low_allowed=False),
+        LawParameter("backbone", points=4, low=0.0, low_allowed=False),
         LawParameter(
             "backbone",
-            points=True,
+            points=4,
             low=0.0,
             low_allowed=False,
             default="backbone",

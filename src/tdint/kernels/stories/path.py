@@ -62,7 +62,7 @@ _SHIFTED = 12  # first row of the same results after a reversal at a slightly sh
 PATH_ROWS = 18
 
 # Maximum number of changes of branch up to a reversal; the laws of tdint have fewer
-_MAX_BRANCHES = 16
+_MAX_BRANCHES = 100
 # Fraction of the step. Tolerance of the time of a reversal; rounding errors are about 1e-15.
 _ROOT = 1e-12
 _MAX_ROOT_ITERATIONS = 60  # bisection alone would need 40 iterations

@@ -53,7 +53,6 @@ EarlierParameters = Mapping[str, tuple[float, ...]]
 """Parameters that have already been read, by name."""
 
 _NUMBER_LIST = "a list of numbers"
-_POINT_LIST = "two to four points [drift, force]"
 
 
 def _law_keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
@@ -78,7 +77,13 @@ def _law_keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
         if parameter.group == group:
             value_type: ValueType = EntriesOf(bounds, least=1) if parameter.many else bounds
             if parameter.points:
-                value_type = EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
+                value_type = EntriesOf(
+                    EntriesOf(bounds, least=2, most=2),
+                    least=parameter.least_points,
+                    most=parameter.points,
+                )
+            if parameter.choices:
+                value_type = Choice(parameter.choices)
             keys[parameter.name] = Key(parameter.name, value_type, needed=is_needed)
         elif inner_group and inner_group not in keys:
             mapping: ValueType = Keys(
@@ -265,6 +270,8 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
                 numbers = (math.nan,)
         elif parameter.points:
             numbers = _read_points(groups[parameter.group], parameter, unit, earlier)
+        elif parameter.choices:
+            numbers = (_read_choice(groups[parameter.group], parameter),)
         else:
             numbers = (_read_number(groups[parameter.group], parameter, unit, earlier),)
         values += numbers
@@ -328,10 +335,10 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
 def _read_points(
     group: Group, parameter: LawParameter, unit: ModelUnits, earlier: EarlierParameters
 ) -> tuple[float, ...]:
-    """Return four points as eight numbers: drift (m) and force (N) of each point.
+    """Return drift (m) and force (N) of each point, with the points that the file omits.
 
-    The file contains two to four points; `four_points` adds points on the last line to obtain four.
-    All eight numbers are nan after reporting an error.
+    Infinite points complete an open-ended list; `four_points` completes four points. All numbers
+    are nan after reporting an error.
 
     Parameters
     ----------
@@ -345,21 +352,23 @@ def _read_points(
     earlier : mapping of str to tuple of float
         Parameters that have already been read, in SI units.
     """
-    invalid_points = (math.nan,) * 8
+    invalid_points = (math.nan,) * (2 * parameter.points)
+    point_list = f"{parameter.point_count_text} [drift, force]"
     if isinstance(group, float):
         return invalid_points
     # If the file omits the points of the negative direction, `default` is the name of the points of
     # the positive direction, which then apply to both.
     if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
         return earlier[parameter.default]
-    value = group.need(parameter.name, f"give {_POINT_LIST}") if group else None
-    items = value.items(_POINT_LIST) if value else None
+    value = group.need(parameter.name, f"give {point_list}") if group else None
+    items = value.items(point_list) if value else None
     if value is None or items is None:
         return invalid_points
     # All points are read before their number is checked, so that all errors are reported.
     pairs = [item.items("a point [drift, force]") for item in items]
-    if not 2 <= len(pairs) <= 4 or any(pair is not None and len(pair) != 2 for pair in pairs):
-        value.fault(f"must be {_POINT_LIST}")
+    has_allowed_length = parameter.least_points <= len(pairs) <= parameter.points
+    if not has_allowed_length or any(pair is not None and len(pair) != 2 for pair in pairs):
+        value.fault(f"must be {point_list}")
         return invalid_points
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
     points = [
@@ -369,7 +378,23 @@ def _read_points(
         ]
         for pair in pairs
     ]
-    return four_points(points) if all(points) else invalid_points
+    if not all(points):
+        return invalid_points
+    if not parameter.open_ended:
+        return four_points(points)
+    numbers = [number for point in points for number in point]
+    return (*numbers, *[math.inf] * (2 * parameter.points - len(numbers)))
+
+
+def _read_choice(group: Group, parameter: LawParameter) -> float:
+    """Return the index of a name in `choices`, or nan after an error."""
+    value = (
+        group.need(parameter.name, f"give one of {', '.join(parameter.choices)}")
+        if isinstance(group, Section)
+        else None
+    )
+    name = value.choice(parameter.choices, parameter.name) if value else None
+    return math.nan if name is None else float(parameter.choices.index(name))
 
 
 def _read_number(

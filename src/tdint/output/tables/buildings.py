@@ -508,14 +508,14 @@ def _law_words(law: Law, units: OutputUnits) -> str:
     Parameters are omitted if their value is the default, or if the negative side is equal to the
     positive side.
     """
-    # The law stores the values of all its parameters in one sequence: 8 numbers (4 points) for a
+    # The law stores the values of all its parameters in one sequence: two for each point of a
     # backbone, all remaining numbers for a list, and one number for any other parameter.
     numbers = iter(law.parameters)
     parameter_texts: list[str] = []
     values_by_name: dict[str, tuple[float, ...]] = {}
     for parameter in LAWS[law.name].parameters:
         if parameter.points:
-            value_count: int | None = 8
+            value_count: int | None = 2 * parameter.points
         else:
             value_count = None if parameter.many else 1
         values = tuple(islice(numbers, value_count))
@@ -531,10 +531,16 @@ def _law_words(law: Law, units: OutputUnits) -> str:
             continue
         # The value is a list of backbone points (force at drift), a list of numbers, or one number.
         if parameter.points:
-            points = zip(values[::2], values[1::2], strict=True)
+            points = [
+                point
+                for point in zip(values[::2], values[1::2], strict=True)
+                if point[0] < math.inf
+            ]
             text = ", ".join(
                 f"{units.text(force, 'N')} at {units.text(drift, 'm')}" for drift, force in points
             )
+        elif parameter.choices:
+            text = parameter.choices[int(values[0])]
         elif parameter.many:  # coefficient j has the dimension force / length^j
             text = ", ".join(
                 _in_units(value, 1, -j, units) for j, value in enumerate(values, start=1)
