@@ -60,7 +60,9 @@ def test_declarations_of_law_agree_with_its_functions(name):
     assert path_faults(LAWS[name], numbers) == []
 
 
-@pytest.mark.parametrize("name", sorted(set(LAW_CASES) - {"polynomial", "multilinear-pinching", "multilinear"}))
+@pytest.mark.parametrize(
+    "name", sorted(set(LAW_CASES) - {"polynomial", "multilinear-pinching", "multilinear"})
+)
 def test_declared_dimensions_of_parameters_are_correct(name):
     """If the unit of force is a thousandth and the unit of length a hundredth, every force along a
     path is 1000 times the number. Laws with lists as parameters are omitted."""

@@ -180,9 +180,7 @@ def test_elastic_rule_is_the_curve():
     drifts = path(2)
     negative = [(0.03, 0.0), (0.05, -10.0), (0.06, 400.0)]
     result = along(multilinear("elastic", POINTS, LAST, negative), drifts)
-    expected = np.where(
-        drifts >= 0.0, curve(POINTS, LAST, drifts), -curve(negative, LAST, -drifts)
-    )
+    expected = np.where(drifts >= 0.0, curve(POINTS, LAST, drifts), -curve(negative, LAST, -drifts))
     assert result.shear == pytest.approx(expected, rel=1e-12, abs=1e-10)
     assert np.all(result.hysteretic_energy == 0.0)
     gap = along(Law("gap", (0.03, 2e4)), drifts, stiffness=4000.0)
@@ -204,9 +202,7 @@ ACCEPTED = [
     (rule, name)
     for rule in _RULES
     for name, (points, last_slope) in CURVES.items()
-    if not LAWS["multilinear"].fault(
-        4000.0, multilinear(rule, points, last_slope).parameters
-    )
+    if not LAWS["multilinear"].fault(4000.0, multilinear(rule, points, last_slope).parameters)
 ]
 
 

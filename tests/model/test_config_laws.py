@@ -7,7 +7,7 @@ import pytest
 
 from facts import states
 from tdint import load_model
-from tdint.errors import ModelError
+from tdint.errors import ModelError, UsageError
 from tdint.model.definition import Story
 
 TRILINEAR = (
@@ -221,3 +221,103 @@ def test_multilinear_pinching_requires_pinching() -> None:
         match=r"law\.pinching: .*missing; .*drift, force, unl",
     ):
         law_with_own_stiffness(f"type: multilinear-pinching, backbone: {POINTS}")
+
+
+BACKBONE = "backbone: [[20, 8], [40, 12], [100, 15]]"
+
+
+def test_multilinear_defaults() -> None:
+    read = law_with_own_stiffness_of_multilinear(f"rule: peak, {BACKBONE}")
+    side = (0.02, 8e3, 0.04, 12e3, 0.1, 15e3)
+    assert read[:2] == (3.0, 0.0)
+    for first in (2, 82):
+        assert read[first : first + 6] == pytest.approx(side, rel=1e-14)
+        assert set(read[first + 6 : first + 80]) == {math.inf}
+    assert len(read) == 162
+
+
+def test_multilinear_with_other_side() -> None:
+    read = law_with_own_stiffness_of_multilinear(
+        f"rule: elastic, {BACKBONE}, last_slope: -0.2, negative: {{backbone: [[30, 0], [50, -2]]}}"
+    )
+    assert read[:2] == (4.0, pytest.approx(-2e5, rel=1e-14))
+    assert read[82:86] == pytest.approx((0.03, 0.0, 0.05, -2e3), rel=1e-14)
+
+
+def law_with_own_stiffness_of_multilinear(text: str) -> tuple[float, ...]:
+    """Return the parameters of a multilinear law, in SI units."""
+    story = read(f"type: multilinear, {text}")
+    assert story.stiffness == pytest.approx(4e5, rel=1e-14)
+    return story.law.parameters
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (BACKBONE, "law.rule: is missing; give one of kinematic, isotropic, origin, peak, elastic"),
+        (f"rule: kinematc, {BACKBONE}", "law.rule: unknown rule 'kinematc'; did you mean"),
+        ("rule: peak, backbone: []", "law.backbone: must be one to 40 points"),
+        ("rule: peak, backbone: [[1, 1], [1, 2]]", "law: the drifts of backbone must ... increase"),
+        ("rule: peak, backbone: [[-1, -1]]", "law: the drifts of backbone must be positive"),
+        (
+            "rule: origin, backbone: [[1, 1], [2, 0]]",
+            "law: the forces of backbone must be positive",
+        ),
+        (
+            "rule: kinematic, backbone: [[1, 1], [2, 1.2], [3, 2]]",
+            "law: rule kinematic requires slopes that decrease ... at point 2; use",
+        ),
+        (
+            "rule: kinematic, backbone: [[1, 1], [2, 1.2]], last_slope: 0.5",
+            "law: rule kinematic requires slopes that decrease ... at point 2; use",
+        ),
+        (
+            # A falling segment that only becomes flat also needs a spring that creates energy.
+            "rule: kinematic, backbone: [[1, 1], [2, 0.8]]",
+            "law: rule kinematic requires slopes that decrease ... at point 2; use",
+        ),
+        (
+            f"rule: kinematic, {BACKBONE}, negative: {{backbone: [[20, 8], [40, 11], [100, 14]]}}",
+            "law: rule kinematic requires the same slopes on both sides",
+        ),
+        (
+            "rule: isotropic, backbone: [[1, 1], [2, 2]]",
+            "law: rule isotropic requires slopes below the initial stiffness",
+        ),
+        (
+            f"rule: peak, {BACKBONE}, negative: {{backbone: [[20, 7]]}}",
+            "law: the first point of negative.backbone must be on the line of the initial ...",
+        ),
+    ],
+)
+def test_errors_of_multilinear(text: str, message: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        read(f"type: multilinear, {text}")
+    assert states(str(caught.value), f"stories[1].{message}")
+
+
+def test_other_side_of_a_law_follows_a_varied_parameter() -> None:
+    model = load_model(
+        io.StringIO(
+            "stories: [{mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 3, hardening: 0}}, "
+            "{mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 3, hardening: 0, "
+            "negative: {yield_force: 2}}}]"
+        )
+    )
+    changed = model.replace(**{"stories.law.yield_force": 5.0})
+    assert [story.law.parameters for story in changed.stories] == [(5, 0, 5), (5, 0, 2)]
+    both = {"stories.law.negative.yield_force": 4.0, "stories.law.yield_force": 5.0}
+    for names in (both, dict(reversed(both.items()))):
+        parameters = [story.law.parameters for story in model.replace(**names).stories]
+        assert parameters == [(5, 0, 4), (5, 0, 4)]
+
+
+def test_strength_factor_of_multilinear_keeps_the_slopes() -> None:
+    model = load_model(
+        io.StringIO(f"stories: [{{mass: 1, law: {{type: multilinear, rule: peak, {BACKBONE}}}}}]")
+    )
+    story = model.replace(strength_factor=2.0).stories[0]
+    assert story.law.parameters[2:8] == (40, 16, 80, 24, 200, 30)
+    assert story.stiffness == model.stories[0].stiffness
+    with pytest.raises(UsageError, match="rule"):
+        model.replace(**{"stories.law.rule": 1.0})

@@ -17,7 +17,8 @@ from tdint.kernels.laws.law import LawFunctions
 
 _MAX_BRANCHES = 100
 """Maximum number of changes of branch on a monotonic path. The laws of tdint have fewer branches
-between two reversals (`multilinear` up to two for each of its points). The force of a plug-in law with more is nan."""
+between two reversals (`multilinear` up to two for each of its points). The force of a plug-in law
+with more is nan."""
 
 
 @inline

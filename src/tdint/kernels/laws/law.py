@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-
 MAX_POINTS = 40
 """Maximum number of points of a backbone curve on each side. They occupy two rows each in the table
 of parameters, and a law may need a row of each state for each point."""

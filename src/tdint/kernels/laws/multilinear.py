@@ -60,7 +60,7 @@ _FAILED = 1e3  # no strength; larger than the index of any segment
 _TOLERANCE = 1e-12
 # Fraction of the yield drift of a spring. Springs with a smaller distance yield together.
 _TOGETHER = 1e-10
-# Fraction of the initial stiffness. Slopes of rounded points that differ less are regarded as equal.
+# Fraction of the initial stiffness. Slopes that differ less are equal, because points are rounded.
 _SAME_SLOPE = 1e-6
 
 
@@ -167,9 +167,7 @@ def _functions() -> LawFunctions:
         stiffness = spring_stiffness(law_parameters, i, j)
         if side != 0.0 and side * force == stiffness * point_drift(law_parameters, i, side, j):
             return force
-        return force + stiffness * (
-            law_state[block + rows.DRIFT, i] - law_state[block + _START, i]
-        )
+        return force + stiffness * (law_state[block + rows.DRIFT, i] - law_state[block + _START, i])
 
     @outlined
     def set_kinematic(law_parameters, law_state, i, block, side):
@@ -302,9 +300,7 @@ def _functions() -> LawFunctions:
             fail(law_state, i, block, _FAILED)
             return
         law_state[block + rows.FORCE, i] = side * force
-        set_loading(
-            law_state, i, block, side, slope, side * drift + (end - path) * k / (k - slope)
-        )
+        set_loading(law_state, i, block, side, slope, side * drift + (end - path) * k / (k - slope))
 
     # ---- Rules `origin` and `peak`
 
@@ -475,12 +471,7 @@ def _functions() -> LawFunctions:
             return 0.5 * force * drift
         if rule == _PEAK:
             side = 1.0 if force >= 0.0 else -1.0
-            return (
-                0.5
-                * force
-                * force
-                / unloading_stiffness(law_parameters, law_state, i, 0, side)
-            )
+            return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, side)
         return elastic_energy(law_parameters, i, drift)
 
     @inline
@@ -492,7 +483,7 @@ def _functions() -> LawFunctions:
             return
         for side in (1.0, -1.0):
             row = rows.HIGH_DRIFT if side > 0.0 else rows.LOW_DRIFT
-            if rule == _ORIGIN or rule == _PEAK:
+            if rule in (_ORIGIN, _PEAK):
                 law_state[row, i] = side * point_drift(law_parameters, i, side, 0)
                 law_state[row + 1, i] = side * point_force(law_parameters, i, side, 0)
         law_state[rows.UPPER, i] = point_drift(law_parameters, i, 1.0, 0)

@@ -344,7 +344,8 @@ def integrate(
     int
         0, or the negative error code of the step that failed. NOT_FINITE: the response is not
         finite or exceeds RUNAWAY, a story has no resistance left (COLLAPSE_FAILED), or the
-        iteration has diverged (relative residual nan or at least OVERFLOW). NOT_CONVERGED: the iteration has not converged after `max_halvings` halvings.
+        iteration has diverged (relative residual nan or at least OVERFLOW). NOT_CONVERGED: the
+        iteration has not converged after `max_halvings` halvings.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
