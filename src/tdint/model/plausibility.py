@@ -20,7 +20,7 @@ from tdint.model.building import (
     unstable_after_yield,
     yield_strength,
 )
-from tdint.model.definition import Model
+from tdint.model.definition import LAWS, Model
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -212,7 +212,20 @@ def plausibility_warnings(
             f"isolator of story {numbers} has no stiffness after yield: no force moves it back, so "
             "residual drifts are arbitrary; add hardening"
         )
-    return (*warnings, *unstable_after_yield(model))
+    return (*warnings, *_law_warnings(model), *unstable_after_yield(model))
+
+
+def _law_warnings(model: Model) -> list[str]:
+    """Return the warnings of the hysteretic laws, each with the stories to which it applies."""
+    stories: dict[str, list[str]] = {}
+    for number, story in enumerate(model.stories, start=1):
+        if warning := LAWS[story.law.name].warning(story.stiffness, story.law.parameters):
+            stories.setdefault(warning, []).append(str(number))
+    return [
+        f"{'story' if len(numbers) == 1 else 'stories'} "
+        f"{abbreviate(numbers, _MAX_LISTED)}: {warning}"
+        for warning, numbers in stories.items()
+    ]
 
 
 def unusual_values(model: Model, building: Building, pga: float = math.nan) -> list[str]:

@@ -194,6 +194,9 @@ class DriftLaw:
         (initial stiffness, parameter values) -> stiffness after the first yield and before
         softening, N/m. Default: the slope is measured a tenth beyond `yield_drift`. A law without
         `yield_drift` does not yield.
+    warning : callable
+        (initial stiffness, parameter values) -> warning about allowed but unusual parameters,
+        otherwise None.
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
@@ -218,6 +221,7 @@ class DriftLaw:
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
     fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     stiffness_after_yield: Callable[[float, Sequence[float]], float] | None = None
+    warning: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     failed: float = math.nan
     last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (
         lambda stiffness, values, side: None

@@ -591,6 +591,22 @@ def _kinematic_fault(slopes: Sequence[Sequence[float]]) -> str | None:
     return None
 
 
+def _warning(stiffness: float, values: Sequence[float]) -> str | None:
+    """Return a warning if the line to the origin becomes steeper, which creates energy."""
+    if values[0] != _ORIGIN:
+        return None
+    for points in _sides(values):
+        secants = [force / drift for drift, force in points]
+        slopes = _slopes(points, values[1])[1:]
+        for slope, secant in zip(slopes, secants, strict=True):
+            if slope > (1.0 + _SAME_SLOPE) * secant:
+                return (
+                    "the backbone curve of rule origin becomes steeper than its line to the "
+                    "origin: unloading then releases more energy than was supplied; use rule peak"
+                )
+    return None
+
+
 def _stiffens(values: Sequence[float]) -> bool:
     """Return True if a segment of the curve is steeper than the first one."""
     slopes = [slope for points in _sides(values) for slope in _slopes(points, values[1])]
@@ -648,6 +664,7 @@ LAW = DriftLaw(
     initial_stiffness=_initial_stiffness,
     yield_drift=_yield_drift,
     fault=_fault,
+    warning=_warning,
     failed=_FAILED,
     resistance_limits=_resistance_limits,
 )
