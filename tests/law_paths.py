@@ -75,3 +75,11 @@ def along(law, drifts, **story):
     """
     building = assemble(simple_model("one", [simple_story(1.0, law, **story)]))
     return follow_path(building, 1, np.asarray(drifts, float))
+
+
+def random_path(seed, largest=0.15, turns=40, points=15):
+    """Return a random path of drifts, m."""
+    peaks = np.random.default_rng(seed).uniform(-largest, largest, turns)
+    return np.concatenate(
+        [np.linspace(a, b, points)[1:] for a, b in zip([0.0, *peaks], peaks, strict=False)]
+    )

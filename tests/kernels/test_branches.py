@@ -37,6 +37,7 @@ LAW_CASES = {
     "trilinear-pinching": (FY, 2.5 * FY, 0.2, 0.4, 0.3),
     "imk": (*IMK_SIDE, *IMK_SIDE, *4 * [1.5], 1.0, 0.4, 0.6),
     "multilinear-pinching": (*2 * MULTILINEAR_SIDE, *2 * (0.5, 0.25, 0.05), *INTACT),
+    "ramberg-osgood": (FY, 0.6, 5.0),
     # Rule kinematic; tests/kernels/test_multilinear.py contains all rules.
     "multilinear": (0.0, 0.02 * K, *2 * (FY / K, FY, 0.05, 1.4 * FY, *76 * (math.inf,))),
 }

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from law_paths import along, follow, law_table
+from law_paths import along, follow, law_table, random_path
 from tdint.kernels.laws.multilinear import _RULES
 from tdint.model.definition import LAWS, Law
 
@@ -30,14 +30,6 @@ def multilinear(rule, points, last_slope=LAST, negative=None):
             *numbers(points),
             *numbers(negative or points),
         ),
-    )
-
-
-def path(seed, largest=0.15, turns=40, points=15):
-    """Return a random path of drifts, m."""
-    peaks = np.random.default_rng(seed).uniform(-largest, largest, turns)
-    return np.concatenate(
-        [np.linspace(a, b, points)[1:] for a, b in zip([0.0, *peaks], peaks, strict=False)]
     )
 
 
@@ -98,7 +90,7 @@ def isotropic(points, last_slope, negative, drifts):
 @pytest.mark.parametrize("negative", [POINTS, OTHER])
 @pytest.mark.parametrize("seed", range(4))
 def test_kinematic_rule_is_sum_of_elastic_plastic_springs(seed, negative):
-    drifts = path(seed)
+    drifts = random_path(seed)
     forces, work = springs(POINTS, LAST, negative, drifts)
     result = along(multilinear("kinematic", POINTS, LAST, negative), drifts)
     assert result.shear == pytest.approx(forces, rel=1e-11, abs=1e-9)
@@ -114,7 +106,7 @@ def test_kinematic_rule_with_many_points_passes_all_of_them_in_one_step():
 
 def test_points_on_a_line_change_nothing():
     between = [(0.01, 40.0), POINTS[0], (0.03, 100.0), *POINTS[1:], (0.15, 160.0)]
-    drifts = path(7)
+    drifts = random_path(7)
     for rule in _RULES[:1] + _RULES[2:]:
         few, many = (along(multilinear(rule, points), drifts) for points in (POINTS, between))
         if rule in ("kinematic", "elastic"):
@@ -125,7 +117,7 @@ def test_points_on_a_line_change_nothing():
 @pytest.mark.parametrize("negative", [80.0, 50.0])
 def test_one_point_is_the_bilinear_law(hardening, negative):
     k, strength = 4000.0, 80.0
-    drifts = path(3, largest=0.12)
+    drifts = random_path(3, largest=0.12)
     law = Law("bilinear", (strength, hardening, negative))
     other = multilinear("kinematic", [(0.02, strength)], hardening * k, [(negative / k, negative)])
     expected, found = along(law, drifts, stiffness=k), along(other, drifts)
@@ -137,7 +129,7 @@ def test_one_point_is_the_bilinear_law(hardening, negative):
 @pytest.mark.parametrize("negative", [POINTS, OTHER])
 @pytest.mark.parametrize("seed", range(4))
 def test_isotropic_rule_shares_the_plastic_path(seed, negative):
-    drifts = path(seed, turns=15)
+    drifts = random_path(seed, turns=15)
     result = along(multilinear("isotropic", POINTS, LAST, negative), drifts)
     expected = isotropic(POINTS, LAST, negative, drifts)
     assert result.shear == pytest.approx(expected, rel=1e-9, abs=1e-7)
@@ -145,7 +137,7 @@ def test_isotropic_rule_shares_the_plastic_path(seed, negative):
 
 @pytest.mark.parametrize("points", [POINTS, [(0.02, 80.0), (0.05, 90.0), (0.08, 250.0)]])
 def test_origin_rule_is_the_line_from_the_point_of_maximum_drift(points):
-    drifts = path(5)
+    drifts = random_path(5)
     maxima, expected = {1.0: points[0][0], -1.0: OTHER[0][0]}, []
     for drift in drifts:
         side = math.copysign(1.0, drift)
@@ -159,7 +151,7 @@ def test_origin_rule_is_the_line_from_the_point_of_maximum_drift(points):
 @pytest.mark.parametrize("seed", range(4))
 def test_peak_rule_is_the_peak_oriented_law_without_degradation_of_unloading(seed):
     k, strength, hardening = 4000.0, 80.0, 0.05
-    drifts = path(seed)
+    drifts = random_path(seed)
     law = Law("peak-oriented", (strength, hardening, 0.0))
     expected = along(law, drifts, stiffness=k)
     found = along(multilinear("peak", [(0.02, strength)], hardening * k), drifts)
@@ -169,7 +161,7 @@ def test_peak_rule_is_the_peak_oriented_law_without_degradation_of_unloading(see
 
 @pytest.mark.parametrize("seed", range(4))
 def test_peak_rule_is_the_trilinear_law_without_pinching(seed):
-    drifts = path(seed)
+    drifts = random_path(seed)
     law = Law("trilinear-pinching", (80.0, 120.0, 0.06, 1.0, 0.0))
     expected = along(law, drifts, stiffness=4000.0)
     found = along(multilinear("peak", [(0.02, 80.0), (0.06, 120.0)], 0.0), drifts)
@@ -177,7 +169,7 @@ def test_peak_rule_is_the_trilinear_law_without_pinching(seed):
 
 
 def test_elastic_rule_is_the_curve():
-    drifts = path(2)
+    drifts = random_path(2)
     negative = [(0.03, 0.0), (0.05, -10.0), (0.06, 400.0)]
     result = along(multilinear("elastic", POINTS, LAST, negative), drifts)
     expected = np.where(drifts >= 0.0, curve(POINTS, LAST, drifts), -curve(negative, LAST, -drifts))
@@ -220,7 +212,7 @@ def test_energy_is_conserved_and_dissipation_does_not_decrease(rule, curve_name)
     points, last_slope = CURVES[curve_name]
     law = multilinear(rule, points, last_slope)
     for seed in range(3):
-        drifts = path(seed, largest=0.12, points=400, turns=12)
+        drifts = random_path(seed, largest=0.12, points=400, turns=12)
         result = along(law, drifts)
         middle = 0.5 * (result.shear[1:] + result.shear[:-1])
         work = np.sum(middle * np.diff(drifts)) + 0.5 * result.shear[0] * drifts[0]

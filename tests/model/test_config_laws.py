@@ -299,8 +299,8 @@ def test_errors_of_multilinear(text: str, message: str) -> None:
 def test_other_side_of_a_law_follows_a_varied_parameter() -> None:
     model = load_model(
         io.StringIO(
-            "stories: [{mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 3, hardening: 0}}, "
-            "{mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 3, hardening: 0, "
+            "stories: [{mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 3, hardening: 0}}"
+            ", {mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 3, hardening: 0, "
             "negative: {yield_force: 2}}}]"
         )
     )

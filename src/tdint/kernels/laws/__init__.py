@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         multilinear_pinching,
         peak_oriented,
         polynomial,
+        ramberg_osgood,
         tanh,
         trilinear_pinching,
     )
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
         imk,
         multilinear_pinching,
         multilinear,
+        ramberg_osgood,
     )
 
 # The order must not change, because the position of a law is its number.
@@ -56,6 +58,7 @@ NAMES = (
     "imk",
     "multilinear-pinching",
     "multilinear",
+    "ramberg-osgood",
 )
 """Names of the laws of tdint in the order of their numbers."""
 

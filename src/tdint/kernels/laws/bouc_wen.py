@@ -5,7 +5,8 @@ rate.
 
 with A = 1 and beta + gamma = 1, so that |w| approaches 1. Ma, Zhang, Bockstette, Foliente and
 Paevere (2004) show that the other parameters are redundant. The dissipation is not negative if beta
->= 1/2; with a smaller beta, unloading releases more energy than was stored. Row INTERNAL contains w.
+>= 1/2; with a smaller beta, unloading releases more energy than was stored. Row INTERNAL contains
+w.
 
 The equation is integrated along the drift in substeps of a fixed length that start at the committed
 state; the last substep is shorter. The force is therefore a continuous function of the drift. A
@@ -54,8 +55,8 @@ _AT_SIGN_CHANGE = 1e-6
 branch has no limit. Otherwise a step that ends at the change of sign, up to rounding, would
 be followed by a branch of nearly zero length."""
 _PANELS = 8
-"""Parts of the interval of a quadrature for beta < 1/2. The relative error of the drift change up to
-w = 0 is then below 1e-7 for beta = 0.05."""
+"""Parts of the interval of a quadrature for beta < 1/2. The relative error of the drift change up
+to w = 0 is then below 1e-7 for beta = 0.05."""
 _NODES = (0.18343464249564978, 0.525532409916329, 0.7966664774136267, 0.9602898564975362)
 _WEIGHTS = (0.36268378337836166, 0.3137066458778869, 0.22238103445337443, 0.10122853629037706)
 """Nodes and weights of the Gauss-Legendre rule with eight points on [-1, 1]; only the positive
