@@ -286,7 +286,7 @@ def law_with_own_stiffness_of_multilinear(text: str) -> tuple[float, ...]:
         ),
         (
             f"rule: peak, {BACKBONE}, negative: {{backbone: [[20, 7]]}}",
-            "law: the first point of negative.backbone must be on the line of the initial ...",
+            "law: the first point of negative.backbone must be on the line of ... 400000 N/m",
         ),
     ],
 )

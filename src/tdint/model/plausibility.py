@@ -219,8 +219,9 @@ def _law_warnings(model: Model) -> list[str]:
     """Return the warnings of the hysteretic laws, each with the stories to which it applies."""
     stories: dict[str, list[str]] = {}
     for number, story in enumerate(model.stories, start=1):
-        if warning := LAWS[story.law.name].warning(story.stiffness, story.law.parameters):
-            stories.setdefault(warning, []).append(str(number))
+        for spring in story.springs:
+            if warning := LAWS[spring.law.name].warning(spring.stiffness, spring.law.parameters):
+                stories.setdefault(warning, []).append(str(number))
     return [
         f"{'story' if len(numbers) == 1 else 'stories'} "
         f"{abbreviate(numbers, _MAX_LISTED)}: {warning}"

@@ -51,4 +51,6 @@ def _functions() -> LawFunctions:
     return LawFunctions(force=force, strain_energy=strain_energy, advance=no_operation)
 
 
-LAW = DriftLaw("linear", "f = k d", _functions)
+LAW = DriftLaw(
+    "linear", "f = k d", _functions, last_line=lambda stiffness, values, side: (0.0, stiffness)
+)

@@ -16,7 +16,7 @@ after the last point. The rule determines the forces inside the curve:
 
 If a segment of rule `peak` is steeper than k, the unloading stiffness is the steepest slope that
 the side has reached: no branch then creates energy. A falling curve ends at zero force, where the
-story fails (rules `isotropic`, `origin`, `peak`) or has no resistance left (`resistance_limits`).
+story fails (rules `isotropic`, `origin`, `peak`) or has no resistance left (`last_line`).
 
 In the functions below, drifts and forces with a `side` are positive in the direction of that side.
 `tdint.kernels.laws.law.LawFunctions` describes the functions and their arguments.
@@ -626,21 +626,18 @@ def _yield_drift(stiffness: float, values: Sequence[float]) -> float:
     return min(points[0][0] for points in _sides(values))
 
 
-def _resistance_limits(
-    stiffness: float, values: Sequence[float], geometric: float
-) -> tuple[float, float]:
-    """Return the drifts at which the last lines and P-delta have no force together, m.
+def _last_line(
+    stiffness: float, values: Sequence[float], side: float
+) -> tuple[float, float] | None:
+    """Return force at zero drift (N) and slope (N/m) after the last point of a side.
 
     The other rules fail at zero force.
     """
     rule, last_slope = values[:2]
-    if rule not in (_KINEMATIC, _ELASTIC) or last_slope >= 0.0:
-        return -math.inf, math.inf
-    upper, lower = (
-        (points[-1][1] - last_slope * points[-1][0]) / -(last_slope + geometric)
-        for points in _sides(values)
-    )
-    return -lower, upper
+    if rule not in (_KINEMATIC, _ELASTIC):
+        return None
+    drift, force = _sides(values)[0 if side > 0.0 else 1][-1]
+    return force - last_slope * drift, last_slope
 
 
 _CURVE = LawParameter("backbone", points=MAX_POINTS, least_points=1, open_ended=True)
@@ -666,5 +663,5 @@ LAW = DriftLaw(
     fault=_fault,
     warning=_warning,
     failed=_FAILED,
-    resistance_limits=_resistance_limits,
+    last_line=_last_line,
 )

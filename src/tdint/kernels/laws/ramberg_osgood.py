@@ -7,9 +7,9 @@ dy = fy / k. After a reversal at (d_r, f_r), the story follows the curve of twic
 
 A branch ends where it closes a loop: at the last reversal on its side, or, for the first
 reversal, at the opposite point of the skeleton curve. From there the story follows the earlier
-branch, or the skeleton curve (Jennings 1964). The points of reversal of all open loops are extra rows; row INTERNAL
-is their number. The law is the limit of infinitely many parallel elastic-perfectly plastic springs
-(Iwan 1966), which determine the dissipated energy of a branch:
+branch, or the skeleton curve (Jennings 1964). The points of reversal of all open loops are extra
+rows; row INTERNAL is their number. The law is the limit of infinitely many parallel
+elastic-perfectly plastic springs (Iwan 1966), which determine the dissipated energy:
 
     skeleton curve      alpha (n - 1) / (n + 1) x^(n + 1) fy dy
     branch            2 alpha (n - 1) / (n + 1) y^(n + 1) fy dy
