@@ -353,8 +353,16 @@ def _take_substeps(coefficients, scene, h, load, memory):
             flags[rows.UNRESOLVED_MODES] != 0.0,  # fast: the building has unresolved modes
             False,  # cornered: accelerations within the substep are not yet searched for peaks
         )
-        # The first argument is True if the step is divided by located branch changes.
-        _accept_substep(located_changes > 0, scene, span, memory)
+        # The first argument is True if the step is divided by located branch changes. The event is
+        # REVERSED, which has no limit of the drift, if the substep does not end at a branch change.
+        _accept_substep(
+            located_changes > 0,
+            story,
+            event if ends_at_event else rows.REVERSED,
+            scene,
+            span,
+            memory,
+        )
         if HAS_CURVED_FORCE and is_shortened:
             # The remaining motion is the first estimate of the next substep.
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
@@ -369,6 +377,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
         substep = h - elapsed
         if not HAS_NONLINEAR_FORCE or substep <= _IMMEDIATE * h:
             break
+    if HAS_NONLINEAR_FORCE and located_changes > 0:
+        branch_changes += _change_exceeded_branches(scene, memory)
     step_status[rows.BRANCH_CHANGES] += branch_changes
     return solves if finite(state, n) else rows.NOT_FINITE
 
@@ -416,7 +426,7 @@ def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
 
 
 @inline
-def _accept_substep(is_divided, scene, span, memory):
+def _accept_substep(is_divided, story, event, scene, span, memory):
     """Move state and law states to the end of a substep, and update the peaks of a divided step.
 
     Parameters
@@ -425,6 +435,9 @@ def _accept_substep(is_divided, scene, span, memory):
         True if the time step is divided into substeps. The observer of the response processes only
         the end of the time step; the peaks in the substeps are therefore updated in the rows PEAKS
         of the scratch array.
+    story, event : int, float
+        Branch change at the end of the substep: the story, and ABOVE or BELOW if its drift reaches
+        a limit of its branch, otherwise REVERSED.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
@@ -457,6 +470,7 @@ def _accept_substep(is_divided, scene, span, memory):
         # True: stories on a linear branch remain on this branch (`keep_branches`).
         _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
     if HAS_NONLINEAR_FORCE and is_divided:
+        _store_end_forces(story, event, scene.linear_terms, memory)
         _update_substep_peaks(scene, span, memory)
         step_status[rows.STEP_PEAKS] = ROW.PEAKS
         step_status[rows.RUN_PEAKS] = ROW.PEAKS
@@ -598,6 +612,32 @@ def _leave_branch(law_parameters, law_state, story, event):
             # evaluate the law at the drift.
             restoring_force_outlined(law_parameters, law_state, story, 0, rows.FIRST_TRIAL, drift)
             commit(law_parameters, law_state, story, 0, rows.FIRST_TRIAL)
+
+
+@outlined
+def _change_exceeded_branches(scene, memory):
+    """Change the branch of each story whose drift exceeds a limit at the end of a divided step.
+
+    A substep that ends at the branch change of one story can end beyond the limit of another story,
+    within the tolerance of `_compare_with_event`. The next substep changes the branch of the other
+    story at its start. After the last substep of a step this function changes it, because the
+    observer reports the force at the end of the step.
+
+    Returns
+    -------
+    int
+        Number of changed branches.
+    """
+    state, law_state, _, _ = memory
+    count = 0
+    for i in range(scene.linear_terms.shape[1] - 1):
+        drift = law_state[rows.DRIFT, i]
+        is_above = drift > law_state[rows.UPPER, i]
+        if is_above or drift < law_state[rows.LOWER, i]:
+            event = rows.ABOVE if is_above else rows.BELOW
+            _change_branch(scene.linear_terms, scene.law_parameters, state, law_state, i, event)
+            count += 1
+    return count
 
 
 @outlined
@@ -792,6 +832,46 @@ def _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift
 
 
 @outlined
+def _store_end_forces(story, event, linear_terms, memory):
+    """Store the story forces and accelerations at the end of a substep for the peaks.
+
+    The drift at the end can be beyond the limit of a branch, or differ from the limit of the branch
+    change at which the substep ends (`_compare_with_event`). The force of the committed state is on
+    the old branch, and can exceed the strength of the story. The peaks use the force at the limit
+    instead. The floor accelerations change by the difference of the forces divided by the mass.
+
+    Parameters
+    ----------
+    story, event : int, float
+        Branch change at the end of the substep (`_accept_substep`).
+    linear_terms : ndarray
+        Linear terms of the building; rows INVERSE_MASS (1/kg) and LINK are used.
+    memory : Memory
+        State and law states at the end of the substep. Rows END_FORCE (N) and END_ACCELERATION
+        (m/s^2) of the scratch array are set.
+    """
+    state, law_state, scratch, _ = memory
+    for i in range(linear_terms.shape[1] - 1):
+        drift = law_state[rows.DRIFT, i]
+        limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
+        if i == story and event == rows.ABOVE:
+            limited = law_state[rows.UPPER, i]
+        elif i == story and event == rows.BELOW:
+            limited = law_state[rows.LOWER, i]
+        scratch[ROW.END_FORCE, i] = law_state[rows.FORCE, i]
+        scratch[ROW.END_ACCELERATION, i] = state[rows.ACCELERATION, i]
+        # A curved branch, with the slope inf, is evaluated at the drift itself.
+        if limited != drift and law_state[rows.SLOPE, i] < math.inf:
+            excess = law_state[rows.SLOPE, i] * (drift - limited)
+            scratch[ROW.END_FORCE, i] -= excess
+            scratch[ROW.END_ACCELERATION, i] += linear_terms[rows.INVERSE_MASS, i] * excess
+            if i > 0:
+                scratch[ROW.END_ACCELERATION, i - 1] -= (
+                    linear_terms[rows.LINK, i] * linear_terms[rows.INVERSE_MASS, i - 1] * excess
+                )
+
+
+@outlined
 def _update_substep_peaks(scene, span, memory):
     """Update the peaks with the response at the end of a substep and within the substep.
 
@@ -811,14 +891,16 @@ def _update_substep_peaks(scene, span, memory):
         End time, length and ground acceleration of the substep.
     memory : Memory
         State and law states at the end of the substep. In the scratch array, rows SUBSTEP_START
-        contain the response at the start; rows PEAKS are updated.
+        contain the response at the start, rows END_FORCE and END_ACCELERATION story forces and
+        accelerations at the end (`_store_end_forces`); rows PEAKS are updated.
     """
     state, law_state, scratch, _ = memory
     reversal_count = 0
     if not span.fast:
         # The first two arguments are the response at the start: the scratch array from row
         # SUBSTEP_START on. `state` contains the complete response at the end. It is passed twice:
-        # for displacements and velocities, and for accelerations (row ACCELERATION).
+        # for displacements and velocities, and for accelerations (row ACCELERATION). Row
+        # END_ACCELERATION would not agree with the velocities.
         passage = Passage(scratch, ROW.SUBSTEP_START, state, state, rows.ACCELERATION)
         reversal_count = find_interstep_peaks(
             span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
@@ -830,7 +912,7 @@ def _update_substep_peaks(scene, span, memory):
         drift = law_state[rows.DRIFT, i]
         total_shear *= scene.linear_terms[rows.LINK, i + 1]
         total_shear += scene.linear_terms[rows.MASS, i] * (
-            state[rows.ACCELERATION, i] + span.ground_1
+            scratch[ROW.END_ACCELERATION, i] + span.ground_1
         )
         if FORCES:
             for j in range(scene.forces.shape[0]):
@@ -838,14 +920,14 @@ def _update_substep_peaks(scene, span, memory):
                     total_shear -= force_value(scene.forces, j, span.t)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift)
-        raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FORCE, i])
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, scratch[ROW.END_FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
         raise_peak(
             scratch,
             ROW.PEAKS + rows.PEAK_ACCELERATION,
             i,
-            state[rows.ACCELERATION, i] + span.ground_1,
+            scratch[ROW.END_ACCELERATION, i] + span.ground_1,
         )
         # A story that reversed within the substep has its largest force at the reversal. The law
         # state at the start has been replaced, so the force is computed on the path from the end of
