@@ -102,7 +102,7 @@ FIRST_ELEMENT = 2  # first column of the elements of such a story, and first col
 END_ELEMENT = 3
 
 # law_state: states of the hysteresis models. A block of rows with the committed state, then blocks
-# of the same rows with trial states.
+# of the same rows with trial states and with the state at the start of a step.
 DRIFT = 0  # m
 FORCE = 1  # N
 INTERNAL = 2  # internal variable of the law
@@ -125,7 +125,9 @@ COMMITTED = 0
 FIRST_TRIAL = LAW_STATE_ROWS
 SECOND_TRIAL = 2 * LAW_STATE_ROWS
 THIRD_TRIAL = 3 * LAW_STATE_ROWS
-LAW_STATE_BLOCKS = 4
+# State at the start of the last observed step or substep, if flags[KEEPS_START] is 1
+STEP_START = 4 * LAW_STATE_ROWS
+LAW_STATE_BLOCKS = 5
 ADDRESS = LAW_STATE_BLOCKS * LAW_STATE_ROWS  # address of a separately compiled law; 0 for others
 # The next rows are used only in the columns of elements. In the column of a story with elements,
 # the committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and RATE_SIGN describe the sum of the
@@ -134,8 +136,8 @@ FAILED_INTERNAL = ADDRESS + 1  # value of INTERNAL after the failure; nan if the
 PEAK_FORCE = ADDRESS + 2  # maximum absolute force, N
 ENERGY_SPENT = ADDRESS + 3  # dissipated energy since the start, J, when energies were last summed
 INITIAL_SPENT = ADDRESS + 4  # dissipated energy up to the initial drift, J
-# First extra row, for laws that need more rows: one block for the committed state, then the blocks
-# of the trial states
+# First extra row, for laws that need more rows: one block for each block of the states, in the same
+# order
 EXTRA_ROWS = ADDRESS + 5
 
 # state: memory of the method, by floor
@@ -249,7 +251,8 @@ OWN_WORK = 3  # 1 if the step reports the work of the load and of the dampers
 UNRESOLVED_MODES = 4  # 1 if the building has modes with periods that the step does not resolve
 PARABOLIC = 5  # 1 if the displacements follow parabolas within a step
 HAS_DASHPOTS = 6  # 1 if a story has a dashpot, linear or of a power law
-FLAGS_SIZE = 7
+KEEPS_START = 7  # 1 if the law states at the start of a step are kept in block STEP_START
+FLAGS_SIZE = 8
 
 # Values of flags[BRANCHES]
 NO_BRANCHES = 0

@@ -65,6 +65,8 @@ from tdint.kernels.stories.law_state import (
     raise_element_peaks,
     restoring_force_outlined,
     resume,
+    step_start,
+    store_step_start,
 )
 from tdint.methods.method import Family, Method, Parameter
 
@@ -277,7 +279,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
         code = _solve_substep(has_guess, coefficients, scene, substep, memory, factors)
         if code < 0:
             if located_changes > 0:
-                _restore_start(state, law_state, scratch, n)
+                _restore_start(flags, state, law_state, scratch, n)
             return code
         solves += code
         if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
@@ -314,7 +316,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         _save_start(state, law_state, scratch, n)
                     located_changes += 1
                     if located_changes > max_substeps:
-                        _restore_start(state, law_state, scratch, n)
+                        _restore_start(flags, state, law_state, scratch, n)
                         return rows.NOT_CONVERGED
                     if fraction * substep > _IMMEDIATE * h:
                         # Repeat the solution for a substep that ends at the branch change.
@@ -462,6 +464,8 @@ def _accept_substep(is_divided, story, event, scene, span, memory):
         for row in range(3):
             for i in range(linear_terms.shape[1] - 1):
                 scratch[ROW.SUBSTEP_START + row, i] = state[row, i]
+        if HAS_CURVED_LAW:
+            store_step_start(flags, law_state)
     # If all laws are linear on their branches and there are no power-law dashpots (ALL_BRANCHES),
     # the substep was solved on the branches, without Newton's method (`_solve_substep`).
     if not HAS_CURVED_FORCE or flags[rows.BRANCHES] == rows.ALL_BRANCHES:
@@ -635,7 +639,10 @@ def _change_exceeded_branches(scene, memory):
         is_above = drift > law_state[rows.UPPER, i]
         if is_above or drift < law_state[rows.LOWER, i]:
             event = rows.ABOVE if is_above else rows.BELOW
-            _change_branch(scene.linear_terms, scene.law_parameters, state, law_state, i, event)
+            column = column_of_event(scene.law_parameters, law_state, i, event)
+            _change_branch(
+                scene.linear_terms, scene.law_parameters, state, law_state, i, column, event
+            )
             count += 1
     return count
 
@@ -847,8 +854,8 @@ def _store_end_forces(story, event, linear_terms, memory):
     linear_terms : ndarray
         Linear terms of the building; rows INVERSE_MASS (1/kg) and LINK are used.
     memory : Memory
-        State and law states at the end of the substep. Rows END_FORCE (N) and END_ACCELERATION
-        (m/s^2) of the scratch array are set.
+        State and law states at the end of the substep. Rows END_EXCESS (drift minus limit, m),
+        END_FORCE (N) and END_ACCELERATION (m/s^2) of the scratch array are set.
     """
     state, law_state, scratch, _ = memory
     for i in range(linear_terms.shape[1] - 1):
@@ -858,6 +865,7 @@ def _store_end_forces(story, event, linear_terms, memory):
             limited = law_state[rows.UPPER, i]
         elif i == story and event == rows.BELOW:
             limited = law_state[rows.LOWER, i]
+        scratch[ROW.END_EXCESS, i] = drift - limited
         scratch[ROW.END_FORCE, i] = law_state[rows.FORCE, i]
         scratch[ROW.END_ACCELERATION, i] = state[rows.ACCELERATION, i]
         # A curved branch, with the slope inf, is evaluated at the drift itself.
@@ -929,16 +937,13 @@ def _update_substep_peaks(scene, span, memory):
             i,
             scratch[ROW.END_ACCELERATION, i] + span.ground_1,
         )
-        # A story that reversed within the substep has its largest force at the reversal. The law
-        # state at the start has been replaced, so the force is computed on the path from the end of
-        # the substep (block 0) back to the reversal drift. On a linear branch, both directions have
-        # the same path. A curved law has only reversals with a negligible effect in a substep.
+        # A story that reversed within the substep has its largest force at the reversal.
         if reversal_count > 0 and scratch[ROW.REVERSAL_DRIFTS, i] != drift:
             restoring_force_outlined(
                 scene.law_parameters,
                 law_state,
                 i,
-                0,
+                step_start(scene.flags),
                 rows.FIRST_TRIAL,
                 scratch[ROW.REVERSAL_DRIFTS, i],
             )
@@ -946,9 +951,11 @@ def _update_substep_peaks(scene, span, memory):
                 scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i]
             )
             if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
-                raise_element_peaks(scene.law_parameters, law_state, i, rows.FIRST_TRIAL)
+                raise_element_peaks(scene.law_parameters, law_state, i, rows.FIRST_TRIAL, 0.0)
         if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
-            raise_element_peaks(scene.law_parameters, law_state, i, rows.COMMITTED)
+            raise_element_peaks(
+                scene.law_parameters, law_state, i, rows.COMMITTED, scratch[ROW.END_EXCESS, i]
+            )
 
 
 @outlined
@@ -985,7 +992,7 @@ def _save_start(state, law_state, scratch, n):
 
 
 @outlined
-def _restore_start(state, law_state, scratch, n):
+def _restore_start(flags, state, law_state, scratch, n):
     """Return to the start of a time step that could not be divided into substeps.
 
     Displacements, velocities, accelerations and the committed law states are copied from the rows
@@ -994,6 +1001,8 @@ def _restore_start(state, law_state, scratch, n):
 
     Parameters
     ----------
+    flags : ndarray
+        Properties of the building (`store_step_start`).
     state, law_state : ndarray
         State and law states, which are replaced by the stored values. `_save_start` has stored the
         extra rows of laws in the extra rows of block THIRD_TRIAL of `law_state`.
@@ -1020,6 +1029,8 @@ def _restore_start(state, law_state, scratch, n):
         for i in range(columns):
             # From block THIRD_TRIAL to the committed state (block 0)
             copy_extra_rows(law_state, i, rows.THIRD_TRIAL, 0)
+    if HAS_CURVED_LAW:
+        store_step_start(flags, law_state)
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:

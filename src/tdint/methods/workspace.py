@@ -134,6 +134,9 @@ def workspace(
     flags[rows.OWN_WORK] = family.own_work
     flags[rows.PARABOLIC] = family.parabolic
     flags[rows.HAS_DASHPOTS] = building.damped_by_devices
+    # The observer evaluates a law at a reversal within a step from the state at the end of the
+    # step. A curved hysteretic law reloads on another curve and needs the state at the start.
+    flags[rows.KEEPS_START] = building.curved_hysteresis
     width = history_width(building)
     if row_count:
         # The complete history and its results are in memory simultaneously.

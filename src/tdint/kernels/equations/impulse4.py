@@ -120,7 +120,9 @@ class _Rows(NamedTuple):
     # State and law states at the start of a step that is divided into substeps, for its repetition
     SAVED: int = 4 + rows.LAW_STATE_ROWS
     SUBSTEP_START: int = 3  # displacement, velocity and acceleration at the start of a substep
-    # Story force (N) and floor acceleration (m/s^2) at the end of a substep for the peaks
+    # Distance of the drift from the limit of the branch (m), story force (N) and floor acceleration
+    # (m/s^2) at the end of a substep, for the peaks
+    END_EXCESS: int = 1
     END_FORCE: int = 1
     END_ACCELERATION: int = 1
     # Maxima over the run, which `keep_negligible_kinks` updates: mismatch of the mean acceleration

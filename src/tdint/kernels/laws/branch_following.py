@@ -72,8 +72,8 @@ def extra_rows(law_state, block):
     """Return the first of the extra rows of the table `law_state` that belong to the state in
     `block`.
 
-    A law with more variables than a block has rows uses extra rows. They follow all blocks: those
-    of the committed state first, then those of the trial states, with equal numbers of rows.
+    A law with more variables than a block has rows uses extra rows. They follow all blocks, in the
+    order of the blocks, with equal numbers of rows.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import I8, TABLE, VECTOR, inline, kernel, outlined
+from tdint.kernels.laws.branch_following import copy_extra_rows
 from tdint.kernels.laws.selection import (
     BRANCH_STORING_LAWS,
     HAS_ELEMENTS,
@@ -375,6 +376,34 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
 
 
 @inline
+def store_step_start(flags, law_state):
+    """Copy the committed states of all stories to block STEP_START, if flags[KEEPS_START] is 1.
+
+    The observer evaluates a law at a reversal within a step. A curved hysteretic law unloads and
+    reloads on different curves, so that its force at the reversal follows only from the state at
+    the start of the step.
+    """
+    if flags[rows.KEEPS_START] != 0.0:
+        for row in range(rows.LAW_STATE_ROWS):
+            for i in range(law_state.shape[1]):
+                law_state[rows.STEP_START + row, i] = law_state[row, i]
+        if law_state.shape[0] > rows.EXTRA_ROWS:
+            for i in range(law_state.shape[1]):
+                copy_extra_rows(law_state, i, rows.COMMITTED, rows.STEP_START)
+
+
+@inline
+def step_start(flags):
+    """Return the first row of the block from which a law moves to a reversal within the last step.
+
+    It is STEP_START, if the state at the start of the step is kept. Otherwise it is the committed
+    state at the end of the step: a piecewise-linear law reloads on the branch on which it unloads,
+    so that the way back to the reversal ends at the force of the reversal.
+    """
+    return rows.STEP_START if flags[rows.KEEPS_START] != 0.0 else rows.COMMITTED
+
+
+@inline
 def resume(law_parameters, law_state, i):
     """Determine the branch of story `i` from its state at the end of the last step.
 
@@ -434,14 +463,19 @@ def start(law_parameters, law_state, i, drift):
 
 
 @outlined
-def raise_element_peaks(law_parameters, law_state, i, block):
-    """Raise the peak forces of the elements of story `i` by their forces in a block."""
+def raise_element_peaks(law_parameters, law_state, i, block, excess):
+    """Raise the peak forces of the elements of story `i` by their forces in a block.
+
+    `excess` is 0, or the distance (m) by which the committed drift is beyond the limit of a branch.
+    The forces are then evaluated at the limit, on the present branches.
+    """
     for element in range(
         int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
     ):
-        law_state[rows.PEAK_FORCE, element] = max(
-            law_state[rows.PEAK_FORCE, element], abs(law_state[block + rows.FORCE, element])
-        )
+        force = law_state[block + rows.FORCE, element]
+        if excess != 0.0 and law_state[block + rows.SLOPE, element] < math.inf:
+            force -= law_state[block + rows.SLOPE, element] * excess
+        law_state[rows.PEAK_FORCE, element] = max(law_state[rows.PEAK_FORCE, element], abs(force))
 
 
 # ---- One story along a specified path of drifts, without mass and time: a cyclic test

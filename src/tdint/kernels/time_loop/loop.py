@@ -28,6 +28,7 @@ from tdint.kernels.stepping import (
     Span,
     take_step,
 )
+from tdint.kernels.stories.law_state import store_step_start
 from tdint.kernels.time_loop.ground import fitted_line, fitted_line_between_samples, ground_at
 from tdint.kernels.time_loop.observer import (
     INITIALIZE_LAWS,
@@ -113,6 +114,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
     # argument, 0.0, is the rate of the ground acceleration.
     observe(scene, Span(0.0, 0.0, ground, ground, False, False, False), 0.0, memory, seen)
     store_previous(state, seen.observer_state, n)
+    store_step_start(scene.flags, memory.law_state)
     for i in range(n):
         state[rows.ACCELERATION, i] = seen.observer_state[rows.OBSERVED_ACCELERATION, i]
     memory.step_status[rows.STATE_GROUND] = ground
@@ -161,6 +163,7 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
     # reversals.
     if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
         update_reversal_shears(update_shear_peaks, scene, memory, seen)
+    store_step_start(scene.flags, memory.law_state)
 
 
 @inline

@@ -46,6 +46,7 @@ from tdint.kernels.stories.law_state import (
     raise_element_peaks,
     restoring_force_outlined,
     start,
+    step_start,
     strain_energy,
 )
 
@@ -760,7 +761,7 @@ def record_collapse(law_state, steps, seen):
 
 INITIALIZE_LAWS = I8(TABLE, TABLE, TABLE, TABLE)
 SUM_LAW_ENERGIES = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
-UPDATE_SHEAR_PEAKS = I8(TABLE, TABLE, TABLE, I8, TABLE)
+UPDATE_SHEAR_PEAKS = I8(TABLE, TABLE, I8, TABLE, I8, TABLE)
 
 _call_initialize_laws = indirect_caller(INITIALIZE_LAWS)
 _call_sum_law_energies = indirect_caller(SUM_LAW_ENERGIES)
@@ -801,6 +802,7 @@ def update_reversal_shears(update_shear_peaks, scene, memory, seen):
         update_shear_peaks,
         scene.law_parameters,
         memory.law_state,
+        step_start(scene.flags),
         seen.observer_state,
         rows.REVERSAL_DRIFT,
         seen.peaks,
@@ -850,16 +852,15 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
 
 
 @kernel(UPDATE_SHEAR_PEAKS, parts=("laws", "elements"))
-def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
+def update_shear_peaks(law_parameters, law_state, previous, reversal_drifts, row, peaks):
     """Update the peak shears of the stories with a reversal within the last step; return 0.
 
-    The law states at the start of the step are no longer available. Therefore, the law moves from
-    its state at the end of the step back to the drift of the reversal. The result is the force at
-    the reversal if unloading after the reversal and reloading follow the same branch. Otherwise, it
-    is an approximation. FIRST_TRIAL is overwritten.
+    The law moves to the drift of the reversal. FIRST_TRIAL is overwritten.
 
     Parameters
     ----------
+    previous : int
+        First row of the block of `law_state` from which the law moves (`step_start`).
     reversal_drifts : ndarray
         Table with the drifts of the reversals, m, in row `row`; the drift at the end of the step
         for a story without a reversal.
@@ -870,11 +871,11 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
                 law_parameters,
                 law_state,
                 i,
-                rows.COMMITTED,
+                previous,
                 rows.FIRST_TRIAL,
                 reversal_drifts[row, i],
             )
             raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
             if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
-                raise_element_peaks(law_parameters, law_state, i, rows.FIRST_TRIAL)
+                raise_element_peaks(law_parameters, law_state, i, rows.FIRST_TRIAL, 0.0)
     return 0
