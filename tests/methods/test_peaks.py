@@ -310,6 +310,10 @@ def test_peak_shear_is_a_force_of_the_law(method):
             for i, (drift, shear) in enumerate(
                 zip(stories.peak_drift, stories.peak_shear, strict=True)
             ):
+                # After an elastic half cycle, the reloading branch of this law can be above its
+                # backbone at small drifts.
+                if name.startswith("multilinear") and drift < YIELD_DRIFT:
+                    continue
                 # The limits of branches have a tolerance of 1e-9 of the drift.
                 limit = envelope(building, i + 1, 1.02 * drift) + 1e-8 * STIFFNESS * drift
                 # Cycles of a Bouc-Wen story approach its strength slowly.
