@@ -39,6 +39,10 @@ class Request:
         metavar="NUMBER",
         help="Number of the story to test, counted from the ground; 1 by default.",
     )
+    element: str | None = options.option(
+        metavar="NAME",
+        help="Test one element of the story, by its name; by default all elements together.",
+    )
     drifts: tuple[DriftSize, ...] | None = options.option(
         "--drift",
         type=ListOf(drift_size, once=False),
@@ -105,22 +109,29 @@ def command(request: Request) -> None:
             request.drifts or (),
             cycles=cycles_per_amplitude,
             points=request.points or _POINTS,
+            element=request.element,
         )
         # Report only the last cycle of each amplitude.
         last_cycles = test.cycles[cycles_per_amplitude - 1 :: cycles_per_amplitude]
     else:
         test = path_test(
-            building, request.story, imposed_drifts, in_yield_drifts=request.units == "dy"
+            building,
+            request.story,
+            imposed_drifts,
+            in_yield_drifts=request.units == "dy",
+            element=request.element,
         )
     outputs = request.outputs.else_in(building.output_units)
     units = outputs.shown_units
     outputs.deliver(
         tables.buildings.cyclic_table(test), lambda: figures.comparison.cyclic_picture(test, units)
     )
-    _report(test, last_cycles, units)
+    _report(test, request.element, last_cycles, units)
 
 
-def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> None:
+def _report(
+    test: CyclicTest, element: str | None, cycles: Sequence[Cycle], units: OutputUnits
+) -> None:
     """Print the tested law and a table of cycles, or without cycles the extremes of the path.
 
     `cycles` is the last cycle of each amplitude; empty with --path.
@@ -129,7 +140,8 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
 
     # Describe the law, with the stiffness and yield drift of the model.
     formulas = "; ".join(LAWS[name].formula for name in test.law.split(" + "))
-    text = f"{test.model.name}, story {test.story}, {test.law} law: {formulas}\n"
+    subject = f"element {element}, " if element else ""
+    text = f"{test.model.name}, story {test.story}, {subject}{test.law} law: {formulas}\n"
     text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"
     if not math.isnan(test.yield_drift):
         text += f", yield drift {units.text(test.yield_drift, 'm')}"

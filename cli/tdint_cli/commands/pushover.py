@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tdint.units import DriftSize, OutputUnits
 
 PATTERNS = ("first-mode", "uniform", "triangular")
+_MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON file lists all
 
 
 @options.command(
@@ -80,6 +81,7 @@ def command(
         outputs.deliver(
             tables.buildings.pushover_table(result),
             lambda: figures.comparison.pushover_picture(result, units),
+            lambda: _events(result, units),
             page=lambda: _page(result, (), page_units),
         )
         say(_result_text(result, units))
@@ -88,16 +90,25 @@ def command(
 
     targets = tuple(target_displacements(result, target))
     building_table = tables.buildings.target_building_table(targets).in_units(units)
+    events = _events(result, units)
     outputs.deliver(
         tables.buildings.target_table(targets),
         lambda: figures.comparison.target_picture(targets, units),
-        lambda: building_table.as_summary("targets"),
+        lambda: {**events, **building_table.as_summary("targets")},
         lambda: _page(result, targets, page_units),
     )
     say(_result_text(result, units))
     for displacement in targets:
         say(_target_sentence(displacement, units))
     warn(*(note for displacement in targets for note in displacement.notes))
+
+
+def _events(result: Pushover, units: OutputUnits) -> dict[str, Any]:
+    """Return the changes of stiffness of elements for the JSON file; empty without elements."""
+    if not result.events:
+        return {}
+    table = tables.buildings.events_table(result).in_units(units)
+    return {"element_events": table.as_summary("events")}
 
 
 def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: OutputUnits) -> bytes:
@@ -169,4 +180,16 @@ def _result_text(result: Pushover, units: OutputUnits) -> str:
     text += f"{units.text(result.drift[last, story], 'm')} in story {story + 1}."
     if result.ended:
         text += f" Stopped: {result.ended}."
+    for event in result.events[:_MAX_EVENTS]:
+        stiffnesses = [
+            units.text(stiffness, "N/m") if stiffness else "0"
+            for stiffness in (event.stiffness_before, event.stiffness_after)
+        ]
+        text += (
+            f"\nStory {event.story}, {event.element}: stiffness {' to '.join(stiffnesses)} at a "
+            f"drift of {units.text(event.drift, 'm')}, base shear "
+            f"{units.text(event.base_shear, 'N')}."
+        )
+    if len(result.events) > _MAX_EVENTS:
+        text += f"\n{len(result.events) - _MAX_EVENTS} further changes of stiffness of elements."
     return text

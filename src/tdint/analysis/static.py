@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tdint.analysis.arguments import AnyModel, drift_of, model_of
 from tdint.arrays import Array, bisect_interval
 from tdint.csv_table import read_table
-from tdint.errors import AnalysisError, UsageError
+from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories.law_state import (
@@ -33,8 +33,14 @@ from tdint.kernels.stories.law_state import (
     TANGENT,
     follow,
 )
-from tdint.model.building import Building, assemble, variant
-from tdint.model.definition import Model
+from tdint.model.building import (
+    Building,
+    assemble,
+    element_yield_drifts,
+    law_columns,
+    variant,
+)
+from tdint.model.definition import LAWS, Model
 from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import DriftSize
@@ -45,6 +51,10 @@ from tdint.units import DriftSize
 MAX_CYCLE_POINTS = 2_000_000
 """Maximum number of points of a test, because a typing error in the number of cycles could fill the
 memory."""
+
+_SAME_STIFFNESS = 1e-9
+"""Dimensionless. Change of a tangent relative to the largest tangent of the path, below which it is
+a rounding error."""
 
 _ROUNDING = 1e-13
 """Dimensionless. Dissipated energy of a cycle divided by its maximum stored energy, below which the
@@ -212,6 +222,7 @@ def cyclic_test(
     *,
     cycles: int = 1,
     points: int = 200,
+    element: str | None = None,
 ) -> CyclicTest:
     """Impose cycles of drift on the law of one story, as in a quasi-static laboratory test.
 
@@ -229,6 +240,9 @@ def cyclic_test(
     cycles, points : int
         Number of cycles of each amplitude (default 1), and number of points in a quarter of a cycle
         (default 200).
+    element : str, optional
+        Name of an element of the story, which is tested alone and without P-delta. Default: the
+        complete story.
 
     Returns
     -------
@@ -245,6 +259,7 @@ def cyclic_test(
     """
     model = model_of(model)
     _check_story(model, story)
+    model = _with_element_only(model, story, element)
     if len(sizes) * cycles * 4 * points > MAX_CYCLE_POINTS:
         raise UsageError(
             f"{len(sizes) * cycles} cycles of {4 * points} points exceed the maximum of "
@@ -258,7 +273,12 @@ def cyclic_test(
 
 
 def path_test(
-    model: Model, story: int, drifts: Sequence[float], *, in_yield_drifts: bool = False
+    model: Model,
+    story: int,
+    drifts: Sequence[float],
+    *,
+    in_yield_drifts: bool = False,
+    element: str | None = None,
 ) -> CyclicTest:
     """Impose any path of drifts on the law of one story, with straight lines from rest.
 
@@ -272,6 +292,9 @@ def path_test(
         Drifts, m, or multiples of the yield drift.
     in_yield_drifts : bool
         True if the drifts are multiples of the yield drift; default False.
+    element : str, optional
+        Name of an element of the story, which is tested alone and without P-delta. Default: the
+        complete story.
 
     Returns
     -------
@@ -286,6 +309,7 @@ def path_test(
         The law has no finite force along the path.
     """
     _check_story(model, story)
+    model = _with_element_only(model, story, element)
     if not 1 <= len(drifts) <= MAX_CYCLE_POINTS:
         raise UsageError(
             f"a path must have from 1 to {MAX_CYCLE_POINTS:,} drifts, got {len(drifts):,}"
@@ -328,6 +352,28 @@ def _check_story(model: Model, story: int) -> None:
             f"story {story} not found: the model has {pluralize(len(model.stories), 'story')}, "
             "numbered from 1 at the bottom"
         )
+
+
+def _with_element_only(model: Model, story: int, element: str | None) -> Model:
+    """Return the model with an element as the only spring of a story, and without P-delta.
+
+    P-delta is a property of the story. Without `element`, the model is not changed.
+    """
+    if element is None:
+        return model
+    tested = model.stories[story - 1]
+    names = [spring.name for spring in tested.elements]
+    if element not in names:
+        advice = (
+            f"use one of {', '.join(names)}{did_you_mean(element, names)}"
+            if names
+            else "the story has one law and no elements; omit the element"
+        )
+        raise UsageError(f"element {element!r} of story {story} not found; {advice}")
+    spring = tested.elements[names.index(element)]
+    stories = list(model.stories)
+    stories[story - 1] = replace(tested, stiffness=spring.stiffness, law=spring.law, elements=())
+    return replace(model, stories=tuple(stories), p_delta=False)
 
 
 def amplitude(size: DriftSize, building: Building, story: int) -> float:
@@ -390,7 +436,7 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     Parameters
     ----------
     story : int
-        Number of the story, from 1.
+        Number of the story, from 1; for an element, 1 plus its column in the table of the laws.
     drifts : ndarray, shape (points,)
         Drifts, m. The path between two drifts is a straight line.
 
@@ -477,6 +523,35 @@ Excess = Callable[[Array, float], float]
 quantity, such as the roof displacement, over a required value, relative to this value."""
 
 
+@dataclass(frozen=True)
+class ElementEvent:
+    """Change of stiffness of an element in a pushover: it yields, or a gap closes.
+
+    Attributes
+    ----------
+    story : int
+        Number of the story, from 1.
+    element, law : str
+        Name of the element and of its law.
+    drift : float
+        Drift of the story, m.
+    roof_displacement, base_shear : float
+        Roof displacement, m, and base shear, N, of the state.
+    stiffness_before, stiffness_after : float
+        Tangent stiffness of the element, N/m. For a curved law, which has no kinks, they are the
+        tangents of the states before and after the yield drift.
+    """
+
+    story: int
+    element: str
+    law: str
+    drift: float
+    roof_displacement: float
+    base_shear: float
+    stiffness_before: float
+    stiffness_after: float
+
+
 @dataclass(frozen=True, repr=False)
 class Pushover(Tabular):
     """Result of a pushover; row 0 is the initial state at rest.
@@ -502,6 +577,8 @@ class Pushover(Tabular):
     way : tuple of ndarray
         Complete path, including states between the rows: drifts, m, shape (points, n), and base
         shears, N, shape (points,).
+    events : tuple of ElementEvent
+        Changes of stiffness of the elements of stories with several elements, in order.
     """
 
     model: Model
@@ -513,6 +590,7 @@ class Pushover(Tabular):
     drift_at_largest: Array
     ended: str
     way: tuple[Array, Array]
+    events: tuple[ElementEvent, ...] = ()
 
     def _headline(self) -> str:
         """Return the description of the result in one line, without the class name."""
@@ -528,11 +606,12 @@ class Pushover(Tabular):
 
     @property
     def height(self) -> float:
-        """Height of the building, m; nan if a story has no height."""
-        return math.fsum(
+        """Height of the building, m; nan if a story has no height or all stories are isolators."""
+        height = math.fsum(
             story.drift_height or (0.0 if story.isolator else math.nan)
             for story in self.model.stories
         )
+        return height or math.nan
 
     @property
     def roof_drift_ratio(self) -> Array:
@@ -640,7 +719,56 @@ def pushover(
         *chain.largest,
         ended,
         chain.path,
+        _element_events(model, building, *chain.path),
     )
+
+
+def _element_events(
+    model: Model, building: Building, drifts: Array, base_shears: Array
+) -> tuple[ElementEvent, ...]:
+    """Return the changes of stiffness of all elements along the states of a pushover.
+
+    Between two states, the force of a law with linear branches has one kink, at the intersection of
+    both branches. A curved law has an event at its yield drift.
+    """
+    roofs = drifts.sum(axis=1)
+    found: list[tuple[float, ElementEvent]] = []
+    columns = law_columns(model.stories)
+    for i, story in enumerate(model.stories):
+        yield_drifts = element_yield_drifts(story)
+        for column, element, yield_drift in zip(
+            columns[i], story.elements, yield_drifts, strict=False
+        ):
+            path = follow_path(building, column + 1, drifts[:, i])
+            tangents = path.tangent
+            if LAWS[element.law.name].curved:
+                is_beyond = np.abs(path.drift) >= yield_drift  # False for nan
+                states = np.flatnonzero(np.diff(is_beyond.astype(int)) > 0)
+            else:
+                change = np.abs(np.diff(tangents))
+                states = np.flatnonzero(change > _SAME_STIFFNESS * np.max(np.abs(tangents)))
+            for k in states.tolist():
+                step = path.drift[k + 1] - path.drift[k]
+                if LAWS[element.law.name].curved:
+                    distance = math.copysign(yield_drift, path.drift[k + 1]) - path.drift[k]
+                else:
+                    excess = path.shear[k + 1] - path.shear[k] - tangents[k + 1] * step
+                    distance = excess / (tangents[k] - tangents[k + 1])
+                fraction = min(max(distance / step, 0.0), 1.0) if step else 1.0
+                event = ElementEvent(
+                    story=i + 1,
+                    element=element.name,
+                    law=element.law.name,
+                    drift=float(path.drift[k] + fraction * step),
+                    roof_displacement=float(roofs[k] + fraction * (roofs[k + 1] - roofs[k])),
+                    base_shear=float(
+                        base_shears[k] + fraction * (base_shears[k + 1] - base_shears[k])
+                    ),
+                    stiffness_before=float(tangents[k]),
+                    stiffness_after=float(tangents[k + 1]),
+                )
+                found.append((k + fraction, event))
+    return tuple(event for _, event in sorted(found, key=lambda item: item[0]))
 
 
 def _target(size: DriftSize, building: Building) -> float:

@@ -186,6 +186,24 @@ def pushover_table(result: Pushover) -> Table:
     return Table.of_results(pushover(result.drift.shape[1]), [result])
 
 
+ELEMENT_EVENTS = (
+    Column("story", "1", "story", "story, numbered from the ground"),
+    Column("element", "text", "element", "name of the element in the model file"),
+    Column("law", "text", "law", "hysteretic law of the element"),
+    Column("drift_m", "m", "drift", "drift of the story"),
+    Column("roof_displacement_m", "m", "roof_displacement", "roof displacement"),
+    Column("base_shear_N", "N", "base_shear", "base shear"),
+    Column("stiffness_before_N_m", "N/m", "stiffness_before", "tangent of the element before"),
+    Column("stiffness_after_N_m", "N/m", "stiffness_after", "tangent of the element after"),
+)
+"""Changes of stiffness of the elements of stories with several elements in a pushover."""
+
+
+def events_table(result: Pushover) -> Table:
+    """Return the changes of stiffness of the elements in a pushover, in order."""
+    return Table.of_results(ELEMENT_EVENTS, result.events)
+
+
 TARGET_DISPLACEMENT = (
     Column(
         "method", "text", "method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)"
