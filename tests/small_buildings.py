@@ -20,6 +20,17 @@ def _backbone(drifts, forces):
     ]
 
 
+def _multilinear(rule, drifts, forces):
+    """Return a law with three points, and with smaller drifts on the negative side."""
+    return {
+        "type": "multilinear",
+        "rule": rule,
+        "backbone": _backbone(drifts, forces),
+        "last_slope": 0.02 * STIFFNESS,
+        "negative": {"backbone": _backbone([0.8 * d for d in drifts], [0.8 * f for f in forces])},
+    }
+
+
 _IMK = {
     "type": "imk",
     "yield_force": STRENGTH,
@@ -95,6 +106,30 @@ LAWS = {
         "backbone": _backbone((1.0, 4.0), (1.0, 1.5)),
         "pinching": {"drift": 0.3, "force": 0.6, "unloading": -0.1},
     },
+    "falling": {
+        "type": "bilinear",
+        "yield_force": STRENGTH,
+        "hardening": -0.02,
+        "negative": {"yield_force": 0.8 * STRENGTH},
+    },
+    "kinematic": _multilinear("kinematic", (1.0, 3.0, 6.0), (1.0, 1.4, 1.6)),
+    "isotropic": _multilinear("isotropic", (1.0, 3.0, 6.0), (1.0, 1.4, 1.6)),
+    "origin": _multilinear("origin", (1.0, 3.0, 6.0), (1.0, 1.4, 1.2)),
+    "peak": _multilinear("peak", (1.0, 3.0, 6.0), (1.0, 1.4, 1.2)),
+    "hook": _multilinear("elastic", (1.0, 2.0, 4.0), (1.0, 1.0, 2.5)),
+    "ramberg-osgood": {
+        "type": "ramberg-osgood",
+        "yield_force": STRENGTH,
+        "alpha": 0.5,
+        "exponent": 4.0,
+    },
+    "bouc-wen-thin": {
+        "type": "bouc-wen",
+        "yield_force": STRENGTH,
+        "hardening": 0.05,
+        "exponent": 2.0,
+        "beta": 0.3,
+    },
 }
 """Hysteretic models, one story of which yields several times."""
 
@@ -115,7 +150,7 @@ def _stories(*laws, **more):
         entry = {"mass": MASS * (1.0 - 0.2 * i), "height": 3.0, "stiffness": stiffness, **more}
         if law:
             entry["law"] = law
-        if law and law["type"] in ("polynomial", "multilinear-pinching"):
+        if law and law["type"] in ("polynomial", "multilinear-pinching", "multilinear"):
             del entry["stiffness"]  # The law defines the initial stiffness.
         stories.append(entry)
     return stories

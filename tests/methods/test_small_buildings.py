@@ -50,6 +50,8 @@ def hysteretic_rate(law, stiffness, z, rate):
     part = 1.0 - law["hardening"]
     strength = part * law["yield_force"]
     if law["type"] == "bilinear":
+        if z < 0.0 and "negative" in law:
+            strength = part * law["negative"]["yield_force"]
         return 0.0 if abs(z) >= strength and z * rate > 0.0 else part * stiffness * rate
     beta = law["beta"]
     loss = abs(z / strength) ** law["exponent"] * (beta * np.sign(z * rate) + 1.0 - beta)
@@ -155,10 +157,11 @@ SOLVED = [
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 @pytest.mark.parametrize("name", SOLVED)
 def test_order_4_is_observed_with_nonlinear_stories(name, method):
-    """With a quarter of the time step, the error is less than 1/30."""
+    """With a quarter of the time step, the error is less than 1/30; 1/15 for falling lines with
+    moment4, which does not locate branch changes."""
     coarse, fine = error(name, method, 1), error(name, method, 4)
     assert coarse < (0.03 if name in ("gap", "polynomial") else 2e-3)
-    assert fine < min(coarse / 30.0, 2e-4)
+    assert fine < min(coarse / (15.0 if name == "falling" else 30.0), 2e-4)
 
 
 @pytest.mark.parametrize(
@@ -170,3 +173,32 @@ def test_order_2_is_observed_with_nonlinear_stories(name, method):
     coarse, fine = error(name, method, 1), error(name, method, 4)
     assert coarse < 0.15
     assert fine < coarse / 5.0
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+@pytest.mark.parametrize(
+    "name", ["kinematic", "isotropic", "origin", "peak", "hook", "ramberg-osgood"]
+)
+def test_order_4_is_observed_between_two_methods(name, method):
+    """The reference is the other method with a 32nd of the step. impulse4 locates all branch
+    changes, and its error decreases by 150 to 270 with a quarter of the step."""
+    other = {"impulse4": "moment4", "moment4": "impulse4"}[method]
+
+    def displacement(method, parts):
+        history = run(
+            load_model(BUILDINGS[name]),
+            MOTION,
+            method=method,
+            dt=MOTION.dt / parts,
+            history=True,
+            check=False,
+        ).history
+        return history.displacement[::parts]
+
+    expected = displacement(other, 32)
+    coarse, fine = (
+        np.max(np.abs(displacement(method, parts) - expected)) / np.max(np.abs(expected))
+        for parts in (1, 4)
+    )
+    assert coarse < 5e-4
+    assert fine < coarse / (100.0 if method == "impulse4" else 30.0)

@@ -33,6 +33,8 @@ _EXPONENT = rows.FIRST_PARAMETER + 2
 _MAX_REVERSALS = 40
 """Maximum number of points of reversal, an even number. If there are more open loops, the smallest
 one is forgotten: a decaying vibration leaves a loop inside each loop."""
+_AT_END = 1e-3
+"""Fraction of a loop. Time steps locate its end with a far smaller error."""
 _MAX_ITERATIONS = 60
 """Newton's method converges in about six iterations; near the start of a branch in one."""
 
@@ -186,11 +188,17 @@ def _functions() -> LawFunctions:
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """Start a branch at a reversal, or close a loop."""
+        """Start a branch at a reversal, or close a loop.
+
+        `force` has already closed the loop if the drift is slightly beyond its end.
+        """
         if event == rows.REVERSED:
             reverse(law_state, i, block)
         else:
-            close_loop(law_state, i, block)
+            start, _, _ = branch_start(law_state, i, block)
+            end, _ = loop_end(law_state, i, block)
+            if abs(end - law_state[block + rows.DRIFT, i]) <= _AT_END * abs(end - start):
+                close_loop(law_state, i, block)
         set_limits(law_state, i, block)
 
     @inline
