@@ -33,6 +33,9 @@ _EXPONENT = rows.FIRST_PARAMETER + 2
 _MAX_REVERSALS = 40
 """Maximum number of points of reversal, an even number. If there are more open loops, the smallest
 one is forgotten: a decaying vibration leaves a loop inside each loop."""
+_REACHED = 1e-9
+"""Fraction of a loop. A path that ends closer to the end of the loop remains on its branch: the
+tangent stiffness at a located end then does not depend on rounding."""
 _AT_END = 1e-3
 """Fraction of a loop. Time steps locate its end with a far smaller error."""
 _MAX_ITERATIONS = 60
@@ -161,8 +164,9 @@ def _functions() -> LawFunctions:
             reverse(law_state, i, trial)
         side = law_state[trial + rows.RATE_SIGN, i]
         for _ in range(_MAX_REVERSALS):
+            start, _, _ = branch_start(law_state, i, trial)
             end, end_force = loop_end(law_state, i, trial)
-            if not side * (drift - end) > 0.0 or end == math.inf:
+            if end == math.inf or side * (drift - end) <= _REACHED * abs(end - start):
                 break
             move(law_parameters, law_state, i, trial, end)
             law_state[trial + rows.FORCE, i] = end_force
