@@ -237,8 +237,6 @@ class Compilable:
         ----------
         variant : Variant
             Variant that the function supports.
-        function : function
-            Compiled function, or Python function.
         interpreted : bool
             True for a Python function. Default: False.
         """

@@ -91,15 +91,6 @@ def _constant_of_module(context: Any, module: Any, name: str) -> Any:
     such as int64. This function returns a literal type, which contains the value. numba uses
     literal types for constants that are imported by name. Functions marked `specialized` are then
     compiled once for each value.
-
-    Parameters
-    ----------
-    context : BaseContext
-        Typing context of numba (`self` of the replaced method).
-    module : numba.types.Module
-        Type of the module; `pymod` is the module.
-    name : str
-        Name of the attribute.
     """
     value = getattr(module.pymod, name)
     return maybe_literal(value) or context.resolve_value_type(value)
@@ -164,11 +155,6 @@ def outlined(function: Callable[..., Any]) -> Any:
 def indirect_caller(signature: Signature) -> Any:
     """Return a compiled function that calls a kernel at its address.
 
-    Parameters
-    ----------
-    signature : Signature
-        Signature of the kernel.
-
     Returns
     -------
     function
@@ -185,15 +171,10 @@ def indirect_caller(signature: Signature) -> Any:
         not values. `returns` and `arguments`, variables of `indirect_caller`, are the numba types
         of the result and of the arguments of the kernel.
 
-        Parameters
-        ----------
-        typing_context : object
-            Typing context of numba; not used.
-        address : numba type
-            Type of the address of the compiled kernel in memory, an integer.
-        argument_types : numba type
-            Types of the values that the caller passes, as a tuple type. They can differ from
-            `arguments`, for example an integer for a floating-point number.
+        `typing_context` is the typing context of numba; not used. `address` is the type of the
+        address of the compiled kernel in memory, an integer. `argument_types` contains the types of
+        the values that the caller passes, as a tuple type. They can differ from `arguments`, for
+        example an integer for a floating-point number.
         """
 
         def generate(context, builder, _, values):
@@ -306,8 +287,6 @@ def objects_of(
 
     Parameters
     ----------
-    function : function
-        Python function of the kernel.
     signature : Signature
         Types of its arguments and its result.
     targets : iterable of Target

@@ -97,16 +97,10 @@ def _load_missing(
         compile    set by tdint in the processes that compile kernels, not by users
         empty      default: each kernel is compiled for the features that it must support
 
-    Parameters
-    ----------
-    pairs : sequence of (Compilable, Variant)
-        Kernels, each with the features that it must support.
-    progress : callable
-        Is called after each compilation with the fraction of the missing kernels that are
-        completed.
-    own_loops : bool
-        True to use only kernels that are compiled for exactly the required features. False to use
-        also an existing kernel with all features.
+    `pairs` contains the kernels, each with the features that it must support. `progress` is the is
+    called after each compilation with the fraction of the missing kernels that are completed.
+    `own_loops` is True to use only kernels that are compiled for exactly the required features.
+    False to use also an existing kernel with all features.
 
     Raises
     ------
@@ -167,8 +161,6 @@ def _load_existing(
 
     Parameters
     ----------
-    pairs : iterable of (Compilable, Variant)
-        Kernels with their variants.
     own_loops : bool
         True to use only object files that are compiled for exactly the variant: time loops for the
         laws in the building. False to use also an object file with all features
@@ -199,16 +191,10 @@ def _compile(
     """Compile kernels in parallel processes, save their object files, and load them into this
     process.
 
-    Parameters
-    ----------
-    missing : sequence of (Compilable, Variant)
-        Kernels without object file.
-    progress : callable
-        Is called after each kernel was compiled and loaded, with the fraction of the kernels that
-        are completed; the last value is 1.
-    folder : Path or None
-        Directory of the object files; None if no directory is writable. The kernels are then used
-        in this process only.
+    `missing` contains the kernels without object file. `progress` is the is called after each
+    kernel was compiled and loaded, with the fraction of the kernels that are completed; the last
+    value is 1. `folder` is the directory of the object files; None if no directory is writable. The
+    kernels are then used in this process only.
 
     Raises
     ------
@@ -290,16 +276,8 @@ def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> boo
     The result is False, and the kernel is unchanged, if the object cannot be loaded or does not
     contain the function.
 
-    Parameters
-    ----------
-    kernel : Compilable
-        Kernel into which the function is installed.
-    variant : Variant
-        Variant for which it is installed.
-    code : bytes
-        Contents of the object file, without the description that `pack` writes before them.
-    symbol : str
-        Symbol of the entry point.
+    `code` contains the contents of the object file, without the description that `pack` writes
+    before them.
     """
     from tdint.kernels.building.loading import Loaded
 
@@ -432,13 +410,8 @@ def _start_compilation(
     For each directory of object files, a single process compiles in the background at a time, also
     for different kernels. The process continues after the end of this process.
 
-    Parameters
-    ----------
-    groups : sequence of sequence of (Compilable, Variant)
-        Kernels that the time loop calls, and other kernels of the run. The last group is compiled
-        first.
-    folder : Path
-        Directory of the object files.
+    `groups` contains the kernels that the time loop calls, and other kernels of the run. The last
+    group is compiled first.
 
     Raises
     ------
@@ -539,8 +512,6 @@ def compile_ahead(
 
     Parameters
     ----------
-    pairs : iterable of (Compilable, Variant)
-        Kernels with their variants.
     targets : iterable of str
         Names of the processors, see `tdint.kernels.building.target.named`.
     folder : Path or None
@@ -595,11 +566,6 @@ def _objects(
     Existing object files are read and yielded first. The other kernels are compiled and yielded in
     the order of their completion.
 
-    Parameters
-    ----------
-    requested : iterable of tuple
-        Kernel, variant and name of the target of each object file.
-
     Yields
     ------
     tuple
@@ -623,11 +589,6 @@ def _objects(
 
 def list_objects(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str, str]]:
     """Return a table of kernels and their object files, one row per kernel without duplicates.
-
-    Parameters
-    ----------
-    pairs : iterable of (Compilable, Variant)
-        Kernels with their variants.
 
     Returns
     -------

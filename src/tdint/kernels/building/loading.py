@@ -95,8 +95,6 @@ class Loaded:
         ----------
         code : bytes
             Contents of the object file.
-        symbol : str
-            Name of the function in the object.
         signature : Signature
             Types of the arguments and of the result.
 
@@ -149,11 +147,6 @@ def _converters(
 
     In the calling convention of numba, an array is passed as several numbers and addresses, its
     parts. A kernel is passed by its address.
-
-    Parameters
-    ----------
-    arguments : sequence of Argument
-        Arguments of the signature.
 
     Returns
     -------

@@ -207,10 +207,7 @@ class _Process:
     def __init__(self, settings: Mapping[str, str]) -> None:
         """Start the process, and a thread that reads its error output.
 
-        Parameters
-        ----------
-        settings : mapping of str to str
-            Environment variables of the process (`Compilation.settings`).
+        `settings` contains the environment variables of the process (`Compilation.settings`).
 
         Raises
         ------
@@ -446,11 +443,6 @@ class _ProcessPool:
             2. the same settings, of a module that no other process is compiling; if no waiting
                compilation has the same settings, any settings
             3. all waiting compilations
-
-        Parameters
-        ----------
-        previous : Compilation or None
-            Last compilation of the calling thread, which is complete; None for its first request.
         """
         with self._lock:
             if previous:

@@ -106,16 +106,9 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
 
     Parameters
     ----------
-    module : str
-        Name of the module of the kernel.
     laws : tuple of str
         Names of the drift laws for which the kernel is compiled; the modules of other laws are
         omitted. Empty for all laws.
-
-    Returns
-    -------
-    dict of str to Path
-        Source file of each module, by the name of the module.
     """
     # Modules in the package _LAWS that the kernel needs: the module `law`, which declares the types
     # of laws, and the module of each law in the argument `laws`.
@@ -278,12 +271,8 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
     included. For `from base import name`, both `base` and `base.name` are returned, because the
     name can be a module. A name of `tdint.plugin` is replaced by the module that defines it.
 
-    Parameters
-    ----------
-    file : Path
-        Source file of the module.
-    module : str
-        Name of the module, which has been imported; relative imports refer to its package.
+    `module` is the name of the module, which has been imported; relative imports refer to its
+    package.
     """
     if file.suffix != ".py":  # a compiled module has no imports that can be read
         return ()

@@ -47,12 +47,8 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
 
     Parameters
     ----------
-    name : str
-        Name of the kernel.
     variant : str
         Features that the compiled code supports, as text (`Variant.text`).
-    target : Target
-        Processor.
     """
     return {
         "kernel": name,
@@ -78,8 +74,6 @@ def find_object(
 
     Parameters
     ----------
-    name : str
-        Name of the kernel.
     variant : str
         Features that the compiled code supports, as text (`Variant.text`).
     targets : tuple of Target
@@ -114,8 +108,6 @@ def has(name: str, variant: str, target: Target, directory: Path | None = None) 
 
     Parameters
     ----------
-    name : str
-        Name of the kernel.
     variant : str
         Features that the compiled code supports, as text (`Variant.text`).
     target : Target
@@ -137,11 +129,6 @@ def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
 
     These are the shared directory (TDINT_KERNELS_DIR), the cache of the user and the directory of
     the package.
-
-    Parameters
-    ----------
-    platform : str
-        Platform of the object files, a value of `sys.platform`.
 
     Yields
     ------
@@ -172,18 +159,8 @@ def _find_in(
 
     The modification time of a used file is updated, at most once a day, if `check` is True.
 
-    Parameters
-    ----------
-    directory : Path
-        Directory with object files for one platform; it need not exist.
-    check : bool
-        True to ignore files of other users.
-    name : str
-        Name of the kernel.
-    variant : str
-        Features that the compiled code supports, as text (`Variant.text`).
-    targets : tuple of Target
-        Processors in order of preference.
+    `directory` is the directory with object files for one platform; it need not exist. `variant`
+    contains the features that the compiled code supports, as text (`Variant.text`).
 
     Returns
     -------

@@ -70,8 +70,6 @@ def interpolate_samples(samples, parts, ground):
         Ground acceleration at the samples, m/s^2.
     parts : int
         Number of steps per sampling interval.
-    ground : ndarray, shape (parts (n - 1) + 1,)
-        Receives the ground acceleration at the steps, m/s^2.
     """
     for i in range(samples.size - 1):
         increment = samples[i + 1] - samples[i]
@@ -118,8 +116,6 @@ def may_exceed(best, factor, q0, d0, e0, q1, d1, e1):
     factor : float
         Maximum excess of q over its endpoint values, divided by the larger |q''| at the endpoints,
         s^2 (`excess_factor`).
-    q0, d0, e0 : float
-        q, q' and q'' at the start of the step.
     q1, d1, e1 : float
         q, q' and q'' at the end of the step.
     """
@@ -160,16 +156,8 @@ def largest_between(q, rates, d1, vibration, n, series):
 
     Parameters
     ----------
-    q : float
-        Value at the start of the step.
-    rates : tuple of float
-        q', q'' and q''' at the start of the step.
-    d1 : float
-        q' at the end of the step.
     vibration : Vibration
         omega^2 (`by_u`, 1/s^2), 2 xi omega (`by_v`, 1/s) and the length h of the step (s).
-    n : int
-        Number of terms of the series of q (`term_count`).
     series : ndarray, shape (3, TERMS)
         Scratch array for the series of q, h q' and h^2 q''.
     """
@@ -259,16 +247,8 @@ def _root(coefficients, n, low, high, at_low, at_high):
     an iterate is exactly the zero, it becomes the end `high` of the bracket, and the bisection
     approaches it from below. The error of the result is of the order of _BISECTION_TOLERANCE.
 
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the series.
-    n : int
-        Number of terms.
-    low, high : float
-        Ends of the bracket, between 0 and 1.
-    at_low, at_high : float
-        Values of the series at the ends of the bracket, with different signs.
+    `low` and `high` are the ends of the bracket, between 0 and 1. `at_low` and `at_high` are the
+    values of the series at the ends of the bracket, with different signs.
     """
     # Start from the zero of the secant.
     x = low + (high - low) * at_low / (at_low - at_high)
@@ -318,8 +298,6 @@ def narrow_bracket(left, at_left, right, at_right, side, t, value):
     ----------
     left, at_left, right, at_right : float
         Bracket with its values.
-    side : int
-        1 if the right endpoint was moved last, -1 for the left endpoint, 0 at the start.
     t, value : float
         New argument and its value, which is not zero.
 

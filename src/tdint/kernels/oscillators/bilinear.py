@@ -81,18 +81,10 @@ def _taylor(series, u, v, load, slope, k, c, t):
         s_2 = (load - c s_1 - k s_0) / 2,   s_3 = (slope - 2 c s_2 - k s_1) / 6
         s_j = -(c (j - 1) s_(j-1) + k s_(j-2)) / (j (j - 1))   for j >= 4
 
-    Parameters
-    ----------
-    series : ndarray
-        Receives the coefficients s_j.
-    u, v : float
-        Displacement (m) and velocity (m/s) at t = 0.
-    load, slope : float
-        Load at t = 0 and its rate, over the mass: m/s^2 and m/s^3.
-    k, c : float
-        Stiffness (1/s^2) and damping coefficient (1/s) over the mass.
-    t : float
-        Maximum time for which the series is evaluated, s.
+    `u` and `v` are the displacement (m) and velocity (m/s) at t = 0. `load` and `slope` are the
+    load at t = 0 and its rate, over the mass: m/s^2 and m/s^3. `k` and `c` are the stiffness
+    (1/s^2) and damping coefficient (1/s) over the mass. `t` is the maximum time for which the
+    series is evaluated, s.
 
     Returns
     -------
@@ -163,16 +155,8 @@ def _derivative(series, terms, order, t):
     The result is the displacement (order 0, m), the velocity (1, m/s) or the acceleration (2,
     m/s^2).
 
-    Parameters
-    ----------
-    series : ndarray
-        Coefficients s_j.
-    terms : int
-        Number of coefficients.
-    order : int
-        Order of the derivative: 0 for displacement, 1 for velocity, 2 for acceleration.
-    t : float
-        Time, s.
+    `order` is the order of the derivative: 0 for displacement, 1 for velocity, 2 for acceleration.
+    `t` is the time, s.
     """
     if order == 0:
         return _displacement(series, terms, t)
@@ -192,18 +176,9 @@ def _root(series, terms, order, level, left, right):
     on the other side. Only the value at `left` can be equal to the level, or on the same side by
     rounding; the crossing is then at `left`.
 
-    Parameters
-    ----------
-    series : ndarray
-        Coefficients s_j.
-    terms : int
-        Number of coefficients.
-    order : int
-        Order of the derivative: 0 for displacement, 1 for velocity, 2 for acceleration.
-    level : float
-        Level, m, m/s or m/s^2.
-    left, right : float
-        Times that bracket the crossing, s.
+    `order` is the order of the derivative: 0 for displacement, 1 for velocity, 2 for acceleration.
+    `level` is the level, m, m/s or m/s^2. `left` and `right` are the times that bracket the
+    crossing, s.
     """
     at_left = _derivative(series, terms, order, left) - level
     at_right = _derivative(series, terms, order, right) - level
@@ -237,16 +212,7 @@ def _velocity_zero(series, terms, start, end):
     The displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... The velocity must be monotonic
     between both times.
 
-    Parameters
-    ----------
-    series : ndarray
-        Coefficients s_j.
-    terms : int
-        Number of coefficients.
-    start : float
-        Start of the interval, s.
-    end : float
-        End of the interval, s.
+    `start` is the start of the interval, s. `end` is the end of the interval, s.
     """
     if _velocity(series, terms, start) * _velocity(series, terms, end) < 0.0:
         # Locate the time when the velocity (derivative of order 1) crosses the level 0.
@@ -261,17 +227,8 @@ def _end_of_yielding(series, terms, side, middle, remaining):
     Yielding ends when the velocity changes to the sign opposite to the direction of yielding. The
     displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the yielding branch.
 
-    Parameters
-    ----------
-    series : ndarray
-        Coefficients s_j.
-    terms : int
-        Number of coefficients.
-    side : float
-        Direction of yielding, 1 or -1.
-    middle, remaining : float
-        Ends of the two parts with a monotonic velocity, s: `middle` is the zero of the
-        acceleration (or `remaining`), and `remaining` is the end of the step.
+    `middle` and `remaining` are the ends of the two parts with a monotonic velocity, s: `middle` is
+    the zero of the acceleration (or `remaining`), and `remaining` is the end of the step.
     """
     start = 0.0
     for end in (middle, remaining):
@@ -293,17 +250,9 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
     step is divided into parts in which u is monotonic. PEAK is updated with |u| at the end of each
     part before the returned time. These times include all extrema of u.
 
-    Parameters
-    ----------
-    series : ndarray
-        Coefficients s_j.
-    terms : int
-        Number of coefficients.
-    state : ndarray
-        State: limits UPPER and LOWER of the branch (m); PEAK (m) is updated.
-    middle, remaining : float
-        Ends of the two parts with a monotonic velocity, s: `middle` is the zero of the
-        acceleration (or `remaining`), and `remaining` is the end of the step.
+    `state`: state: limits UPPER and LOWER of the branch (m); PEAK (m) is updated. `middle` and
+    `remaining` are the ends of the two parts with a monotonic velocity, s: `middle` is the zero of
+    the acceleration (or `remaining`), and `remaining` is the end of the step.
     """
     start = 0.0
     # u is monotonic between these times. If the velocity has no zero between two times,
@@ -333,13 +282,6 @@ def _end_yielding(state, oscillator):
     equal at the reversal, which determines OFFSET. The oscillator yields again at the current
     displacement, or on the other side after a change of displacement of twice the yield
     displacement, 2 strength / ((1 - hardening) k).
-
-    Parameters
-    ----------
-    state : ndarray
-        State with the displacement at the reversal; SIDE, V, OFFSET, UPPER and LOWER are set.
-    oscillator : _Hysteretic
-        Properties of the oscillator.
     """
     k, _, hardening, strength = oscillator
     u, side = state[U], state[SIDE]
@@ -357,13 +299,9 @@ def _start_yielding(state, strength):
 
     The force over the mass is then hardening k u + OFFSET, with OFFSET = side strength.
 
-    Parameters
-    ----------
-    state : ndarray
-        State near the limit. The displacement is set to the limit; SIDE (1 at the upper limit, -1
-        at the lower limit), V and OFFSET are set.
-    strength : float
-        Strength of the plastic part over mass, m/s^2.
+    `state` is the state near the limit. The displacement is set to the limit; SIDE (1 at the upper
+    limit, -1 at the lower limit), V and OFFSET are set. `strength` is the strength of the plastic
+    part over mass, m/s^2.
     """
     # The limit that was reached is the nearer one. Rounding must not reverse the velocity.
     side = 1.0 if 2.0 * state[U] > state[UPPER] + state[LOWER] else -1.0
@@ -386,18 +324,9 @@ def _integrate_step(state, series, oscillator, g, slope, h):
     yielding, u is monotonic until the event, so that no extremum is missed. On the elastic branch,
     `_end_of_elastic_branch` also updates PEAK at the extrema of u before the event.
 
-    Parameters
-    ----------
-    state : ndarray
-        State (U, V, SIDE, OFFSET, UPPER, LOWER, PEAK), which is updated.
-    series : ndarray
-        Scratch array for the Taylor coefficients.
-    oscillator : _Hysteretic
-        Properties of the oscillator.
-    g, slope : float
-        Ground acceleration at the start of the step, m/s^2, and its rate, m/s^3.
-    h : float
-        Length of the step, s; sqrt(k) h must not exceed 1.
+    `state`: state (U, V, SIDE, OFFSET, UPPER, LOWER, PEAK), which is updated. `g` and `slope` are
+    the ground acceleration at the start of the step, m/s^2, and its rate, m/s^3. `h` is the length
+    of the step, s; sqrt(k) h must not exceed 1.
 
     Returns
     -------
@@ -462,18 +391,9 @@ def _coefficients(steps, first, series, k, c, h):
 
     The coefficients s are the responses to unit values of u0, v0, p0 and p1.
 
-    Parameters
-    ----------
-    steps : ndarray
-        Elements `first` to `first` + 7 receive s_0 to s_7.
-    first : int
-        Index of s_0 in `steps`: 0 for the elastic branch, 8 for the yielding branch.
-    series : ndarray
-        Scratch array for the Taylor coefficients.
-    k, c : float
-        Stiffness (1/s^2) and damping coefficient (1/s) over the mass.
-    h : float
-        Length of the step, s.
+    `steps`: elements `first` to `first` + 7 receive s_0 to s_7. `first` is the index of s_0 in
+    `steps`: 0 for the elastic branch, 8 for the yielding branch. `k` and `c` are the stiffness
+    (1/s^2) and damping coefficient (1/s) over the mass.
     """
     # Column 0: u0 = 1. Column 1: v0 = 1. Column 2: p0 = 1, so the load is -1 at the start and 0 at
     # the end. Column 3: p1 = 1, so the load is 0 at the start and -1 at the end.
@@ -508,24 +428,16 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     `_integrate_step`, which locates the changes of branch and updates the peak displacement, also
     at extrema between the endpoints.
 
+    `parts` contains the steps per sampling interval. `h` is the length of a step, s; omega h must
+    not exceed 1, with omega = sqrt(k). `oscillator` contains the properties of the oscillator,
+    divided by its mass: k, c, hardening and strength. `state`: state with the limits of the elastic
+    branch, UPPER and LOWER (m); receives the state at the end and the peak displacement, PEAK (m).
+
     Parameters
     ----------
-    ground : ndarray
-        Ground acceleration at the samples, m/s^2.
-    parts : int
-        Steps per sampling interval.
-    h : float
-        Length of a step, s; omega h must not exceed 1, with omega = sqrt(k).
-    oscillator : _Hysteretic
-        Properties of the oscillator, divided by its mass: k, c, hardening and strength.
     steps : ndarray
         Coefficients of the exact step in the order above: e00 to e03 and e10 to e13 of the elastic
         branch (elements 0 to 7), then y00 to y03 and y10 to y13 of the yielding branch (8 to 15).
-    series : ndarray
-        Scratch array for the Taylor coefficients.
-    state : ndarray
-        State with the limits of the elastic branch, UPPER and LOWER (m); receives the state at the
-        end and the peak displacement, PEAK (m).
 
     Returns
     -------
@@ -606,14 +518,8 @@ def _residual_displacement(state, series, oscillator):
     oscillator. It is NaN if a step has too many changes of branch. The integration ends after
     _FREE_VIBRATION steps; if the oscillator yields at this time, the result is its displacement.
 
-    Parameters
-    ----------
-    state : ndarray
-        State at the end of the ground motion (U, V, SIDE, OFFSET, UPPER, LOWER), which is changed.
-    series : ndarray
-        Scratch array for the Taylor coefficients.
-    oscillator : _Hysteretic
-        Properties of the oscillator.
+    `state`: state at the end of the ground motion (U, V, SIDE, OFFSET, UPPER, LOWER), which is
+    changed.
     """
     # The length of a step is one radian of the elastic vibration.
     k = oscillator.k
@@ -644,8 +550,6 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
 
     Parameters
     ----------
-    ground : ndarray, shape (samples,)
-        Ground acceleration, m/s^2.
     dt : float
         Sampling interval, s.
     omega, xi, hardening : float
@@ -653,9 +557,6 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
         [0, 1).
     yield_displacement : float
         Displacement at first yield, m, positive; infinite for an elastic oscillator.
-    results : ndarray, shape (RESULTS,)
-        Receives LARGEST, the maximum absolute displacement, and RESIDUAL, the displacement after
-        the decay of the free vibration, m.
 
     Returns
     -------

@@ -153,8 +153,6 @@ def peaks(
     oscillators : ndarray, shape (COEFFICIENTS, multiple of `lanes`)
         Table of oscillators, one column each: rows A11 to B21, coefficients of the step, then
         BY_DISPLACEMENT, omega^2 (1/s^2), and BY_VELOCITY, 2 xi omega (1/s).
-    lanes : int
-        Number of oscillators that are integrated together.
     between_steps : int
         1 to include maxima between the steps (omega h must not exceed 1), 0 for maxima at the steps
         only.
@@ -243,17 +241,9 @@ def _measure_ground(ground, h, interval, ground_maxima):
 
     An interval has INTERVAL_STEPS steps; the ground acceleration is linear within a step.
 
-    Parameters
-    ----------
-    ground : ndarray
-        Ground acceleration at the steps, m/s^2.
-    h : float
-        Length of a step, s.
-    interval : int
-        Index of a complete interval. The remaining steps after the last complete interval have no
-        row in `ground_maxima`.
-    ground_maxima : ndarray
-        One row per complete interval; columns 0 and 1 receive both values.
+    `interval` is the index of a complete interval. The remaining steps after the last complete
+    interval have no row in `ground_maxima`. `ground_maxima`: one row per complete interval; columns
+    0 and 1 receive both values.
     """
     begin = interval * INTERVAL_STEPS
     size, slope = abs(ground[begin]), 0.0
@@ -322,15 +312,10 @@ def _search(oscillator, maxima, ground_maxima):
 
     where -p is the absolute acceleration and ag the ground acceleration.
 
-    Parameters
-    ----------
-    oscillator : _TableOscillator
-        Oscillator; `best` is updated.
-    maxima : ndarray
-        Maximum absolute displacement, velocity and acceleration at the steps of each interval
-        (columns 0 to 2; one row per interval).
-    ground_maxima : ndarray
-        Maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in each interval.
+    `oscillator`: oscillator; `best` is updated. `maxima` is the maximum absolute displacement,
+    velocity and acceleration at the steps of each interval (columns 0 to 2; one row per interval).
+    `ground_maxima` is the maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in each
+    interval.
     """
     # Find the interval with the maximum of each quantity; the index is `intervals` if there is no
     # complete interval.
@@ -392,6 +377,9 @@ def _integrate_interval(oscillator, interval):
     at the end. In the code, `dp`, `ddp` and `dddp` are the first, second and third derivative of p.
     The suffix 1 denotes the end of a step.
 
+    `interval` is the index of the interval, which has INTERVAL_STEPS steps. The index after the
+    last complete interval denotes the remaining steps.
+
     Parameters
     ----------
     oscillator : _TableOscillator
@@ -400,9 +388,6 @@ def _integrate_interval(oscillator, interval):
         `column` of the present oscillator, displacement and velocity at the start of each interval
         (`starts`), the flag `between_steps` (1 to include maxima between the steps), a scratch
         array `series`, and the maxima of |u|, |v| and |p| (`best`), which are updated.
-    interval : int
-        Index of the interval, which has INTERVAL_STEPS steps. The index after the last complete
-        interval denotes the remaining steps.
     """
     ground, h, oscillators, column, starts, between_steps, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]

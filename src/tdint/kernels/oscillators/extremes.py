@@ -50,11 +50,6 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     largest : ndarray, shape (2, k)
         Receives, for each oscillator, omega^2 |u| of the largest extremum (m/s^2; 0 without an
         extremum) and its column in `extrema`, -1 if it is not stored.
-
-    Returns
-    -------
-    int
-        Number of stored extrema.
     """
     count = 0
     for i in range(level.size):

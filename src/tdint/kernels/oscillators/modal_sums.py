@@ -106,23 +106,11 @@ def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
     step is exact: q1 = A11 q0 + A12 q0' - B10 ag0 - B11 ag1, q1' = A21 q0 + A22 q0' - B20 ag0 - B21
     ag1.
 
-    Parameters
-    ----------
-    ground : ndarray
-        Ground acceleration at the samples, m/s^2.
-    parts : int
-        Steps per sampling interval.
-    first : int
-        Index of the first step of the chunk.
-    rows : int
-        Number of rows: the number of steps of the chunk plus 1. The last row of the last chunk is
-        the last sample.
-    modes : ndarray
-        Table of modes, one column each, with the coefficients A11 to B21.
-    q, rate : ndarray
-        Modal coordinates and their rates; one row per step.
-    motion : ndarray
-        Receives the ground acceleration at the steps, m/s^2.
+    `parts` contains the steps per sampling interval. `first` is the index of the first step of the
+    chunk. `rows` is the number of rows: the number of steps of the chunk plus 1. The last row of
+    the last chunk is the last sample. `modes` is the table of modes, one column each, with the
+    coefficients A11 to B21. `q` and `rate` are the modal coordinates and their rates; one row per
+    step. `motion` is the receives the ground acceleration at the steps, m/s^2.
     """
     count = modes.shape[1]
     for row in range(rows):
@@ -156,19 +144,10 @@ def _superpose(q, shapes, static, motion, drift):
     drift[row, c] = sum over the modes j of q[row, j] shapes[j, c], minus static[c] motion[row].
     Four rows (d0 to d3) and four modes (w0 to w3) are processed at a time, which is faster.
 
-    Parameters
-    ----------
-    q : ndarray, shape (rows, modes)
-        Modal coordinates, one row per step. Both dimensions are multiples of 4.
-    shapes : ndarray, shape (modes, stories + 1)
-        Drift ratio per modal coordinate of each story and of the roof.
-    static : ndarray, shape (stories + 1,)
-        Static correction: drift ratio per ground acceleration of the modes that are not included,
-        s^2/m.
-    motion : ndarray, shape (rows,)
-        Ground acceleration at the steps, m/s^2.
-    drift : ndarray, shape (rows, stories + 1)
-        Receives the drift ratios.
+    `q` contains the modal coordinates, one row per step. Both dimensions are multiples of 4.
+    `shapes` is the drift ratio per modal coordinate of each story and of the roof. `static` is the
+    static correction: drift ratio per ground acceleration of the modes that are not included,
+    s^2/m. `motion` is the ground acceleration at the steps, m/s^2.
     """
     columns = shapes.shape[1]
     for row in range(0, q.shape[0], 4):
@@ -217,14 +196,8 @@ def _update_maxima(drift, rows, column_maxima, column_bends):
     second difference of three successive steps, d0 - 2 d1 + d2, bounds the excess of the drift
     ratio between the steps.
 
-    Parameters
-    ----------
-    drift : ndarray
-        Drift ratios, one row per step.
-    rows : int
-        Number of rows.
-    column_maxima, column_bends : ndarray
-        Receive the maxima of the values and of the second differences, one element per column.
+    `drift` contains the drift ratios, one row per step. `column_maxima` and `column_bends` are the
+    receive the maxima of the values and of the second differences, one element per column.
     """
     columns = drift.shape[1]
     for c in range(columns):
@@ -248,18 +221,8 @@ def _rate(sums, steps, row, slope, c):
     times the ground acceleration. The rate is the same sum with the rates of the modal coordinates
     and of the ground acceleration.
 
-    Parameters
-    ----------
-    sums : _Sum
-        Terms of the superposition.
-    steps : _Steps
-        Steps of the chunk.
-    row : int
-        Index of the step in the chunk.
-    slope : float
-        Rate of the ground acceleration, m/s^3.
-    c : int
-        Column: index of the story; the last column is the roof.
+    `slope` is the rate of the ground acceleration, m/s^3. `c` is the column: index of the story;
+    the last column is the roof.
     """
     total = -sums.static[c] * slope
     for j in range(sums.shapes.shape[0]):
@@ -283,20 +246,8 @@ def _column_at(sums, steps, row, slope, t, c):
 
         exp(-xi omega t) (y' cos(wd t) - (omega y + xi y') omega / wd sin(wd t))
 
-    Parameters
-    ----------
-    sums : _Sum
-        Terms of the superposition.
-    steps : _Steps
-        Steps of the chunk.
-    row : int
-        Index of the step in the chunk.
-    slope : float
-        Rate of the ground acceleration after the step, m/s^3.
-    t : float
-        Time after the step, s.
-    c : int
-        Column: index of the story; the last column is the roof.
+    `slope` is the rate of the ground acceleration after the step, m/s^3. `t` is the time after the
+    step, s. `c` is the column: index of the story; the last column is the roof.
 
     Returns
     -------
@@ -337,18 +288,9 @@ def _maximum_after(sums, steps, row, c, size):
     both steps, the zero of the rate is located by regula falsi, and all values of the iteration are
     considered. Otherwise the result is `size`. The values at both steps are not evaluated.
 
-    Parameters
-    ----------
-    sums : _Sum
-        Terms of the superposition.
-    steps : _Steps
-        Steps of the chunk; `motion` is the ground acceleration, m/s^2.
-    row : int
-        Index of the first of both steps in the chunk.
-    c : int
-        Column: index of the story; the last column is the roof.
-    size : float
-        Absolute drift ratio at step `row` or at step `row` + 1.
+    `steps` contains the steps of the chunk; `motion` is the ground acceleration, m/s^2. `row` is
+    the index of the first of both steps in the chunk. `c` is the column: index of the story; the
+    last column is the roof. `size` is the absolute drift ratio at step `row` or at step `row` + 1.
     """
     h = sums.h
     # The ground acceleration is linear between both steps, with the rate `slope` (m/s^3).
@@ -385,18 +327,9 @@ def _refine(sums, steps, first, last, threshold, best):
     step with an absolute value of at least `threshold` are searched. The result includes the values
     at these steps.
 
-    Parameters
-    ----------
-    sums : _Sum
-        Terms of the superposition.
-    steps : _Steps
-        Steps of the chunk.
-    first, last : int
-        Range of columns; `last` is excluded.
-    threshold : float
-        Steps with a smaller absolute value cannot be next to the maximum and are skipped.
-    best : tuple of float
-        Maximum until now and its column, returned if no larger value is found.
+    `first` and `last` are the range of columns; `last` is excluded. `threshold` contains the steps
+    with a smaller absolute value cannot be next to the maximum and are skipped. `best` is the
+    maximum until now and its column, returned if no larger value is found.
 
     Returns
     -------
@@ -490,12 +423,8 @@ def largest_drifts(
 
     Parameters
     ----------
-    ground : ndarray, shape (samples,)
-        Ground acceleration at the samples, at least two, m/s^2.
     parts : int
         Steps per sampling interval.
-    h : float
-        Length of a step, s.
     modes : ndarray, shape (MODE_ROWS, modes)
         Recursion coefficients, circular frequencies (rad/s) and damping ratios (below 1) of the
         modes.
@@ -504,9 +433,6 @@ def largest_drifts(
         1/m.
     static : ndarray, shape (stories + 1,)
         Flexibility that is not included in the modes, s^2/m. It follows the ground without delay.
-    results : ndarray, shape (RESULTS,)
-        Receives three values. PEAK: maximum absolute drift ratio of all stories. STORY: index of
-        the story with this maximum. ROOF: maximum absolute roof drift ratio.
     q, rate, motion, drift, start_q, start_rate, column_maxima, column_bends, chunk_maxima : ndarray
         Scratch arrays from `scratch`, which describes their contents. They must be zero at the
         start: row 0 of `q` and `rate` is the state of rest, and the maxima in `chunk_maxima` start

@@ -112,8 +112,6 @@ def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
 
     Parameters
     ----------
-    samples : int
-        Number of samples of each ground motion.
     parts : int
         Steps per sampling interval.
 
@@ -264,12 +262,10 @@ def _advance(ground, s, lane):
     + b^2. This is the square of the resultant of the relative accelerations a along the first and b
     along the second component. From the equation of motion, a = -(omega^2 u + 2 xi omega v + g).
 
+    `s` is the index of the first of the _BLOCK steps.
+
     Parameters
     ----------
-    ground : ndarray, shape (2, steps + 1)
-        Ground accelerations at the steps, m/s^2: one row for each of the two components.
-    s : int
-        Index of the first of the _BLOCK steps.
     lane : ndarray
         Values of the oscillators: value `row` of oscillator `i` is element row * LANES + i. The
         rows are A11 to B21, BY_DISPLACEMENT (omega^2, 1/s^2) and BY_VELOCITY (2 xi omega, 1/s), the
@@ -405,13 +401,12 @@ def _search(oscillator, maxima, margin):
     in the directions of the sector (`_lowest`). `_count_higher` returns the number of sectors with
     a bound above this value. `_integrate_interval` updates the row in pass 2.
 
+    `oscillator`: oscillator; `best` is updated, and the table of the sectors, `scratch`, is used.
+    `maxima` contains the maximum displacements along the axes in each interval, m, then the maximum
+    resultant of the relative accelerations (column _ACCELERATION), m/s^2.
+
     Parameters
     ----------
-    oscillator : _TableOscillator
-        Oscillator; `best` is updated, and the table of the sectors, `scratch`, is used.
-    maxima : ndarray
-        Maximum displacements along the axes in each interval, m, then the maximum resultant of the
-        relative accelerations (column _ACCELERATION), m/s^2.
     margin : float
         Maximum excess of a displacement within a step over the larger absolute value at its two
         endpoints, divided by the larger of the resultant relative accelerations at both endpoints,
@@ -464,12 +459,8 @@ def _interpolate(axis_maxima, scratch):
     _AT_END: for a step, these rows contain the displacements at its start and at its end. An
     interval has a single bound, which is stored in both rows.
 
-    Parameters
-    ----------
-    axis_maxima : ndarray
-        Maximum absolute displacements at the steps of the interval along the AXES axes, m.
-    scratch : ndarray
-        Table of the sectors; rows _AT_START and _AT_END receive the bounds, one column per edge.
+    `axis_maxima` contains the maximum absolute displacements at the steps of the interval along the
+    AXES axes, m.
     """
     for k in range(AXES):
         axis_maximum, next_axis_maximum = axis_maxima[k], axis_maxima[(k + 1) % AXES]
@@ -528,8 +519,6 @@ def _integrate_interval(oscillator, interval, margin, coarse):
         properties omega^2, 2 xi omega and length h of a step (`vibration`), cosines and sines of
         the directions, state at the start of each interval (`starts`), two scratch arrays, and the
         maximum displacement of each direction, `best` (m), which is updated.
-    interval : int
-        Index of the interval.
     margin : float
         Maximum excess of a displacement between two steps over its values at the steps, divided by
         the larger relative acceleration, s^2 (`excess_factor`); 0 if maxima between the steps are
@@ -606,14 +595,8 @@ def _project(x, y, scratch, sizes):
     """Store the absolute displacements |x cos(theta) + y sin(theta)| along the edges of the
     sectors, m.
 
-    Parameters
-    ----------
-    x, y : float
-        Displacements along both ground motion components, m.
-    scratch : ndarray
-        Table of the sectors with the cosines and sines of the directions of the edges.
-    sizes : ndarray
-        Receives the absolute displacements, one element per edge.
+    `x` and `y` are the displacements along both ground motion components, m. `sizes` contains the
+    receives the absolute displacements, one element per edge.
     """
     for k in range(_SECTORS + 1):
         sizes[k] = abs(scratch[_COSINES, k] * x + scratch[_SINES, k] * y)
@@ -630,12 +613,7 @@ def _count_higher(scratch, excess):
     sector (row _LOWEST), the step can exceed a maximum. `_search` uses this function also for an
     interval of steps, with the bounds from `_interpolate` in place of the displacements.
 
-    Parameters
-    ----------
-    scratch : ndarray
-        Table of the sectors.
-    excess : float
-        Maximum excess of a displacement between the endpoints of the step, m.
+    `excess` is the maximum excess of a displacement between the endpoints of the step, m.
     """
     count = 0
     for k in range(_SECTORS):
