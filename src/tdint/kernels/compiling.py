@@ -54,7 +54,7 @@ VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if COMPILES else EVERYTHING
 """Variant that this process compiles. In other processes it contains all features, because the
 kernels are selected at run time."""
 
-_LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots", "elements")
+_LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots", "elements", "braces")
 
 
 class Kernel(Compilable):
@@ -106,7 +106,7 @@ def kernel(
         Types of the arguments and of the result.
     parts : tuple of str
         Features of the variant on which the compiled code depends. Default: all features, which are
-        laws, modal damping, forces on floors and dashpots.
+        laws, modal damping, forces on floors, dashpots and braces.
     vectorized : bool
         True if the compiler may vectorize loops. Default: False.
 

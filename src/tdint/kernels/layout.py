@@ -88,7 +88,17 @@ DASHPOT = 9  # part of STORY_DAMPER that is a linear dashpot of the model, N s/m
 # the story can occur at a smaller drift than its peak drift, because the story can be stiffer than
 # initially and is not symmetric
 STIFFENING = 10
-LINEAR_TERM_ROWS = 11
+# Stiffness of the brace in series with the damper of the story, N/m; 0 for no brace. The three
+# following rows describe the damper on this brace, with the force c y (y^2 + y0^2)^e at the damper
+# rate y. It has no part in the rows STORY_DAMPER, POWER_DAMPER and DASHPOT.
+BRACE = 11
+BRACED_DAMPER = 12  # c, N (s/m)^exponent
+BRACED_EXPONENT = 13  # exponent = 1 + 2 e
+BRACED_THRESHOLD = 14  # y0^2, (m/s)^2
+# Cosine of the inclination of the damper: its force along its axis is the force in the direction of
+# the drift divided by this number. It is used for the reported force only.
+DAMPER_FACTOR = 15
+LINEAR_TERM_ROWS = 16
 UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 0
 
 # law_parameters: parameters of the hysteresis models (drift laws), by story. A story with several
@@ -145,6 +155,14 @@ DISPLACEMENT = 0  # relative to the ground, m
 VELOCITY = 1  # m/s
 ACCELERATION = 2  # m/s^2
 FIRST_OLDER = 3  # first row of values of previous steps (multi-step methods)
+# The last rows of the state of a building with braces, counted from the end of the table
+BRACE_FORCE = -4  # force of brace and damper in the equations of the method, N
+# Force of brace and damper for the results, N: BRACE_FORCE, or another estimate if the damper is
+# too stiff for the step (`tdint.kernels.stories.brace`)
+BRACE_REPORTED = -3
+BRACE_PEAK = -2  # maximum absolute force since the last observed time, N
+BRACE_DISSIPATED = -1  # energy that the damper has dissipated since the start, J
+BRACE_STATE_ROWS = 4
 
 # load: load of a step. The ground acceleration is linear within the step.
 TIME = 0  # start of the step, s
@@ -163,7 +181,8 @@ PEAK_ACCELERATION = 4  # absolute acceleration: relative acceleration plus groun
 # floors above, N
 PEAK_TOTAL_SHEAR = 5
 PEAK_DRIFT_RATE = 6  # drift rate of stories, in a building with dashpots, m/s
-PEAK_ROWS = 7
+PEAK_BRACE_FORCE = 7  # force of dampers with a brace, N
+PEAK_ROWS = 8
 
 # observer_state: memory of the observer of the response, by floor or story
 OBSERVED_ACCELERATION = 0  # acceleration from equilibrium, independent of the method, m/s^2
@@ -187,7 +206,7 @@ OMEGA = 3  # rad/s
 FORCE_COLUMNS = 4
 
 # history: one row for each stored time: ground acceleration; displacement, velocity and absolute
-# acceleration of all floors; shear of all stories; energies
+# acceleration of all floors; shear of all stories; in a building with braces their forces; energies
 HISTORY_FIELDS = 4
 
 # totals: values of the complete run. The first ENERGY_TERMS values are the energies at the end of
@@ -198,7 +217,8 @@ ENERGY_VISCOUS = 2  # work of viscous damping without dashpots
 ENERGY_DASHPOTS = 3  # work of the dashpots
 ENERGY_STRAIN = 4  # energy stored in the stories, P-delta included
 ENERGY_HYSTERETIC = 5  # energy dissipated by the laws since the start
-ENERGY_TERMS = 6
+ENERGY_BRACES = 6  # energy stored in the braces of dampers
+ENERGY_TERMS = 7
 ENERGY_INITIAL = ENERGY_TERMS  # kinetic and strain energy at the start, J
 ENERGY_REFERENCE = ENERGY_TERMS + 1  # maximum of ENERGY_INITIAL + ENERGY_INPUT in the run, J
 ITERATIONS = ENERGY_TERMS + 2  # number of iterations
@@ -226,7 +246,9 @@ TOTAL_MASS = TOTAL_INERTIA + 2  # kg
 POWER_DASHPOTS = TOTAL_INERTIA + 3  # power of the dashpots only, W, and its rate, W/s
 RATE_DASHPOTS = TOTAL_INERTIA + 4
 DASHPOTS_PER_ACCELERATION = TOTAL_INERTIA + 5  # VISCOUS_PER_ACCELERATION of the dashpots only
-TOTALS_SIZE = TOTAL_INERTIA + 6
+# Energy that the dampers with braces have dissipated until the last observed time, J
+BRACED_DISSIPATION = TOTAL_INERTIA + 6
+TOTALS_SIZE = TOTAL_INERTIA + 7
 
 # Value of totals[COLLAPSE_STEP] without collapse
 NO_COLLAPSE = -1.0
@@ -246,13 +268,14 @@ LIMIT_ROWS = 6
 # flags: properties that are set before the time integration and remain constant
 LINEAR = 0  # 1 if every law is linear
 BRANCHES = 1  # laws with branches whose changes can be located: one of the values below
-POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot
+POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot or a damper with a brace
 OWN_WORK = 3  # 1 if the step reports the work of the load and of the dampers
 UNRESOLVED_MODES = 4  # 1 if the building has modes with periods that the step does not resolve
 PARABOLIC = 5  # 1 if the displacements follow parabolas within a step
-HAS_DASHPOTS = 6  # 1 if a story has a dashpot, linear or of a power law
+HAS_DASHPOTS = 6  # 1 if a story has a dashpot, linear or of a power law, with or without a brace
 KEEPS_START = 7  # 1 if the law states at the start of a step are kept in block STEP_START
-FLAGS_SIZE = 8
+HAS_BRACES = 8  # 1 if a story has a damper with a brace
+FLAGS_SIZE = 9
 
 # Values of flags[BRANCHES]
 NO_BRANCHES = 0

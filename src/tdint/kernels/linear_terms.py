@@ -7,11 +7,12 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import VARIANT, inline, outlined
 
-# Features of the compiled variant: modal damping, forces on floors, dashpots. If a constant is
-# False, the compiler omits the code that it enables.
+# Features of the compiled variant: modal damping, forces on floors, dashpots, braces of dampers. If
+# a constant is False, the compiler omits the code that it enables.
 MODAL = VARIANT.modal
 FORCES = VARIANT.forces
 DASHPOTS = VARIANT.dashpots
+BRACES = VARIANT.braces
 
 
 @inline

@@ -46,9 +46,10 @@ from tdint.kernels.laws.selection import (
     HAS_ELEMENTS,
     HAS_NONLINEAR_FORCE,
 )
-from tdint.kernels.linear_terms import FORCES, finite, force_value
+from tdint.kernels.linear_terms import BRACES, FORCES, finite, force_value
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, raise_peak
 from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
+from tdint.kernels.stories.brace import add_reported_accelerations, commit_brace
 from tdint.kernels.stories.branches import (
     NONE,
     advance,
@@ -179,6 +180,8 @@ def step(
     # does not change the measure. Row KINK may contain values of an earlier solution here; it is
     # computed again before it is used.
     keep_negligible_kinks(scene, h, memory)
+    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        _commit_braces(linear_terms, h, state, scratch)
     # False: the laws of all stories move along the path that Newton's method has evaluated.
     _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
     # If the building has branches, the division into substeps failed. Newton's method does not
@@ -466,11 +469,15 @@ def _accept_substep(is_divided, story, event, scene, span, memory):
                 scratch[ROW.SUBSTEP_START + row, i] = state[row, i]
         if HAS_CURVED_LAW:
             store_step_start(flags, law_state)
+        if BRACES and flags[rows.HAS_BRACES] != 0.0:
+            add_reported_accelerations(linear_terms, state, scratch, ROW.SUBSTEP_START + 2)
     # If all laws are linear on their branches and there are no power-law dashpots (ALL_BRANCHES),
     # the substep was solved on the branches, without Newton's method (`_solve_substep`).
     if not HAS_CURVED_FORCE or flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch)
     else:
+        if BRACES and flags[rows.HAS_BRACES] != 0.0:
+            _commit_braces(linear_terms, span.h, state, scratch)
         # True: stories on a linear branch remain on this branch (`keep_branches`).
         _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
     if HAS_NONLINEAR_FORCE and is_divided:
@@ -880,6 +887,21 @@ def _store_end_forces(story, event, linear_terms, memory):
 
 
 @outlined
+def _commit_braces(linear_terms, h, state, scratch):
+    """Move all dampers with braces to the end of a step or substep of length `h`.
+
+    `state` contains the velocities at its start, row V1 of the scratch array at its end.
+    """
+    for i in range(linear_terms.shape[1] - 1):
+        if linear_terms[rows.BRACE, i] != 0.0:
+            link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
+            first_rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
+            last_rate = scratch[momentum.V1, i] - link * scratch[momentum.V1, below]
+            rates = (first_rate, last_rate, last_rate)
+            commit_brace(linear_terms, i, h, rates, state, scratch, ROW.BRACE)
+
+
+@outlined
 def _update_substep_peaks(scene, span, memory):
     """Update the peaks with the response at the end of a substep and within the substep.
 
@@ -904,12 +926,16 @@ def _update_substep_peaks(scene, span, memory):
     """
     state, law_state, scratch, _ = memory
     reversal_count = 0
+    # Row A1 contains the accelerations of the state. With stiff braces, the forces for the results
+    # give other accelerations.
+    if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
+        add_reported_accelerations(scene.linear_terms, state, scratch, momentum.A1)
+        add_reported_accelerations(scene.linear_terms, state, scratch, ROW.END_ACCELERATION)
     if not span.fast:
         # The first two arguments are the response at the start: the scratch array from row
-        # SUBSTEP_START on. `state` contains the complete response at the end. It is passed twice:
-        # for displacements and velocities, and for accelerations (row ACCELERATION). Row
-        # END_ACCELERATION would not agree with the velocities.
-        passage = Passage(scratch, ROW.SUBSTEP_START, state, state, rows.ACCELERATION)
+        # SUBSTEP_START on. `state` contains displacements and velocities at the end, row A1 of the
+        # scratch array the accelerations. Row END_ACCELERATION would not agree with the velocities.
+        passage = Passage(scratch, ROW.SUBSTEP_START, state, scratch, momentum.A1)
         reversal_count = find_interstep_peaks(
             span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
         )
@@ -983,6 +1009,11 @@ def _save_start(state, law_state, scratch, n):
         for row in range(rows.LAW_STATE_ROWS):
             scratch[ROW.SAVED + 3 + row, i] = law_state[row, i]
         scratch[ROW.SAVED + 3 + rows.LAW_STATE_ROWS, i] = law_state[rows.PEAK_FORCE, i]
+    # Only the state of a building with braces has more than three rows.
+    if BRACES and state.shape[0] > rows.FIRST_OLDER:
+        for row in range(rows.BRACE_STATE_ROWS):
+            for i in range(n):
+                scratch[ROW.SAVED_BRACES + row, i] = state[rows.FIRST_OLDER + row, i]
     # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
     # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
@@ -1023,6 +1054,10 @@ def _restore_start(flags, state, law_state, scratch, n):
         for row in range(rows.LAW_STATE_ROWS):
             law_state[row, i] = scratch[ROW.SAVED + 3 + row, i]
         law_state[rows.PEAK_FORCE, i] = scratch[ROW.SAVED + 3 + rows.LAW_STATE_ROWS, i]
+    if BRACES and state.shape[0] > rows.FIRST_OLDER:
+        for row in range(rows.BRACE_STATE_ROWS):
+            for i in range(n):
+                state[rows.FIRST_OLDER + row, i] = scratch[ROW.SAVED_BRACES + row, i]
     # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
     # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
@@ -1118,6 +1153,7 @@ METHODS = (
         coefficients=coefficients,
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
         rho_inf=lambda rho_inf: rho_inf,
+        braces=True,
         source="tdint: the impulse-momentum method of 2022 with exact impulses; rho_inf = 0 is "
         "Radau IIA (Ehle 1969)",
     ),

@@ -147,6 +147,8 @@ class Method:
     stability_limit : callable
         Parameter values -> largest stable omega dt without damping; inf if the method is always
         stable. If the method is unstable in a band of omega dt, the lower end of the band.
+    braces : bool
+        True if the step integrates dampers with braces; default False.
     estimating_coefficients : callable, optional
         Parameter values -> coefficients of a run that estimates errors of the method in
         buildings for which it is more suitable than the default method
@@ -163,6 +165,7 @@ class Method:
     implicit: Callable[..., bool] = lambda *values: True
     stability_limit: Callable[..., float] = lambda *values: math.inf
     estimating_coefficients: Callable[..., tuple[float, ...]] | None = None
+    braces: bool = False
 
 
 @dataclass(frozen=True)

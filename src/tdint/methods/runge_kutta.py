@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.compiling import inline, kernel, outlined
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -61,6 +61,7 @@ from tdint.kernels.equations.tridiagonal import (
 )
 from tdint.kernels.laws.selection import HAS_CURVED_LAW
 from tdint.kernels.linear_terms import (
+    BRACES,
     add_modal_force,
     finite,
     floor_load,
@@ -68,6 +69,8 @@ from tdint.kernels.linear_terms import (
     power_damper,
 )
 from tdint.kernels.stepping import STEP, Factors, Memory, Scene
+from tdint.kernels.stories import path
+from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, commit_brace, follow_brace
 from tdint.kernels.stories.law_state import accumulate_dissipation, commit, restoring_force
 from tdint.methods.method import Family, Method
 
@@ -324,6 +327,9 @@ class _ImplicitRows(NamedTuple):
     # Maxima over the steps of the run. Column 0: sum over floors and stages of
     # (INTERNAL_FORCE - PREDICTED_FORCE)^2 / mass. Column 1: sum of mass times acceleration^2.
     RUN_MAXIMA: int = 1
+    BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace`
+    # Derivatives of mean and moment of the forces of dampers with braces in the factorization, N/m
+    FACTORED_BRACE: int = 4
     BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization, row by row
     COUPLING: int = COUPLING_ROWS  # off-diagonal blocks of the factorization
 
@@ -332,6 +338,8 @@ class _ImplicitRows(NamedTuple):
 # run (`_store_internal_forces`), which is of order 4 in the time step. Errors of peaks change by
 # less than 2 % in the problems with Bouc-Wen, tanh and stiffening stories of `tdint chart`.
 _TOLERANCE_PER_MISMATCH = 2e-4
+
+_GAUSS_SHIFT = math.sqrt(3.0) / 6.0  # distance of the nodes of gauss4 from the middle of the step
 
 _IMPLICIT, _MODAL_STORE = rows.chained(_ImplicitRows)
 
@@ -427,6 +435,10 @@ def implicit_step(
     iterations = 0
     applied_fraction = 1.0  # fraction of the last correction that is applied
     previous_norm = math.inf
+    # The forces of dampers with stiff braces require the line search from the first correction.
+    undamped_iterations = UNDAMPED_ITERATIONS
+    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        undamped_iterations = 0
     while True:
         is_stale = _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory)
         is_final = iterations == MAX_ITERATIONS
@@ -434,7 +446,7 @@ def implicit_step(
         # evaluation (`is_final`), it also stores the largest residual for the error message.
         if _compute_residuals(is_final, tolerance, linear_terms, modal, scratch, step_status):
             break
-        if iterations >= UNDAMPED_ITERATIONS:
+        if iterations >= undamped_iterations:
             norm = squared_norm(linear_terms, scratch, _IMPLICIT.RESIDUAL, n) + squared_norm(
                 linear_terms, scratch, _IMPLICIT.RESIDUAL + 1, n
             )
@@ -456,7 +468,7 @@ def implicit_step(
         for stage in range(2):
             for i in range(n):
                 scratch[_IMPLICIT.STAGE_A + stage, i] += scratch[_IMPLICIT.RESIDUAL + stage, i]
-        if iterations > UNDAMPED_ITERATIONS:
+        if iterations > undamped_iterations:
             copy_rows(scratch, _IMPLICIT.RESIDUAL, _IMPLICIT.CORRECTION, 2, n)
         if flags[rows.LINEAR] != 0.0:
             break  # one solve is exact in a linear building
@@ -691,7 +703,70 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
             rounding = ROUNDING / RESIDUAL_TOLERANCE * stiffness
             scale = abs(story_force) + rounding * (abs(u) + abs(u - drift))
             scratch[_IMPLICIT.FORCE_SCALE + stage, i] = scale
+    if BRACES:
+        for i in range(n):
+            if linear_terms[rows.BRACE, i] != 0.0:
+                is_stale = _add_brace(linear_terms, law_parameters, i, h, memory) or is_stale
     return is_stale
+
+
+@outlined
+def _add_brace(linear_terms, law_parameters, i, h, memory):
+    """Add the damper with its brace to the forces of story `i` at both stages.
+
+    The stages are the Gauss points of `follow_brace`. The rates r_1 and r_2 at the stages determine
+    the parabola of drift, rise = h (r_1 + r_2) / 2 and bend = h (r_2 - r_1) / (2 S) with S =
+    _GAUSS_SHIFT, and the forces are mean -+ moment / (12 S). The return value is that of
+    `_evaluate_stages`.
+    """
+    state, _, scratch, _ = memory
+    link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
+    v_1, v_2 = scratch[_IMPLICIT.STAGE_V, i], scratch[_IMPLICIT.STAGE_V + 1, i]
+    rate_1 = v_1 - link * scratch[_IMPLICIT.STAGE_V, below]
+    rate_2 = v_2 - link * scratch[_IMPLICIT.STAGE_V + 1, below]
+    rise, bend = 0.5 * h * (rate_1 + rate_2), 0.5 * h * (rate_2 - rate_1) / _GAUSS_SHIFT
+    force_0 = state[rows.BRACE_FORCE, i]
+    follow_brace(linear_terms, i, h, rise, bend, force_0, scratch, _IMPLICIT.BRACE)
+    rounding = h * ROUNDING / RESIDUAL_TOLERANCE * linear_terms[rows.BRACE, i]
+    for stage in range(2):
+        sign = 2.0 * stage - 1.0
+        force = scratch[_IMPLICIT.BRACE + path.MEAN, i]
+        force += sign / (12.0 * _GAUSS_SHIFT) * scratch[_IMPLICIT.BRACE + path.MOMENT, i]
+        v, rate = (v_1, rate_1) if stage == 0 else (v_2, rate_2)
+        scratch[_IMPLICIT.STORY_FORCE + stage, i] += force
+        # The force of the brace depends on the change of drift in the step only.
+        scratch[_IMPLICIT.FORCE_SCALE + stage, i] += abs(force) + rounding * (
+            abs(v) + abs(v - rate)
+        )
+    is_stale = False
+    for row in range(4):
+        change = abs(
+            scratch[_IMPLICIT.BRACE + path.MEAN_BY_RISE + row, i]
+            - scratch[_IMPLICIT.FACTORED_BRACE + row, i]
+        )
+        is_stale = is_stale or change > TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
+    return is_stale
+
+
+@outlined
+def _brace_entry(coefficients, h, scratch, i, entry):
+    """Return the derivative of the force of a brace at a stage with respect to the drift
+    acceleration of a stage, kg; `entry` is the index in the 2 x 2 block, row by row.
+
+    The derivatives of the force at stage i with respect to the drift rates r_k follow from those of
+    mean and moment (`_add_brace`). The drift rate r_k has the derivative h A_kj with respect to the
+    acceleration of stage j.
+    """
+    sign = 2.0 * (entry // 2) - 1.0
+    first = _IMPLICIT.BRACE
+    by_rise = scratch[first + path.MEAN_BY_RISE, i]
+    by_rise += sign / (12.0 * _GAUSS_SHIFT) * scratch[first + path.MOMENT_BY_RISE, i]
+    by_bend = scratch[first + path.MEAN_BY_BEND, i]
+    by_bend += sign / (12.0 * _GAUSS_SHIFT) * scratch[first + path.MOMENT_BY_BEND, i]
+    by_rate_1 = 0.5 * h * (by_rise - by_bend / _GAUSS_SHIFT)
+    by_rate_2 = 0.5 * h * (by_rise + by_bend / _GAUSS_SHIFT)
+    column = entry % 2
+    return h * (by_rate_1 * coefficients[_A + column] + by_rate_2 * coefficients[_A + 2 + column])
 
 
 @inline
@@ -798,6 +873,8 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
             # block of the floor below. Row COUPLING contains `story` with positive sign;
             # `factor_blocks` assumes the opposite sign of the blocks between both floors.
             story = k_factor * stiffness + c_factor * damper
+            if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+                story += _brace_entry(coefficients, h, scratch, i, entry)
             scratch[_IMPLICIT.COUPLING + entry, i] = story
             scratch[_IMPLICIT.BLOCKS + entry, i] = (
                 m_factor * linear_terms[rows.MASS, i]
@@ -811,6 +888,11 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
             damper_tangent = scratch[_IMPLICIT.DAMPER_TANGENT + stage, i]
             scratch[_IMPLICIT.FACTORED_TANGENT + stage, i] = tangent
             scratch[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i] = damper_tangent
+    if BRACES:
+        for row in range(4):
+            for i in range(n):
+                tangent = scratch[_IMPLICIT.BRACE + path.MEAN_BY_RISE + row, i]
+                scratch[_IMPLICIT.FACTORED_BRACE + row, i] = tangent
     link_blocks(linear_terms, factors, n)
     factor_blocks(factors, damping, n)
 
@@ -843,7 +925,7 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
     # The end of the step is at this distance from the second stage, divided by the distance of both
     # stages.
     extrapolation = (1.0 - coefficients[_C + 1]) / (coefficients[_C + 1] - coefficients[_C])
-    u_below = 0.0
+    u_below = v0_below = 0.0
     for i in range(n):
         a1 = scratch[_IMPLICIT.STAGE_A, i]
         a2 = scratch[_IMPLICIT.STAGE_A + 1, i]
@@ -860,6 +942,14 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
         restoring_force(law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL, drift)
         commit(law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL)
         u_below = u1
+        if BRACES:
+            if linear_terms[rows.BRACE, i] != 0.0:
+                link = linear_terms[rows.LINK, i]
+                first_rate = v0 - link * v0_below
+                last_rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, max(i - 1, 0)]
+                rates = (first_rate, last_rate, last_rate)
+                commit_brace(linear_terms, i, h, rates, state, scratch, _IMPLICIT.BRACE)
+            v0_below = v0
 
 
 def implicit_coefficients(table: Table, weights: tuple[float, ...]) -> tuple[float, ...]:
@@ -883,7 +973,6 @@ def implicit_coefficients(table: Table, weights: tuple[float, ...]) -> tuple[flo
 
 
 # Gauss method with two stages: nodes 1/2 -+ sqrt(3) / 6, weights 1/2
-_GAUSS_SHIFT = math.sqrt(3.0) / 6.0
 GAUSS: Table = ((0.25, 0.25 - _GAUSS_SHIFT), (0.25 + _GAUSS_SHIFT, 0.25))
 
 # `memory` lists the independent rows of the state: in both families the acceleration follows from
@@ -919,6 +1008,7 @@ METHODS = (
         coefficients=lambda: implicit_coefficients(GAUSS, (0.5, 0.5)),
         order=lambda: 4,
         rho_inf=lambda: 1.0,
+        braces=True,
         source="two-stage Gauss method, Kuntzmann (1961) and Butcher (1964)",
     ),
 )

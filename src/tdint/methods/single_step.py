@@ -25,16 +25,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.compiling import inline, kernel, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
+    BraceStep,
     factor_rows,
     invalidate,
-    solve_equilibrium,
+    solve_equilibrium_with_braces,
 )
-from tdint.kernels.linear_terms import finite, floor_load
+from tdint.kernels.linear_terms import BRACES, finite, floor_load
 from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
+from tdint.kernels.stories.brace import commit_brace, follow_brace_at_midpoint
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
@@ -121,9 +123,14 @@ def step(
         coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1]
     )
     # The laws are evaluated from the committed states (block 0). Row X receives da.
-    code = solve_equilibrium(effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory)
+    brace_step = BraceStep(h, coefficients[W1], coefficients[L3] * h * h)
+    code = solve_equilibrium_with_braces(
+        brace_step, effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory
+    )
     if code < 0:
         return code
+    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        _commit_braces(coefficients, linear_terms, h, state, scratch)
     # Store the response at the end of the step, and commit the laws at its drifts. The laws follow
     # the path again, because they were evaluated at the weighted point.
     u_below = 0.0
@@ -192,6 +199,33 @@ def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, 
         )
         scratch[ROW.V, i] = v + w1 * h * a
         scratch[ROW.A, i] = a
+        if BRACES:
+            scratch[ROW.RISE, i] = h * v + 0.5 * h * h * a
+
+
+@outlined
+def _commit_braces(coefficients, linear_terms, h, state, scratch):
+    """Move all dampers with braces to the end of the step, before the state is updated.
+
+    The step is repeated at the solution, because the last evaluation of `solve_equilibrium` can
+    precede the last correction.
+    """
+    by_rise, by_rate = coefficients[L3] * h * h, coefficients[L5] * h
+    rise_below = v_0_below = v_below = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        link = linear_terms[rows.LINK, i]
+        da = scratch[ROW.X, i]
+        rise = scratch[ROW.RISE, i] + by_rise * da
+        v_0 = state[rows.VELOCITY, i]
+        v = v_0 + h * state[rows.ACCELERATION, i] + by_rate * da
+        if linear_terms[rows.BRACE, i] != 0.0:
+            force_0 = state[rows.BRACE_FORCE, i]
+            drift_change = rise - link * rise_below
+            follow_brace_at_midpoint(linear_terms, i, h, drift_change, force_0, scratch, ROW.BRACE)
+            first_rate, last_rate = v_0 - link * v_0_below, v - link * v_below
+            rates = (first_rate, last_rate, drift_change / h)
+            commit_brace(linear_terms, i, h, rates, state, scratch, ROW.BRACE)
+        rise_below, v_0_below, v_below = rise, v_0, v
 
 
 FAMILY = Family("single-step", step, lambda modes: _FACTORS + factor_rows(modes))
@@ -448,6 +482,7 @@ def _family_member(
     declared = {
         "rho_inf": rho_inf,
         "implicit": lambda *values: row(*values)[L3W3] != 0.0,
+        "braces": True,
         **declared,
     }
     method = Method(
@@ -525,6 +560,7 @@ METHODS = (
         Parameter("beta", 0.24, 1.0 / 6.0, 0.25),
         Parameter("theta", collocation_theta, 1.0, 10.0),
         stability_limit=_collocation_limit,
+        braces=False,  # as for wilson
     ),
     _family_member(
         "wilson",
@@ -532,6 +568,9 @@ METHODS = (
         "Wilson (1968), theta method; Bathe and Wilson (1973)",
         Parameter("theta", 1.4, 1.0, 10.0),
         stability_limit=lambda theta: _collocation_limit(1.0 / 6.0, theta),
+        # Equilibrium beyond the end of the step is unstable with a damper and a stiff brace
+        # (spectral radius 1.4 to 3.7).
+        braces=False,
     ),
     _family_member(
         "u0v0",

@@ -125,12 +125,13 @@ def workspace(
     flags[rows.LINEAR] = building.linear
     # NO_BRANCHES: no law has branches, and no branch change is located. SOME_BRANCHES: branch
     # changes are located, but a step without branch changes is nonlinear, because some laws are
-    # curved or there are power-law dashpots. ALL_BRANCHES: a step without branch changes is linear,
-    # and a single linear solution is sufficient.
+    # curved or there are power-law dashpots or braces of dampers. ALL_BRANCHES: a step without
+    # branch changes is linear, and a single linear solution is sufficient.
     flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
-    if building.piecewise_linear and not building.power_damped:
+    if building.piecewise_linear and not (building.power_damped or building.braced):
         flags[rows.BRANCHES] = rows.ALL_BRANCHES
-    flags[rows.POWER_DAMPERS] = building.power_damped
+    flags[rows.POWER_DAMPERS] = building.power_damped or building.braced
+    flags[rows.HAS_BRACES] = building.braced
     flags[rows.OWN_WORK] = family.own_work
     flags[rows.PARABOLIC] = family.parabolic
     flags[rows.HAS_DASHPOTS] = building.damped_by_devices
@@ -152,7 +153,7 @@ def workspace(
     totals = np.zeros(rows.TOTALS_SIZE)
     totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
     return Workspace(
-        state=np.zeros((family.state_rows, n + 1)),
+        state=np.zeros((family.state_rows + rows.BRACE_STATE_ROWS * building.braced, n + 1)),
         law_state=law_state_table(building.law_parameters),
         # The scratch array also contains the small matrix of the Woodbury formula for modal
         # damping. With two unknowns per floor, its order is two times the number of modes. One
@@ -228,9 +229,11 @@ def history_width(building: Building) -> int:
     """Return the number of values in a row of the history.
 
     They are the ground acceleration, HISTORY_FIELDS values of each floor or story of the building,
-    the energies (ENERGY_TERMS values), and the forces of the elements.
+    the force of each brace in a building with braces, the energies (ENERGY_TERMS values), and the
+    forces of the elements.
     """
-    return 1 + rows.HISTORY_FIELDS * building.stories + rows.ENERGY_TERMS + building.elements
+    fields = rows.HISTORY_FIELDS + building.braced
+    return 1 + fields * building.stories + rows.ENERGY_TERMS + building.elements
 
 
 def state_jumps(integrator: Integrator, h: float) -> Array:

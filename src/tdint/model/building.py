@@ -4,7 +4,7 @@ system."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -124,21 +124,44 @@ class Building:
 
     @cached_property
     def linear(self) -> bool:
-        """True if every story has a linear law and no story has a power-law dashpot."""
-        return not self.power_damped and self.law_codes <= {CODES["linear"]}
+        """True if every story has a linear law and no story has a power-law dashpot or a damper
+        with a brace."""
+        is_damped = self.power_damped or self.braced
+        return not is_damped and self.law_codes <= {CODES["linear"]}
 
     @cached_property
     def power_damped(self) -> bool:
-        """True if any story has a power-law dashpot."""
+        """True if any story has a power-law dashpot without a brace."""
         return bool(np.any(self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0))
 
     @cached_property
+    def braced(self) -> bool:
+        """True if any story has a damper with a brace."""
+        return bool(np.any(self.linear_terms[rows.BRACE, ..., :-1] != 0.0))
+
+    @cached_property
     def damped_by_devices(self) -> bool:
-        """True if any story has a dashpot."""
-        return self.power_damped or bool(np.any(self.linear_terms[rows.DASHPOT, ..., :-1] != 0.0))
+        """True if any story has a dashpot, with or without a brace."""
+        has_linear = bool(np.any(self.linear_terms[rows.DASHPOT, ..., :-1] != 0.0))
+        return self.power_damped or self.braced or has_linear
+
+    def damper_force(self, force: Array) -> Array:
+        """Return forces along the dampers from their forces in the direction of the drift, N."""
+        if not self.damped_by_devices:
+            return force
+        factor = self.linear_terms[rows.DAMPER_FACTOR, ..., :-1]
+        return np.asarray(np.divide(force, factor, out=np.array(force), where=factor != 1.0))
+
+    def peak_damper_force(self, peaks: Array) -> Array:
+        """Return the peak forces along the dampers from the peaks of a run, N."""
+        force = self.device_force(peaks[..., rows.PEAK_DRIFT_RATE, :])
+        if self.braced:
+            force = force + peaks[..., rows.PEAK_BRACE_FORCE, :]
+        return self.damper_force(force)
 
     def device_force(self, rate: Array) -> Array:
-        """Return the dashpot forces (N) of the stories at drift rates (m/s), shape (..., n).
+        """Return the forces (N) of dashpots without a brace at drift rates (m/s), shape (..., n),
+        in the direction of the drift.
 
         The force at the drift rate v is (c + c_p (v^2 + v_0^2)^p) v with the rows DASHPOT (c),
         POWER_DAMPER (c_p), THRESHOLD (v_0^2) and POWER (p) of the linear terms.
@@ -287,6 +310,20 @@ class Building:
         """Return the undamped modes of the initial stiffness, computed at the first call."""
         return self.vibration.modes
 
+    @cached_property
+    def modes_with_braces(self) -> Modes:
+        """Undamped modes with the braces of dampers as springs: the dampers are locked.
+
+        They limit the time step of conditionally stable methods.
+        """
+        if not self.braced:
+            return self.modes()
+        return FreeVibration(
+            self.mass,
+            self.initial_stiffness + self.linear_terms[rows.BRACE, :-1],
+            self.linear_terms[rows.LINK, :-1],
+        ).modes
+
 
 def _frequency_bound(
     stiffness: Array, link: Array, mass: Array, iterations: int = _BOUND_ITERATIONS
@@ -371,16 +408,15 @@ def assemble(model: Model) -> Building:
     linear_terms[rows.INVERSE_MASS, :n] = 1.0 / linear_terms[rows.MASS, :n]
     # DASHPOT contains only the dashpots of the model. STORY_DAMPER is the sum of all linear dampers
     # of a story: `add_damping` adds Rayleigh damping to STORY_DAMPER.
+    # The force and the drift rate of an inclined dashpot are multiplied by its factor.
     linear_terms[rows.STORY_DAMPER, :n] = linear_terms[rows.DASHPOT, :n] = [
-        story.dashpot for story in stories
+        story.dashpot * story.damper_factor**2 for story in stories
     ]
     for i, story in enumerate(stories):
-        # The dashpot force at the drift rate v is c v (v^2 + v0^2)^POWER. For |v| much larger than
-        # v0 it is c |v|^exponent, so POWER = (exponent - 1) / 2.
-        if (dashpot := story.power_dashpot) is not None:
-            linear_terms[rows.POWER_DAMPER, i] = dashpot.coefficient
-            linear_terms[rows.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
-            linear_terms[rows.THRESHOLD, i] = dashpot.linear_below**2
+        linear_terms[rows.DAMPER_FACTOR, i] = story.damper_factor
+        if story.power_dashpot is not None:
+            for row, number in _dashpot_rows(story, *story_numbers(story)[POWER]):
+                linear_terms[row, i] = number
         if _can_stiffen(story):
             linear_terms[rows.STIFFENING, i] = rows.UNLIMITED
     # The link of the first story remains 0: it is on the ground, so its force acts on no floor
@@ -492,6 +528,32 @@ def _can_stiffen(story: Story) -> bool:
     return stiffens and not symmetric
 
 
+def _dashpot_rows(
+    story: Story, coefficient: float, exponent: float, linear_below: float, brace: float
+) -> Iterator[tuple[int, float]]:
+    """Yield rows of the linear terms with their numbers for a power-law dashpot of a story.
+
+    The force of a dashpot without a brace at the drift rate v is c v (v^2 + v0^2)^POWER. For |v|
+    much larger than v0 it is c |v|^exponent, so POWER = (exponent - 1) / 2. With the factor of an
+    inclined dashpot, the coefficient of the story is factor^(1 + exponent) times c, v0 is divided
+    by the factor, and the stiffness of the brace is multiplied by the square of the factor.
+    """
+    factor = story.damper_factor
+    if factor != 1.0:
+        coefficient *= factor ** (1.0 + exponent)
+        linear_below /= factor
+        brace *= factor**2
+    if story.power_dashpot and story.power_dashpot.brace is not None:
+        yield rows.BRACE, brace
+        yield rows.BRACED_DAMPER, coefficient
+        yield rows.BRACED_EXPONENT, exponent
+        yield rows.BRACED_THRESHOLD, linear_below**2
+    else:
+        yield rows.POWER_DAMPER, coefficient
+        yield rows.POWER, 0.5 * (exponent - 1.0)
+        yield rows.THRESHOLD, linear_below**2
+
+
 @dataclass(frozen=True)
 class DrawnBuildings:
     """Random samples of a building, as arrays with the samples on the first axis.
@@ -554,7 +616,7 @@ class DrawnBuildings:
     @property
     def with_devices(self) -> NDArray[np.bool_]:
         """Mask of the samples with a dashpot in any story, shape (draws,)."""
-        coefficients = self.linear_terms[:, [rows.DASHPOT, rows.POWER_DAMPER], :-1]
+        coefficients = self.linear_terms[:, [rows.DASHPOT, rows.POWER_DAMPER, rows.BRACE], :-1]
         return np.asarray(np.any(coefficients != 0.0, axis=(1, 2)))
 
 
@@ -662,13 +724,23 @@ def _insert_numbers(
             law_parameters[:, row, table_column] = values_of_draws
         elif column == HEIGHT and not model.stories[i].isolator:
             heights[:, i] = values_of_draws
-        elif column in _TABLE_ROW_OF_COLUMN:
-            linear_terms[:, _TABLE_ROW_OF_COLUMN[column], i] = values_of_draws
-        elif column == POWER.start + 1:  # exponent of the power-law dashpot, c v (v^2 + v0^2)^POWER
-            linear_terms[:, rows.POWER, i] = 0.5 * (values_of_draws - 1.0)
-        elif column == POWER.start + 2:  # drift rate below which the dashpot is linear
-            # Squared in Python as in `assemble`: the square of NumPy can differ in the last bit.
-            linear_terms[:, rows.THRESHOLD, i] = [rate**2 for rate in values_of_draws.tolist()]
+        elif column == MASS:
+            linear_terms[:, rows.MASS, i] = values_of_draws
+        elif column == DASHPOT:
+            factor = model.stories[i].damper_factor ** 2
+            linear_terms[:, rows.DASHPOT, i] = values_of_draws * factor
+    # The rows of a power-law dashpot depend on several numbers. They are computed in Python as in
+    # `assemble`: powers of NumPy can differ in the last bit.
+    for i in {i for i, column in changed_values if POWER.start <= column < POWER.stop}:
+        story = model.stories[i]
+        numbers = story_numbers(story)
+        columns = [
+            np.broadcast_to(changed_values.get((i, column), numbers[column]), len(linear_terms))
+            for column in range(POWER.start, POWER.stop)
+        ]
+        for draw, dashpot in enumerate(np.stack(columns, axis=1).tolist()):
+            for row, number in _dashpot_rows(story, *dashpot):
+                linear_terms[draw, row, i] = number
 
 
 def _table_position(story: Story, columns: range, number: int) -> tuple[int, int]:
@@ -785,11 +857,6 @@ def _changed_numbers(
                     [compute_stiffness(parameters) for parameters in parameters_of_draws]
                 )
     return changed
-
-
-_TABLE_ROW_OF_COLUMN = {MASS: rows.MASS, DASHPOT: rows.DASHPOT, POWER.start: rows.POWER_DAMPER}
-"""Rows of the linear terms that contain values of a story unchanged, by their index in
-`story_numbers`."""
 
 
 def weight_over_height(model: Model) -> Array:
@@ -924,6 +991,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
         elements=building.elements > 0,
+        braces=building.braced,
     )
     # Return the same instance for equal variants. A lookup in a dictionary compares the identity
     # first, so that lookups of variants are fast.

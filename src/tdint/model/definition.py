@@ -297,12 +297,17 @@ class PowerDashpot:
     exponent : float
         In (0, 2].
     linear_below : float
-        v0, m/s; positive if the exponent is less than 1, otherwise zero or positive.
+        v0, m/s; positive if the exponent is less than 1 and there is no brace, otherwise zero or
+        positive.
+    brace : float or None
+        Stiffness of the brace in series with the damper, N/m; v is then the rate of the damper.
+        None for a damper without a brace.
     """
 
     coefficient: float
     exponent: float
     linear_below: float
+    brace: float | None = None
 
 
 @dataclass(frozen=True)
@@ -330,6 +335,9 @@ class Story:
         True if Rayleigh damping applies to the story.
     elements : tuple of Element
         Elements of a story with several springs in parallel; empty for a story with one law.
+    damper_factor : float
+        Cosine of the inclination of the dashpot, in (0, 1]. The deformation of the dashpot with its
+        brace is the drift times this number, and so is the story force divided by its force.
     """
 
     mass: float
@@ -341,6 +349,7 @@ class Story:
     isolator: bool = False
     rayleigh: bool = True
     elements: tuple[Element, ...] = ()
+    damper_factor: float = 1.0
 
     @property
     def springs(self) -> tuple[Element, ...]:
@@ -662,8 +671,15 @@ def _story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: 
         law=SUM_OF_ELEMENTS if story.elements else springs[0].law,
         elements=tuple(springs) if story.elements else (),
         dashpot=numbers[DASHPOT],
-        power_dashpot=PowerDashpot(*numbers[POWER]) if story.power_dashpot else None,
+        power_dashpot=_power_dashpot(*numbers[POWER]) if story.power_dashpot else None,
     )
+
+
+def _power_dashpot(
+    coefficient: float, exponent: float, linear_below: float, brace: float
+) -> PowerDashpot:
+    """Return a power-law dashpot from its numbers in `story_numbers`; nan for no brace."""
+    return PowerDashpot(coefficient, exponent, linear_below, None if math.isnan(brace) else brace)
 
 
 def simple_story(
@@ -735,10 +751,11 @@ _STORY_KEYS = (
     "dashpot.coefficient",
     "dashpot.exponent",
     "dashpot.linear_below",
+    "dashpot.brace",
 )
 """Keys of the values of a story in the order of `story_numbers`. Parameters of the law follow."""
 
-MASS, HEIGHT, STIFFNESS, DASHPOT, POWER = 0, 1, 2, 3, slice(4, 7)
+MASS, HEIGHT, STIFFNESS, DASHPOT, POWER = 0, 1, 2, 3, slice(4, 8)
 """Indices of the values in `story_numbers`. `POWER` selects the values of the power-law dashpot."""
 
 FIRST_LAW_PARAMETER = len(_STORY_KEYS)
@@ -864,10 +881,12 @@ def story_numbers(story: Story) -> tuple[float, ...]:
     """Return the values of a story, SI units: first `_STORY_KEYS`, then the parameters of its law,
     or the stiffness and the parameters of each element.
 
-    The values of a missing height or power-law dashpot are nan.
+    The values of a missing height, power-law dashpot or brace are nan.
     """
-    power = story.power_dashpot
-    dashpot = (power.coefficient, power.exponent, power.linear_below) if power else (math.nan,) * 3
+    dashpot = (math.nan,) * 4
+    if power := story.power_dashpot:
+        brace = math.nan if power.brace is None else power.brace
+        dashpot = (power.coefficient, power.exponent, power.linear_below, brace)
     height = math.nan if story.height is None else story.height
     parameters = list(story.law.parameters)
     for element in story.elements:
@@ -987,7 +1006,7 @@ def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
         "dashpot": [] if story.power_dashpot else [(DASHPOT, False, None)],
     }
     if story.power_dashpot:
-        for i in range(POWER.start, POWER.stop):
+        for i in range(POWER.start, POWER.stop - (story.power_dashpot.brace is None)):
             changes[_STORY_KEYS[i]] = [(i, False, None)]
     return changes | set_law
 

@@ -256,7 +256,7 @@ def named_history(
     )
     # The first energy is the input energy; the imbalance is the part of the input and the initial
     # energy that no other term contains.
-    first_energy = 1 + rows.HISTORY_FIELDS * n
+    first_energy = 1 + (rows.HISTORY_FIELDS + building.braced) * n
     terms = list(table[:, first_energy : first_energy + rows.ENERGY_TERMS].T)
     initial = space.totals[rows.ENERGY_INITIAL]
     if max_input_energy is None:
@@ -279,7 +279,7 @@ def named_history(
 
 # Positions of the fields in a row of the history table, in units of n columns, after the first
 # column with the ground acceleration.
-_DISPLACEMENT_FIELD, _VELOCITY_FIELD, _ACCELERATION_FIELD, _SHEAR_FIELD = range(4)
+_DISPLACEMENT_FIELD, _VELOCITY_FIELD, _ACCELERATION_FIELD, _SHEAR_FIELD, _BRACE_FIELD = range(5)
 
 
 def _stored_field(field: int) -> FieldFunction:
@@ -325,13 +325,22 @@ def _total_shear(building: Building, forces: Array, time: Array, table: Array) -
 _absolute_acceleration = _stored_field(_ACCELERATION_FIELD)
 _DRIFT_RATE = _floor_difference(_VELOCITY_FIELD)
 
+
+def _damper_force(building: Building, forces: Array, time: Array, table: Array) -> Array:
+    """Return the forces along the dampers, N; the arguments are those of `FieldFunction`."""
+    force = building.device_force(_DRIFT_RATE(building, forces, time, table))
+    if building.braced:
+        force = force + _stored_field(_BRACE_FIELD)(building, forces, time, table)
+    return building.damper_force(force)
+
+
 HISTORIES: dict[str, FieldFunction] = {
     "displacement": _stored_field(_DISPLACEMENT_FIELD),
     "velocity": _stored_field(_VELOCITY_FIELD),
     "acceleration": _absolute_acceleration,
     "drift": _floor_difference(_DISPLACEMENT_FIELD),
     "shear": _stored_field(_SHEAR_FIELD),
-    "damper_force": lambda building, *table: building.device_force(_DRIFT_RATE(building, *table)),
+    "damper_force": _damper_force,
     "total_shear": _total_shear,
 }
 """Functions that compute the fields of `History` for stories and floors, shape (rows, n)."""
@@ -549,7 +558,7 @@ class Case:
         if instability is None:
             return
         stable = instability.largest_stable
-        omega = self.building.modes().omega[instability.index]
+        omega = self.building.modes_with_braces.omega[instability.index]
         remedy = (
             f"the largest stable step is {stable:.6g} s"
             if stable > 0.0

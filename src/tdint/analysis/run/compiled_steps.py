@@ -22,6 +22,7 @@ from tdint.kernels.compiling import Kernel
 from tdint.kernels.stepping import Scene
 from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
+from tdint.methods.catalogue import catalogue
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import workspace
 from tdint.model.building import Building, oscillators
@@ -99,8 +100,14 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
 def unsupported_reason(integrator: Integrator, building: Building) -> str:
     """Return a message if a method does not support a building; empty if it does.
 
-    Some methods do not support nonlinear stories or power-law dashpots.
+    Some methods do not support nonlinear stories, power-law dashpots or braces of dampers.
     """
+    if building.braced and not integrator.method.braces:
+        names = ", ".join(name for name, method in catalogue().items() if method.braces)
+        return (
+            f"{integrator.label} does not support dampers with a brace; use one of {names}, or "
+            "omit `brace` from the dashpots"
+        )
     if integrator.family.linear_only and not building.linear:
         return (
             f"{integrator.label} supports only linear buildings; this building has nonlinear "
@@ -118,7 +125,12 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
 # them
 
 LINEAR_OSCILLATORS = Variant(
-    laws=("linear",), modal=False, forces=False, dashpots=False, elements=False
+    laws=("linear",),
+    modal=False,
+    forces=False,
+    dashpots=False,
+    elements=False,
+    braces=False,
 )
 """Variant of the kernels for linear oscillators."""
 

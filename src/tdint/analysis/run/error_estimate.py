@@ -208,7 +208,7 @@ def reference(case: Case) -> Case:
     time steps. In all other cases, `default_reference` selects the method.
     """
     method, building = case.method.method, case.building
-    is_curved = building.power_damped or not building.piecewise_linear
+    is_curved = building.power_damped or building.braced or not building.piecewise_linear
     if (
         method.estimating_coefficients is not None
         and case.method.order >= _MIN_ORDER

@@ -71,8 +71,9 @@ class StoryValues:
         Array,
         Quantity(
             "N",
-            "maximum absolute force of the dashpots of the story; 0 without dashpots",
-            lambda building, peaks, end: building.device_force(peaks[..., rows.PEAK_DRIFT_RATE, :]),
+            "maximum absolute force of the dashpots of the story, along an inclined dashpot; 0 "
+            "without dashpots",
+            lambda building, peaks, end: building.peak_damper_force(peaks),
         ),
     ]
     peak_total_shear: Annotated[
@@ -404,6 +405,7 @@ class EnergyTerms(Generic[Amount]):
     dampers: Annotated[Amount, "work of the dashpots"]
     strain: Annotated[Amount, "stored in the stories, P-delta included"]
     hysteretic: Annotated[Amount, "dissipated by the drift laws"]
+    braces: Annotated[Amount, "stored in the braces of dampers"]
 
 
 ENERGY_TERMS: dict[str, str] = {
@@ -432,6 +434,8 @@ class Energy(EnergyTerms[float]):
         Energy stored in the stories, including P-delta.
     hysteretic : float
         Energy dissipated by the hysteresis models.
+    braces : float
+        Energy stored in the braces of dampers.
     initial : float
         Kinetic and stored energy at the start.
     reference : float

@@ -321,7 +321,8 @@ class PreparedBuilding:
 
     def instability(self, integrator: Integrator, h: float) -> Instability | None:
         """Return the stiffest mode of the initial state for which the time step h (s) is above the
-        stability limit of the method; None if there is no such mode.
+        stability limit of the method; None if there is no such mode. The modes include the braces
+        of dampers (`Building.modes_with_braces`).
 
         Only methods that declare a finite stability limit are measured (`find_instability`); the
         measurement is cached. For all other methods the result is None. Tests confirm the
@@ -331,7 +332,7 @@ class PreparedBuilding:
             return None
         key = (integrator.label, h)
         if key not in self._instability:
-            modes = self.building.modes()
+            modes = self.building.modes_with_braces
             damping = np.diagonal(modes.modal_damping(self.building.damping_matrix())) / (
                 2.0 * modes.omega
             )
@@ -911,7 +912,8 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
 
     Another process compiles the loops at the same time
     (`tdint.kernels.building.load_or_compile.interpret_while_compiling`). The result is always False
-    with power-law dashpots, because their iterations take fifteen times as long.
+    with power-law dashpots and braces of dampers, because their iterations take fifteen times as
+    long.
 
     Parameters
     ----------
@@ -926,6 +928,7 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
     if (
         steps * (building.stories + 1) > _MAX_INTERPRETED_SIZE
         or building.power_damped
+        or building.braced
         or unsupported_reason(methods[0], building)
     ):
         return False

@@ -64,6 +64,8 @@ class Variant:
         Dashpots, linear or of a power law.
     elements : bool
         Stories with several elements (springs in parallel).
+    braces : bool
+        Dampers in series with a brace.
     """
 
     laws: tuple[str, ...] = ()
@@ -71,6 +73,7 @@ class Variant:
     forces: bool = True
     dashpots: bool = True
     elements: bool = True
+    braces: bool = True
 
     @property
     def text(self) -> str:
@@ -103,7 +106,7 @@ class Variant:
         ----------
         parts : tuple of str
             Names of the attributes on which the kernel depends: laws, modal, forces,
-            dashpots or elements.
+            dashpots, elements or braces.
         """
         # _PARTS contains the names of all attributes.
         unused = {name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}
@@ -174,9 +177,9 @@ class Compilable:
         signature : Signature
             Types of its arguments and its result.
         parts : tuple of str
-            Attributes of `Variant` (laws, modal, forces, dashpots) that affect the code of the
-            kernel. `required_variant` replaces all other attributes by the values of EVERYTHING,
-            the default variant with all features.
+            Attributes of `Variant` (laws, modal, forces, dashpots, braces) that affect the
+            code of the kernel. `required_variant` replaces all other attributes by the values of
+            EVERYTHING, the default variant with all features.
         vectorized : bool
             True if the compiler may vectorize loops; the process that compiles the kernel reads
             this attribute.

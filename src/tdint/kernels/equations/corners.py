@@ -17,10 +17,17 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, R
 from tdint.kernels.laws.selection import HAS_ELEMENTS
-from tdint.kernels.linear_terms import FORCES, add_modal_force, force_value, power_damper
+from tdint.kernels.linear_terms import (
+    BRACES,
+    FORCES,
+    add_modal_force,
+    force_value,
+    power_damper,
+)
 from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
 from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories import path
+from tdint.kernels.stories.brace import brace_force_within
 
 # Bound of the deviation of a story force from its linear least-squares fit over the step, divided
 # by stiffness times change of drift. It is reached if the story loses all stiffness at the middle
@@ -505,6 +512,21 @@ def _raise_peaks_of_sums(scene, memory, count):
                     scratch[ROW.NODE_FORCE + k, i] - scene.linear_terms[rows.GEOMETRIC, i] * drift
                 )
                 raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
+
+
+@outlined
+def _add_brace_forces(scene, h, memory, count):
+    """Add the forces of dampers with braces to the story forces at all nodes, N."""
+    linear_terms, scratch = scene.linear_terms, memory.scratch
+    n = linear_terms.shape[1] - 1
+    for i in range(n):
+        if linear_terms[rows.BRACE, i] != 0.0:
+            force_0 = memory.state[rows.BRACE_FORCE, i]
+            for k in range(count):
+                t = scratch[ROW.NODE_FORCE + k, n]
+                scratch[ROW.NODE_FORCE + k, i] += brace_force_within(
+                    linear_terms, i, h, t, force_0, scratch, ROW.BRACE
+                )
 
 
 @outlined
@@ -1052,6 +1074,8 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
             _store_forces(coefficients, scene, h, memory, i, count)
         if HAS_ELEMENTS and pass_index == _PASSES - 1:
             _raise_peaks_of_sums(scene, memory, count)
+        if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
+            _add_brace_forces(scene, h, memory, count)
         for k in range(count):
             _store_accelerations(scene, h, load, scratch, k)
     for i in range(n):

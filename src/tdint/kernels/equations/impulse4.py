@@ -61,6 +61,7 @@ from tdint.kernels.equations.tridiagonal import (
 )
 from tdint.kernels.laws.selection import HAS_CURVED_LAW, HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
+    BRACES,
     MODAL,
     add_modal_force,
     floor_impulse,
@@ -68,6 +69,8 @@ from tdint.kernels.linear_terms import (
     power_damper,
 )
 from tdint.kernels.stepping import Factors
+from tdint.kernels.stories import path
+from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, follow_brace
 from tdint.kernels.stories.branches import find_sign_change, turns_at_reversal
 from tdint.kernels.stories.law_state import (
     restoring_force_on_branches,
@@ -113,12 +116,15 @@ class _Rows(NamedTuple):
     # First row of the trial state that precedes the state at the end of the step: the later of the
     # inner point and the reversal. It is used only if KINK is not 0.
     PREVIOUS_BLOCK: int = 1
-    # Average of the dashpot force at the two endpoints minus its mean over the step, N
+    # Average of the force of a power-law dashpot or of a damper with a brace at the two endpoints
+    # minus its mean over the step, N
     DASHPOT_MISMATCH: int = 1
+    BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace`
     # Real and imaginary part of the right side r1 + l r2, then of the solution w (`solve_linear`)
     COMPLEX: int = 2
     # State and law states at the start of a step that is divided into substeps, for its repetition
     SAVED: int = 4 + rows.LAW_STATE_ROWS
+    SAVED_BRACES: int = rows.BRACE_STATE_ROWS
     SUBSTEP_START: int = 3  # displacement, velocity and acceleration at the start of a substep
     # Distance of the drift from the limit of the branch (m), story force (N) and floor acceleration
     # (m/s^2) at the end of a substep, for the peaks
@@ -150,6 +156,8 @@ class _Block(NamedTuple):
     FACTORED_C: int = 1
     FACTORED_1: int = 1
     FACTORED_SLOPE: int = 1  # SLOPE_1 of the factorized matrix, N s/m
+    # Derivatives of mean and moment of the forces of dampers with braces, N/m
+    FACTORED_BRACE: int = 4
     BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization
     COUPLING: int = COUPLING_ROWS  # blocks between adjacent floors
 
@@ -401,6 +409,13 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     applied_fraction = 1.0
     previous_norm = math.inf
     is_correction_negligible = False
+    # The forces of dampers with stiff braces require the line search from the first correction. At
+    # the end of a step, they can exceed the mean forces by orders of magnitude, so that a relative
+    # tolerance must be strict.
+    undamped_iterations = UNDAMPED_ITERATIONS
+    if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
+        undamped_iterations = 0
+        tolerance = RESIDUAL_TOLERANCE
     while True:
         # The first argument of `has_converged` is True if no further solution is allowed; if the
         # test fails, the largest relative residual is then stored for the error message.
@@ -430,7 +445,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         ):
             break
         # Line search. R1 (kg m) divided by h and R2 have the unit N s.
-        if iterations >= UNDAMPED_ITERATIONS:
+        if iterations >= undamped_iterations:
             norm = squared_norm(linear_terms, scratch, momentum.R1, n) / (h * h) + squared_norm(
                 linear_terms, scratch, momentum.R2, n
             )
@@ -450,7 +465,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         iterations += 1
         # `correct` has replaced the residuals in the rows R1 and R2 by the corrections of DU and
         # DV.
-        if iterations > UNDAMPED_ITERATIONS:
+        if iterations > undamped_iterations:
             copy_rows(scratch, momentum.R1, ROW.LAST_CORRECTION, 2, n)
     return max(iterations, 1)
 
@@ -531,6 +546,9 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
                 _add_damper(coefficients, linear_terms, i, h, increment, memory, factors)
                 or is_stale
             )
+        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+            bend = h * (scratch[momentum.DV, i] - link * scratch[momentum.DV, max(i - 1, 0)])
+            is_stale = _add_brace(scene, i, h, increment, bend, memory, factors) or is_stale
         uc_below = uc
         u_below = u
         v_below = v
@@ -840,6 +858,35 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     )
 
 
+@outlined
+def _add_brace(scene, i, h, rise, bend, memory, factors):
+    """Add the damper with its brace to the force at the end and to the impulse of story `i`.
+
+    The force is integrated along the parabola of drift with the change `rise` and the change `bend`
+    of h times the drift rate (m). The return value is that of `_add_damper`.
+    """
+    linear_terms = scene.linear_terms
+    state, _, scratch, _ = memory
+    force_0 = state[rows.BRACE_FORCE, i]
+    follow_brace(linear_terms, i, h, rise, bend, force_0, scratch, ROW.BRACE)
+    mean = scratch[ROW.BRACE + path.MEAN, i]
+    moment = scratch[ROW.BRACE + path.MOMENT, i]
+    scratch[momentum.FORCE_1, i] += force_0 + moment
+    scratch[momentum.FORCE_S, i] += h * mean
+    scratch[ROW.DASHPOT_MISMATCH, i] = force_0 + 0.5 * moment - mean
+    # The force of the brace depends on the change of drift in the step only.
+    rounding = ROUNDING / RESIDUAL_TOLERANCE * linear_terms[rows.BRACE, i]
+    du = scratch[momentum.DU, i]
+    scratch[momentum.SIZE, i] += rounding * (abs(du) + abs(du - rise))
+    is_stale = False
+    tangent_tolerance = TANGENT_TOLERANCE * scene.law_parameters[rows.STIFFNESS, i]
+    for row in range(4):
+        tangent = scratch[ROW.BRACE + path.MEAN_BY_RISE + row, i]
+        change = abs(tangent - scratch[factors + _BLOCK.FACTORED_BRACE + row, i])
+        is_stale = is_stale or change > tangent_tolerance
+    return is_stale
+
+
 @inline
 def _newton_factorization(scratch, factors):
     """Return the location of the factorization of Newton's method from row `factors` on."""
@@ -866,8 +913,10 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     sc and s1 with respect to the drift rate at these points. The derivatives of the drift rate at
     the inner point are rd / h with respect to the change of drift, and rv with respect to the
     change of drift rate (RATE_BY_INCREMENT and RATE_BY_VELOCITY_1 of `coefficients`). The impulse
-    contains h times the dashpot force; the term h wc sc rd / h is therefore rd wc sc. The
-    coefficients of the method satisfy wc gd = th - w1 and wc g1 = -be.
+    contains h times the dashpot force; the term h wc sc rd / h is therefore rd wc sc. A damper with
+    a brace adds h times the derivatives of its mean force to the momentum, and -be h^2 times the
+    derivatives of its force at the end to the kinematics. The coefficients of the method satisfy
+    wc gd = th - w1 and wc g1 = -be.
     """
     n = linear_terms.shape[1] - 1
     by_a = coefficients[BETA] * h * h
@@ -898,6 +947,13 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         scratch[coupling + 3, i] += h * (
             coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1
         )
+        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+            # The unknown of the velocity is the change of the drift rate, the bend divided by h.
+            for row in range(4):
+                tangent = scratch[ROW.BRACE + path.MEAN_BY_RISE + row, i]
+                scratch[factors + _BLOCK.FACTORED_BRACE + row, i] = tangent
+                factor = (h if row < 2 else -by_a) * (h if row % 2 == 1 else 1.0)
+                scratch[coupling + (row + 2) % 4, i] += factor * tangent
     scratch[factors + _BLOCK.FACTORED_1, n] = h
     assemble_blocks(
         linear_terms, _newton_factorization(scratch, factors), h * coefficients[THETA], by_a, n

@@ -38,9 +38,10 @@ from tdint.kernels.equations.tridiagonal import (
     solve_blocks_damped,
 )
 from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
-from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force, power_damper
+from tdint.kernels.linear_terms import BRACES, DASHPOTS, MODAL, add_modal_force, power_damper
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
+from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, commit_brace, follow_brace
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.dashpot_path import follow_dashpot
 from tdint.kernels.stories.path import (
@@ -84,7 +85,9 @@ class _Rows(NamedTuple):
     LEAVES_BRANCH: int = 1
     NO_REVERSAL: int = 1  # 1 if the story has no reversal in the step, even if its parabola has one
     PATH: int = path.PATH_ROWS  # means and moments of the story forces, and their derivatives
-    DASHPOT: int = 2  # mean and first moment of the force of the power-law dashpot, N
+    # Mean and first moment of the force of the power-law dashpot or of the damper with a brace, N
+    DASHPOT: int = 2
+    BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace`
     # Derivatives of means and moments for which the matrix was factorized, N/m; the last column
     # contains the length of the step, s
     FACTORED: int = 4
@@ -422,6 +425,8 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding)
         if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
+        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+            _add_brace(linear_terms, i, h, rise, bend, state, scratch)
         # The factorization is kept if no derivative has changed by more than the tolerance.
         tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         for row in range(4):
@@ -452,8 +457,27 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
             * law_parameters[rows.STIFFNESS, i]
             * (displacement_scale + link * displacement_scale_below)
         )
+        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+            # The force of the brace depends only on changes of drift and rate within the step.
+            change = abs(rise_below) + abs(rise_below - rise) + abs(bend)
+            scratch[ROW.ROUNDING_FORCE, i] += rounding * (
+                linear_terms[rows.BRACE, i] * change + abs(state[rows.BRACE_FORCE, i])
+            )
         displacement_scale_below = displacement_scale
     return is_stale
+
+
+@outlined
+def _add_brace(linear_terms, i, h, rise, bend, state, scratch):
+    """Add mean and first moment of the force of damper and brace, and their derivatives, to the
+    rows PATH of story `i`. Rows DASHPOT receive mean and moment alone."""
+    force_0 = state[rows.BRACE_FORCE, i]
+    follow_brace(linear_terms, i, h, rise, bend, force_0, scratch, ROW.BRACE)
+    # The first six rows of the results have the order of the rows PATH.
+    for row in range(6):
+        scratch[ROW.PATH + row, i] += scratch[ROW.BRACE + row, i]
+    scratch[ROW.DASHPOT, i] = scratch[ROW.BRACE + path.MEAN, i]
+    scratch[ROW.DASHPOT + 1, i] = scratch[ROW.BRACE + path.MOMENT, i]
 
 
 @inline
@@ -637,6 +661,8 @@ def _acceleration(scene, memory, i):
             story_force += (
                 linear_terms[rows.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
             )
+            if BRACES and linear_terms[rows.BRACE, j] != 0.0:
+                story_force += state[rows.BRACE_REPORTED, j]
             force += story_force * link if above else -story_force
     return linear_terms[rows.INVERSE_MASS, i] * force
 
@@ -1052,6 +1078,8 @@ def update_state(coefficients, scene, h, memory):
         viscous_work += _modal_work(modal, h, scratch, n)
     if DASHPOTS and flags[rows.POWER_DAMPERS] != 0.0:
         viscous_work += _dashpot_work(linear_terms, scratch, n)
+    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        _commit_braces(linear_terms, h, state, scratch)
     step_status[rows.WORK_INPUT] = work_of_mean + work_of_moment / 12.0
     step_status[rows.WORK_VISCOUS] = viscous_work
 
@@ -1116,3 +1144,18 @@ def _dashpot_work(linear_terms, scratch, n):
         if linear_terms[rows.POWER_DAMPER, i] != 0.0:
             total += rise * scratch[ROW.DASHPOT, i] + bend * scratch[ROW.DASHPOT + 1, i] / 12.0
     return total
+
+
+@outlined
+def _commit_braces(linear_terms, h, state, scratch):
+    """Move all dampers with braces to the end of the step; `state` contains the new velocities."""
+    v_below = v_0_below = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        link = linear_terms[rows.LINK, i]
+        v = state[rows.VELOCITY, i]
+        v_0 = v - scratch[ROW.A0, i] / h  # A0 is h times the change of the velocity
+        if linear_terms[rows.BRACE, i] != 0.0:
+            first_rate, last_rate = v_0 - link * v_0_below, v - link * v_below
+            rates = (first_rate, last_rate, last_rate)
+            commit_brace(linear_terms, i, h, rates, state, scratch, ROW.BRACE)
+        v_below, v_0_below = v, v_0

@@ -17,7 +17,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -30,8 +30,10 @@ from tdint.kernels.equations.iteration import (
     squared_norm,
 )
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
-from tdint.kernels.linear_terms import add_modal_force, power_damper
+from tdint.kernels.linear_terms import BRACES, add_modal_force, power_damper
 from tdint.kernels.stepping import Factors
+from tdint.kernels.stories import path
+from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, follow_brace_at_midpoint
 from tdint.kernels.stories.law_state import restoring_force
 
 
@@ -53,6 +55,31 @@ class _Rows(NamedTuple):
     # errors of the displacements) / RESIDUAL_TOLERANCE
     SIZE: int = 1
     CORRECTION: int = 1  # last correction of x, which the line search may halve, m/s^2
+    # Change of the displacement over the complete step for x = 0, m; used with braces only
+    RISE: int = 1
+    BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace_at_midpoint`
+
+
+class BraceStep(NamedTuple):
+    """Step of the dampers with braces. Equilibrium contains F0 + weight (F1 - F0) with their forces
+    at the start (0) and at the end (1) of the step.
+
+    Attributes
+    ----------
+    h : float
+        Length of the step, s.
+    weight : float
+        Position of equilibrium within the step, from 0 to 1.
+    by_rise : float
+        Change of the displacement over the step for a unit change of x, s^2.
+    """
+
+    h: float
+    weight: float
+    by_rise: float
+
+
+_NO_BRACES = BraceStep(0.0, 0.0, 0.0)
 
 
 class _Factors(NamedTuple):
@@ -148,6 +175,23 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         equilibrium and no system is solved. NOT_CONVERGED (negative) if the residuals are too large
         after MAX_ITERATIONS solutions.
     """
+    return solve_equilibrium_with_braces(
+        _NO_BRACES, effective, factors, previous, trial, scene, memory
+    )
+
+
+@inline
+def solve_equilibrium_with_braces(brace_step, effective, factors, previous, trial, scene, memory):
+    """Solve the equilibrium of `solve_equilibrium` with the forces of dampers with braces.
+
+    Parameters
+    ----------
+    brace_step : BraceStep
+        Step of the dampers. Row RISE contains the changes of the displacements for x = 0, and rows
+        BRACE receive the forces.
+    effective, factors, previous, trial, scene, memory
+        Arguments of `solve_equilibrium`, as is the return value.
+    """
     by_u, by_v, by_a = effective
     linear_terms, modal, _, _, flags = scene
     scratch, step_status = memory.scratch, memory.step_status
@@ -167,19 +211,23 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     iterations = 0
     applied_fraction = 1.0
     previous_norm = math.inf
+    # The forces of dampers with stiff braces require the line search from the first correction.
+    undamped_iterations = UNDAMPED_ITERATIONS
+    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        undamped_iterations = 0
     while True:
         # Compute the story forces. `is_stale` is True if the factorization is for other tangents.
         # `_update_residuals` returns True if all residuals are within the tolerance. Its first
         # argument is True if no further solution is allowed; if the test fails, the largest
         # relative residual is then stored for the error message.
-        is_stale = _story_forces(effective, factors, previous, trial, scene, memory)
+        is_stale = _story_forces(brace_step, effective, factors, previous, trial, scene, memory)
         if _update_residuals(
             iterations == MAX_ITERATIONS, linear_terms, modal, scratch, step_status
         ):
             break
         # Line search, after the first UNDAMPED_ITERATIONS corrections: halve the applied fraction
         # of a correction that does not reduce the norm of the residuals.
-        if iterations >= UNDAMPED_ITERATIONS:
+        if iterations >= undamped_iterations:
             norm = squared_norm(linear_terms, scratch, ROW.RESIDUAL, n)
             if must_halve(norm, previous_norm, applied_fraction):
                 applied_fraction *= 0.5
@@ -199,7 +247,7 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         # `solve_damped` replaces the residuals in row RESIDUAL by the correction.
         solve_damped(factorization, modal, ROW.RESIDUAL, n)
         iterations += 1
-        if iterations > UNDAMPED_ITERATIONS:
+        if iterations > undamped_iterations:
             copy_rows(scratch, ROW.RESIDUAL, ROW.CORRECTION, 1, n)
         # If all forces are linear functions of x, one solution is exact.
         is_linear_in_x = flags[rows.LINEAR] != 0.0 or (
@@ -215,7 +263,7 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
 
 
 @inline
-def _story_forces(effective, factors, previous, trial, scene, memory):
+def _story_forces(brace_step, effective, factors, previous, trial, scene, memory):
     """Compute story forces and tangents for the current displacements and velocities.
 
     The force of a story (row SUM, N) is the sum of restoring force, P-delta, linear damper and
@@ -286,6 +334,11 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
             tangent_scale = linear_terms[rows.MASS, i]
         elif dashpot_tangent != 0.0:
             tangent += by_v / by_u * dashpot_tangent
+        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+            # The force of the brace is added to the dashpot force, which is 0. Its derivative with
+            # respect to x has the unit of a mass.
+            dashpot_force, by_x = _brace_force(brace_step, linear_terms, i, memory)
+            tangent += by_x if by_u == 0.0 else by_x / by_u
         scratch[ROW.TANGENT, i] = tangent
         is_stale = (
             is_stale
@@ -305,7 +358,30 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
         scratch[ROW.SIZE, i] = abs(story_force) + rounding * (
             abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift)
         )
+        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+            # The force of the brace depends on the change of drift in the step only.
+            rise = abs(scratch[ROW.RISE, i]) + abs(brace_step.by_rise * scratch[ROW.X, i])
+            scratch[ROW.SIZE, i] += (
+                2.0 * ROUNDING / RESIDUAL_TOLERANCE * linear_terms[rows.BRACE, i] * rise
+            )
     return is_stale
+
+
+@outlined
+def _brace_force(brace_step, linear_terms, i, memory):
+    """Return the force of the brace of story `i` at the time of equilibrium, N, and its derivative
+    with respect to x, kg."""
+    h, weight, by_rise = brace_step
+    scratch = memory.scratch
+    link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
+    rise = scratch[ROW.RISE, i] + by_rise * scratch[ROW.X, i]
+    rise -= link * (scratch[ROW.RISE, below] + by_rise * scratch[ROW.X, below])
+    force_0 = memory.state[rows.BRACE_FORCE, i]
+    follow_brace_at_midpoint(linear_terms, i, h, rise, force_0, scratch, ROW.BRACE)
+    return (
+        force_0 + weight * scratch[ROW.BRACE + path.MOMENT, i],
+        weight * by_rise * scratch[ROW.BRACE + path.MOMENT_BY_RISE, i],
+    )
 
 
 @inline

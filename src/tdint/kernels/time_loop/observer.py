@@ -21,6 +21,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import I8, TABLE, VECTOR, indirect_caller, inline, kernel, outlined
 from tdint.kernels.laws.selection import HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
+    BRACES,
     DASHPOTS,
     FORCES,
     MODAL,
@@ -138,6 +139,8 @@ def observe(scene, span, slope, memory, seen):
     n = linear_terms.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _store_additional_forces(modal, forces, span.t, state, observer_state, n)
+    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        _store_brace_forces(scene, state, observer_state)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
     # The bounds do not include forces on floors within the step; with such forces, all steps are
     # searched.
@@ -276,6 +279,8 @@ def observe(scene, span, slope, memory, seen):
         may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
     if law_state.shape[1] > n + 1:
         may_exceed |= _observe_elements(span, scene, memory, seen)
+    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        _observe_braces(linear_terms, state, seen)
     if may_exceed:
         _update_peaks(ground, state, law_state, seen)
     return may_exceed
@@ -416,6 +421,41 @@ def _observe_dashpots(span, linear_terms, state, seen):
     totals[rows.RATE_DASHPOTS] = power_rate
     totals[rows.DASHPOTS_PER_ACCELERATION] = per_acceleration
     return may_exceed
+
+
+@outlined
+def _store_brace_forces(scene, state, observer_state):
+    """Add the forces of dampers with braces on all floors to the rows FLOOR_FORCE (with the
+    opposite sign) and MODAL_FORCE, N.
+
+    The sum of the forces on all floors that a story supports is the force of its brace. Both rows
+    are set to zero before if `_store_additional_forces` has not set them.
+    """
+    linear_terms, modal, _, forces, _ = scene
+    has_other_forces = forces.shape[0] + modal.shape[0] > 0
+    for i in range(linear_terms.shape[1] - 1):
+        force = state[rows.BRACE_REPORTED, i]
+        force -= linear_terms[rows.LINK, i + 1] * state[rows.BRACE_REPORTED, i + 1]
+        if not has_other_forces:
+            observer_state[rows.FLOOR_FORCE, i] = observer_state[rows.MODAL_FORCE, i] = 0.0
+        observer_state[rows.FLOOR_FORCE, i] -= force
+        observer_state[rows.MODAL_FORCE, i] += force
+
+
+@outlined
+def _observe_braces(linear_terms, state, seen):
+    """Update the work of the dampers with braces and the peaks of their forces.
+
+    Their dissipated energy is added to the work of the dashpots (ENERGY_DASHPOTS).
+    """
+    totals = seen.totals
+    dissipated = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        raise_peak(seen.peaks, rows.PEAK_BRACE_FORCE, i, state[rows.BRACE_PEAK, i])
+        state[rows.BRACE_PEAK, i] = 0.0
+        dissipated += state[rows.BRACE_DISSIPATED, i]
+    totals[rows.ENERGY_DASHPOTS] += dissipated - totals[rows.BRACED_DISSIPATION]
+    totals[rows.BRACED_DISSIPATION] = dissipated
 
 
 @outlined
@@ -700,6 +740,11 @@ def store(ground, fitted_ground, memory, seen, row):
         history[row, 1 + 2 * n + i] = observer_state[rows.OBSERVED_ACCELERATION, i] + fitted_ground
         history[row, 1 + 3 * n + i] = law_state[rows.FORCE, i]
     energies = 1 + rows.HISTORY_FIELDS * n
+    # A longer row has space for the forces of the braces. Each element has a column, too.
+    if history.shape[1] > energies + rows.ENERGY_TERMS + law_state.shape[1] - n - 1:
+        for i in range(n):
+            history[row, energies + i] = state[rows.BRACE_REPORTED, i]
+        energies += n
     for j in range(rows.ENERGY_TERMS):
         history[row, energies + j] = totals[j]
     # The forces of the elements follow; their columns are the last columns of the law states.
@@ -830,11 +875,13 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     0.
 
     The kinetic energy refers to velocities relative to the ground. The strain energy includes
-    P-delta. The hysteretic energy is the dissipated energy since the start of the run.
+    P-delta. The hysteretic energy is the dissipated energy since the start of the run. The energy
+    of the braces of dampers is stored separately.
     """
     kinetic = 0.0
     strain = 0.0
     hysteretic = 0.0
+    braces = 0.0
     for i in range(linear_terms.shape[1] - 1):
         drift = law_state[rows.DRIFT, i]
         kinetic += (
@@ -845,6 +892,10 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
             + 0.5 * linear_terms[rows.GEOMETRIC, i] * drift * drift
         )
         hysteretic += hysteretic_energy(law_parameters, law_state, i)
+        if linear_terms[rows.BRACE, i] != 0.0:
+            force = state[rows.BRACE_FORCE, i]
+            braces += 0.5 * force * force / linear_terms[rows.BRACE, i]
+    totals[rows.ENERGY_BRACES] = braces
     totals[rows.ENERGY_KINETIC] = kinetic
     totals[rows.ENERGY_STRAIN] = strain
     totals[rows.ENERGY_HYSTERETIC] = hysteretic - totals[rows.INITIAL_DISSIPATION]

@@ -446,8 +446,26 @@ _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
 _DASHPOT = Keys(
     (
         Key("coefficient", POSITIVE, "force at the unit of velocity", needed=True),
-        Key("exponent", _EXPONENT, "power of the drift rate", needed=True),
+        Key("exponent", _EXPONENT, "power of the drift rate; default: 1"),
         Key("linear_below", NOT_NEGATIVE, "drift rate under which the dashpot is linear"),
+        Key(
+            "brace",
+            POSITIVE,
+            "stiffness of the brace in series with the damper; the drift rate is then that of the "
+            "damper, and `linear_below` is not required",
+        ),
+        Key(
+            "factor",
+            Bounds(0.0, 1.0, low_allowed=False),
+            "cosine of the inclination: damper deformation over drift, and story force over damper "
+            "force; the other numbers are those along the damper",
+        ),
+        Key(
+            "angle",
+            Bounds(0.0, 90.0, high_allowed=False),
+            "inclination of the damper from the direction of the drift in degrees, instead of "
+            "`factor`",
+        ),
     )
 )
 _STORY = Keys(
@@ -536,7 +554,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         law_entry, law, stiffness_of_law = None, SUM_OF_ELEMENTS, None
     else:
         law, stiffness_of_law = read_law(law_entry, unit)
-    dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
+    dashpot, power_dashpot, damper_factor = _read_dashpot(section.get("dashpot"), unit)
     if p_delta:
         height_entry = section.need("height", "p_delta needs the height of every story")
     else:
@@ -566,6 +584,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         is_isolator,
         has_rayleigh_damping,
         elements,
+        damper_factor,
     )
 
     # Parameters and stiffness can be valid separately, but their combination invalid.
@@ -710,11 +729,15 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
     return section.number("mass", scale=unit.mass, default=math.nan)
 
 
-def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None]:
-    """Return the coefficient of a linear dashpot, N s/m, and the power-law dashpot.
+def _read_dashpot(
+    value: Value | None, unit: ModelUnits
+) -> tuple[float, PowerDashpot | None, float]:
+    """Return the coefficient of a linear dashpot, N s/m, the power-law dashpot, and the cosine of
+    the inclination.
 
-    A number in the file is the coefficient of a linear dashpot, a mapping defines a power-law
-    dashpot. The other value is 0 or None. The coefficient is nan after an error.
+    A number in the file, or a mapping without exponent and brace, is a linear dashpot. Any other
+    mapping defines a power-law dashpot, possibly with a brace. The coefficient is 0 or the
+    power-law dashpot None. The coefficient is nan after an error.
 
     Parameters
     ----------
@@ -724,23 +747,38 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
         Units of the model file.
     """
     if value is None:
-        return 0.0, None
+        return 0.0, None, 1.0
     if not value.is_mapping:
-        return value.number(NOT_NEGATIVE, unit.factor(force=1, length=-1)), None
+        return value.number(NOT_NEGATIVE, unit.factor(force=1, length=-1)), None, 1.0
     section = value.section(_DASHPOT)
     if section is None:
-        return math.nan, None
-    exponent = section.number("exponent")
-    # For exponents below 1 the tangent damping is infinite at zero velocity. Such a dashpot
-    # must be linear below a positive drift rate.
-    needs_linear_part = exponent < 1.0
+        return math.nan, None, 1.0
+    factor = _read_damper_factor(section)
+    exponent = section.number("exponent", default=1.0)
+    has_brace = section.mentions("brace")
+    brace = section.number("brace", scale=unit.factor(force=1, length=-1)) if has_brace else None
+    # For exponents below 1 the tangent damping is infinite at zero velocity. Without a brace, such
+    # a dashpot must be linear below a positive drift rate.
+    needs_linear_part = exponent < 1.0 and not has_brace
     if needs_linear_part and not section.mentions("linear_below"):
         section.need(
             "linear_below",
-            "an exponent below 1 requires the drift rate below which the dashpot is linear",
+            "an exponent below 1 requires the drift rate below which the dashpot is linear, or the "
+            "stiffness of its `brace`",
         )
     linear_below = section.number(
         "linear_below", POSITIVE if needs_linear_part else NOT_NEGATIVE, unit.length, default=0.0
     )
     coefficient = section.number("coefficient", scale=unit.factor(force=1, length=-exponent))
-    return 0.0, PowerDashpot(coefficient, exponent, linear_below)
+    if not (has_brace or section.has("exponent") or section.has("linear_below")):
+        return coefficient, None, factor
+    return 0.0, PowerDashpot(coefficient, exponent, linear_below, brace), factor
+
+
+def _read_damper_factor(section: Section) -> float:
+    """Return the cosine of the inclination of a dashpot, from the key `factor` or `angle`."""
+    if not section.has("angle"):
+        return section.number("factor", default=1.0)
+    if section.has("factor"):
+        section.value.fault("give either factor or angle, not both")
+    return math.cos(math.radians(section.number("angle")))

@@ -1,0 +1,343 @@
+"""Force of a damper in series with its brace (Maxwell element) over a time step.
+
+The drift d of the story is the sum of the deformations b of the brace and p of the damper. Both
+carry the same force F, which is the state of the element:
+
+    d = b + p,   F = kb b = q(p') = c p' (p'^2 + y0^2)^e,   F' = kb (d' - g(F))
+
+kb is the stiffness of the brace, g the inverse function of q, and the exponent of the damper is
+1 + 2 e. The power F d' is the rate of the stored energy F^2 / (2 kb) plus the dissipated power
+F g(F), which is never negative.
+
+Within a step of length h, the drift rate is (rise + bend s) / h with s = t - 1/2, t from 0 to 1.
+The force is integrated by collocation at Gauss points c_i = 1/2 + s_i with the matrix A, starting
+from the force F0:
+
+    F_i + h kb sum_j A_ij g(F_j) = F0 + kb sum_j A_ij (rise + bend s_j)
+
+Two points serve the methods of order 4, one point (the midpoint) the methods of order 2. Mean and
+first moment of the force are
+
+    mean = (F_1 + F_2) / 2,   moment = 12 int s F dt = F(end) - F0
+
+With them, rise * mean + bend * moment / 12 is equal to the change of F^2 / (2 kb) plus the energy
+(h / 2) (F_1 g(F_1) + F_2 g(F_2)) that the damper dissipates. For a linear damper, two points give
+the (2,2) Pade approximation of the exponential of the complete system.
+
+The unknown of a point is its force, because g is flat at F = 0 for exponents up to 1. For larger
+exponents, where g is vertical, and for dampers with a linear part (y0 > 0), where g has no closed
+form, the unknown is the damper rate.
+
+References
+----------
+Hairer, E. and Wanner, G. (1996). Solving Ordinary Differential Equations II, section IV.5.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.equations.iteration import must_halve
+from tdint.kernels.stories.path import (
+    MEAN,
+    MEAN_BY_BEND,
+    MEAN_BY_RISE,
+    MOMENT,
+    MOMENT_BY_BEND,
+    MOMENT_BY_RISE,
+)
+
+# Rows of the results of a story, relative to the first row. The first six are those of
+# `tdint.kernels.stories.path`; the last is the energy that the damper dissipates in the step, J.
+DISSIPATED = 6
+BRACE_RESULT_ROWS = 7
+
+# Gauss method with two stages: positions of the points from the middle of the step, and matrix
+_S = math.sqrt(3.0) / 6.0
+_A_SELF = 0.25
+_A_12 = 0.25 - _S
+_A_21 = 0.25 + _S
+
+# Dimensionless. Ratio of the step to the relaxation time of the brace, h kb g'(F). Above this value
+# the force at the end of the step, which the collocation does not damp, is not reported.
+_STIFF = 3.0
+# Dimensionless. Residual of the equations of a story relative to their largest term
+_TOLERANCE = 1e-14
+_MAX_ITERATIONS = 80  # the slowest of the tested combinations needs 25
+
+
+@inline
+def _is_solved_for_rate(linear_terms, i):
+    """Return True if the unknown of story `i` is the damper rate, False if it is the force."""
+    return (
+        linear_terms[rows.BRACED_EXPONENT, i] > 1.0 or linear_terms[rows.BRACED_THRESHOLD, i] > 0.0
+    )
+
+
+@outlined
+def _damper_at(linear_terms, i, x):
+    """Return the damper of story `i` for a value `x` of the unknown: force (N), damper rate (m/s),
+    and the derivatives of both with respect to x."""
+    c = linear_terms[rows.BRACED_DAMPER, i]
+    exponent = linear_terms[rows.BRACED_EXPONENT, i]
+    if not _is_solved_for_rate(linear_terms, i):
+        size = abs(x)
+        if size == 0.0:
+            return 0.0, 0.0, 1.0, 1.0 / c if exponent == 1.0 else 0.0
+        rate = (size / c) ** (1.0 / exponent)
+        return x, math.copysign(rate, x), 1.0, rate / (exponent * size)
+    squared = x * x + linear_terms[rows.BRACED_THRESHOLD, i]
+    if squared == 0.0:
+        return 0.0, 0.0, 0.0, 1.0
+    secant = c * squared ** (0.5 * (exponent - 1.0))
+    return secant * x, x, secant * (1.0 + (exponent - 1.0) * x * x / squared), 1.0
+
+
+@inline
+def _first_guess(linear_terms, i, weight, load):
+    """Return an unknown of at least the size of the solution of F + `weight` g(F) = `load` for a
+    damper without a linear part, with the sign of `load`."""
+    c = linear_terms[rows.BRACED_DAMPER, i]
+    exponent = linear_terms[rows.BRACED_EXPONENT, i]
+    size = abs(load)
+    if _is_solved_for_rate(linear_terms, i):
+        guess = (size / c) ** (1.0 / exponent)
+        guess = min(guess, size / weight) if weight > 0.0 else guess
+    else:
+        guess = min(size, c * (size / weight) ** exponent) if weight > 0.0 else size
+    return math.copysign(guess, load)
+
+
+@outlined
+def _solve_one_point(linear_terms, i, weight, load):
+    """Return the unknown x that solves F(x) + `weight` g(x) = `load`, weight in N s/m.
+
+    The left side increases with x. Newton's method is monotone for a damper without a linear part,
+    because the left side is convex between zero and the first guess. With a linear part, an iterate
+    that changes its sign is replaced by zero, from where the iteration is monotone.
+    """
+    x = _first_guess(linear_terms, i, weight, load)
+    for _ in range(_MAX_ITERATIONS):
+        force, rate, force_slope, rate_slope = _damper_at(linear_terms, i, x)
+        residual = force + weight * rate - load
+        if abs(residual) <= _TOLERANCE * abs(load):
+            break
+        slope = force_slope + weight * rate_slope
+        if slope == 0.0:
+            break
+        x -= residual / slope
+        if x * load < 0.0:
+            x = 0.0
+    return x
+
+
+@outlined
+def follow_brace(linear_terms, i, h, rise, bend, force_0, scratch, row):
+    """Compute mean and first moment of the force of brace and damper along a parabola of drift, by
+    two Gauss points, with their derivatives and the dissipated energy.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Properties of the building that act linearly.
+    i : int
+        Index of the story.
+    h : float
+        Length of the step, s.
+    rise, bend : float
+        Coefficients of the drift, m.
+    force_0 : float
+        Force at the start of the step (BRACE_FORCE), N.
+    scratch : ndarray
+        Scratch array of the step.
+    row : int
+        First of the BRACE_RESULT_ROWS rows that are set. The force at the end is `force_0` plus the
+        row MOMENT.
+    """
+    stiffness = linear_terms[rows.BRACE, i]
+    weight = h * stiffness
+    rise_1, rise_2 = rise - _S * bend, rise + _S * bend  # h times the drift rates at the points
+    load_1 = force_0 + stiffness * (_A_SELF * rise_1 + _A_12 * rise_2)
+    load_2 = force_0 + stiffness * (_A_21 * rise_1 + _A_SELF * rise_2)
+    x_1 = _first_guess(linear_terms, i, weight * (0.5 - _S), load_1)
+    x_2 = _first_guess(linear_terms, i, weight * (0.5 + _S), load_2)
+    size = max(abs(load_1), abs(load_2), abs(force_0))
+    step_1 = step_2 = 0.0
+    fraction = 1.0
+    previous_norm = math.inf
+    iterations = 0
+    while True:
+        force_1, rate_1, force_slope_1, rate_slope_1 = _damper_at(linear_terms, i, x_1)
+        force_2, rate_2, force_slope_2, rate_slope_2 = _damper_at(linear_terms, i, x_2)
+        # Entries of the matrix of Newton's method
+        m_11 = force_slope_1 + weight * _A_SELF * rate_slope_1
+        m_12 = weight * _A_12 * rate_slope_2
+        m_21 = weight * _A_21 * rate_slope_1
+        m_22 = force_slope_2 + weight * _A_SELF * rate_slope_2
+        determinant = m_11 * m_22 - m_12 * m_21
+        residual_1 = force_1 + weight * (_A_SELF * rate_1 + _A_12 * rate_2) - load_1
+        residual_2 = force_2 + weight * (_A_21 * rate_1 + _A_SELF * rate_2) - load_2
+        scale = max(size, weight * max(abs(_A_21 * rate_1), abs(_A_SELF * rate_2)))
+        if (
+            max(abs(residual_1), abs(residual_2)) <= _TOLERANCE * scale
+            or iterations == _MAX_ITERATIONS
+            or determinant == 0.0
+        ):
+            break
+        norm = residual_1 * residual_1 + residual_2 * residual_2
+        if must_halve(norm, previous_norm, fraction):
+            fraction *= 0.5
+            x_1 -= fraction * step_1
+            x_2 -= fraction * step_2
+            continue
+        previous_norm = norm
+        fraction = 1.0
+        step_1 = (m_12 * residual_2 - m_22 * residual_1) / determinant
+        step_2 = (m_21 * residual_1 - m_11 * residual_2) / determinant
+        x_1 += step_1
+        x_2 += step_2
+        iterations += 1
+    scratch[row + MEAN, i] = 0.5 * (force_1 + force_2)
+    scratch[row + MOMENT, i] = 6.0 * _S * (force_2 - force_1)
+    scratch[row + DISSIPATED, i] = 0.5 * h * (force_1 * rate_1 + force_2 * rate_2)
+    # The loads have these derivatives with respect to the rise, then to the bend.
+    for column in range(2):
+        by_1 = stiffness * ((0.5 - _S) if column == 0 else _S * (_A_12 - _A_SELF))
+        by_2 = stiffness * ((0.5 + _S) if column == 0 else _S * (_A_SELF - _A_21))
+        force_by_1 = force_by_2 = 0.0
+        if determinant != 0.0:
+            force_by_1 = force_slope_1 * (m_22 * by_1 - m_12 * by_2) / determinant
+            force_by_2 = force_slope_2 * (m_11 * by_2 - m_21 * by_1) / determinant
+        scratch[row + MEAN_BY_RISE + column, i] = 0.5 * (force_by_1 + force_by_2)
+        scratch[row + MOMENT_BY_RISE + column, i] = 6.0 * _S * (force_by_2 - force_by_1)
+
+
+@outlined
+def follow_brace_at_midpoint(linear_terms, i, h, rise, force_0, scratch, row):
+    """Compute the same results by one Gauss point, for methods of order 2.
+
+    The force at the midpoint is Fm = F0 + kb (rise - h g(Fm)) / 2, and F(end) = 2 Fm - F0. The
+    derivatives with respect to the bend are 0.
+    """
+    stiffness = linear_terms[rows.BRACE, i]
+    weight = 0.5 * h * stiffness
+    load = force_0 + 0.5 * stiffness * rise
+    force, rate, force_slope, rate_slope = _damper_at(
+        linear_terms, i, _solve_one_point(linear_terms, i, weight, load)
+    )
+    scratch[row + MEAN, i] = force
+    scratch[row + MOMENT, i] = 2.0 * (force - force_0)
+    scratch[row + DISSIPATED, i] = h * force * rate
+    slope = force_slope + weight * rate_slope
+    scratch[row + MEAN_BY_RISE, i] = 0.5 * stiffness * force_slope / slope if slope > 0.0 else 0.0
+    scratch[row + MOMENT_BY_RISE, i] = 2.0 * scratch[row + MEAN_BY_RISE, i]
+    scratch[row + MEAN_BY_BEND, i] = 0.0
+    scratch[row + MOMENT_BY_BEND, i] = 0.0
+
+
+@inline
+def _damper_rate(linear_terms, i, force):
+    """Return g(F), the damper rate (m/s) for a force (N), and its derivative with respect to F."""
+    _, rate, force_slope, rate_slope = _damper_at(
+        linear_terms, i, _solve_one_point(linear_terms, i, 0.0, force)
+    )
+    return rate, rate_slope / force_slope if force_slope > 0.0 else math.inf
+
+
+@inline
+def _is_stiff(linear_terms, i, h, force_0, scratch, row):
+    """Return True if the damper follows the drift rate within a fraction of the step, so that the
+    force at the end of the step oscillates about the true force."""
+    force = max(abs(scratch[row + MEAN, i]), abs(force_0 + scratch[row + MOMENT, i]))
+    _, slope = _damper_rate(linear_terms, i, force)
+    return h * linear_terms[rows.BRACE, i] * slope > _STIFF
+
+
+@outlined
+def brace_force_within(linear_terms, i, h, t, force_0, scratch, row):
+    """Return the force of brace and damper at the fraction `t` of the step, N, from its results.
+
+    It is the parabola with the start, the end and the mean of the force, or the mean if the damper
+    is stiff.
+    """
+    mean, moment = scratch[row + MEAN, i], scratch[row + MOMENT, i]
+    if _is_stiff(linear_terms, i, h, force_0, scratch, row):
+        return mean
+    bulge = 12.0 * (force_0 + 0.5 * moment - mean)
+    return force_0 + moment * t + 0.5 * bulge * (t * t - t)
+
+
+@outlined
+def commit_brace(linear_terms, i, h, rates, state, scratch, row):
+    """Move brace and damper of story `i` to the end of the step, and update their peak force.
+
+    BRACE_FORCE becomes the force at the end. The reported force is this force, and its peak within
+    the step the extremum of the cubic with F and F' = kb (d' - g(F)) at both ends. If the damper is
+    stiff, the reported force follows from the mean of the force at the midpoint and an implicit
+    step to the end, F + (h kb / 2) g(F) = mean + (h kb / 2) d', which tends to q(d'); the peak
+    within the step is then the larger of this force and the mean.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Properties of the building that act linearly.
+    i : int
+        Index of the story.
+    h : float
+        Length of the step, s.
+    rates : tuple of float
+        Drift rates at both ends of the step, and the rate d' for a stiff damper, m/s. The last is
+        the mean rate if the method does not damp its rates at the ends.
+    state : ndarray
+        State of the method, whose last rows are updated.
+    scratch : ndarray
+        Scratch array of the step.
+    row : int
+        First row of the results of `follow_brace` or `follow_brace_at_midpoint`.
+    """
+    first_rate, last_rate, stiff_rate = rates
+    stiffness = linear_terms[rows.BRACE, i]
+    force_0 = state[rows.BRACE_FORCE, i]
+    mean = scratch[row + MEAN, i]
+    force_1 = force_0 + scratch[row + MOMENT, i]
+    state[rows.BRACE_FORCE, i] = force_1
+    state[rows.BRACE_DISSIPATED, i] += scratch[row + DISSIPATED, i]
+    if _is_stiff(linear_terms, i, h, force_0, scratch, row):
+        weight = 0.5 * h * stiffness
+        reported, _, _, _ = _damper_at(
+            linear_terms,
+            i,
+            _solve_one_point(linear_terms, i, weight, mean + weight * stiff_rate),
+        )
+        peak = max(abs(reported), abs(mean))
+    else:
+        reported = force_1
+        peak = abs(force_1)
+        slope_0 = h * stiffness * (first_rate - _damper_rate(linear_terms, i, force_0)[0])
+        slope_1 = h * stiffness * (last_rate - _damper_rate(linear_terms, i, force_1)[0])
+        # The cubic has the rate slope_0 + 2 b t + 3 c t^2.
+        b = 3.0 * (force_1 - force_0) - 2.0 * slope_0 - slope_1
+        c = slope_0 + slope_1 - 2.0 * (force_1 - force_0)
+        discriminant = b * b - 3.0 * c * slope_0
+        if slope_0 * slope_1 < 0.0 and discriminant > 0.0:
+            # With opposite slopes at the ends, exactly one root is within the step.
+            q = -(b + math.copysign(math.sqrt(discriminant), b))
+            t = slope_0 / q if q != 0.0 and 0.0 < slope_0 / q < 1.0 else q / (3.0 * c)
+            peak = max(peak, abs(force_0 + t * (slope_0 + t * (b + t * c))))
+    state[rows.BRACE_REPORTED, i] = reported
+    state[rows.BRACE_PEAK, i] = max(state[rows.BRACE_PEAK, i], peak)
+
+
+@outlined
+def add_reported_accelerations(linear_terms, state, scratch, row):
+    """Replace the forces of braces in the accelerations of a scratch row (m/s^2) by the reported
+    forces. The accelerations are those of equilibrium with BRACE_FORCE."""
+    n = linear_terms.shape[1] - 1
+    for i in range(n):
+        difference = state[rows.BRACE_FORCE, i] - state[rows.BRACE_REPORTED, i]
+        difference -= linear_terms[rows.LINK, i + 1] * (
+            state[rows.BRACE_FORCE, i + 1] - state[rows.BRACE_REPORTED, i + 1]
+        )
+        scratch[row, i] += linear_terms[rows.INVERSE_MASS, i] * difference
