@@ -52,7 +52,10 @@ MEANINGS = {
     ),
     "stories": ("1", "number of stories"),
     "t1_s": ("s", "fundamental period of the initial stiffness, P-delta included"),
-    "t1_damping": ("1", "viscous damping ratio of the first mode, without power-law dashpots"),
+    "t1_damping": (
+        "1",
+        "viscous damping ratio of the first mode, without power-law dashpots and braced dampers",
+    ),
     "sa_t1_m_s2": ("m/s^2", "pseudo-acceleration of the ground motion at t1_s"),
     "sa_t1_damping": ("1", "viscous damping ratio of sa_t1_m_s2"),
     "ratios": ("1", "viscous damping ratios of the modes"),

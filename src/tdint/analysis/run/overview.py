@@ -33,7 +33,8 @@ class Overview(Tabular):
     mass, height : float
         Total mass (kg) and height (m) of the building; the height is nan if a story has no height.
     period, damping : float
-        Period (s) and viscous damping ratio of the first mode; power-law dashpots are not included.
+        Period (s) and viscous damping ratio of the first mode; power-law dashpots and dampers
+        with a brace are not included.
     """
 
     model: Model

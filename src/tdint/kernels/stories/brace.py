@@ -250,7 +250,8 @@ def _damper_rate(linear_terms, i, force):
 def _is_stiff(linear_terms, i, h, force_0, scratch, row):
     """Return True if the damper follows the drift rate within a fraction of the step, so that the
     force at the end of the step oscillates about the true force."""
-    force = max(abs(scratch[row + MEAN, i]), abs(force_0 + scratch[row + MOMENT, i]))
+    force_1 = force_0 + scratch[row + MOMENT, i]
+    force = max(abs(scratch[row + MEAN, i]), abs(force_0), abs(force_1))
     _, slope = _damper_rate(linear_terms, i, force)
     return h * linear_terms[rows.BRACE, i] * slope > _STIFF
 

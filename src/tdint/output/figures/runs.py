@@ -239,6 +239,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         (energy.viscous, "damping", "0.62", None),
         (energy.dampers, "dashpots", "0.74", "...."),
         (energy.strain, "stored", "0.85", None),
+        (energy.braces, "braces", "0.92", "...."),
         (energy.kinetic, "kinetic", "1.0", "//////"),
     )
     bottom = np.zeros(len(total_input))

@@ -362,7 +362,7 @@ OVERVIEW = (
         "t1_damping",
         "1",
         "damping",
-        "viscous damping ratio of the first mode, without power-law dashpots",
+        "viscous damping ratio of the first mode, without power-law dashpots and braced dampers",
     ),
     Column(
         "laws",
@@ -619,7 +619,10 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
 
 def _dashpot_text(story: Story, units: OutputUnits) -> str:
     """Return the force of the linear or power-law dashpot of a story as a function of the drift
-    rate v, for example `20 v^0.5 (kN; v in m/s)`; an empty text without a dashpot."""
+    rate v, for example `20 v^0.5 (kN; v in m/s)`; an empty text without a dashpot.
+
+    With a brace, v is the rate of the damper.
+    """
     power_law = story.power_dashpot
     if power_law is None:
         coefficient, exponent = story.dashpot, 1.0
@@ -634,7 +637,13 @@ def _dashpot_text(story: Story, units: OutputUnits) -> str:
         linear_text = f"; linear below {power_law.linear_below / meters_per_second:.4g} {rate_unit}"
     # The coefficient is in N/(m/s)^exponent.
     number = coefficient * meters_per_second**exponent / newtons
-    return f"{number:.4g} {function} ({force_unit}; v in {rate_unit}{linear_text})"
+    text = f"{number:.4g} {function} ({force_unit}; v in {rate_unit}{linear_text})"
+    if power_law and power_law.brace is not None:
+        stiffness_unit, newtons_per_meter = units.unit("N/m")
+        text += f", brace {power_law.brace / newtons_per_meter:.4g} {stiffness_unit}"
+    if story.damper_factor != 1.0:
+        text += f", factor {story.damper_factor:.4g}"
+    return text
 
 
 def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
