@@ -734,11 +734,11 @@ def _insert_numbers(
     for i in {i for i, column in changed_values if POWER.start <= column < POWER.stop}:
         story = model.stories[i]
         numbers = story_numbers(story)
-        columns = [
+        dashpot_values = [
             np.broadcast_to(changed_values.get((i, column), numbers[column]), len(linear_terms))
             for column in range(POWER.start, POWER.stop)
         ]
-        for draw, dashpot in enumerate(np.stack(columns, axis=1).tolist()):
+        for draw, dashpot in enumerate(np.stack(dashpot_values, axis=1).tolist()):
             for row, number in _dashpot_rows(story, *dashpot):
                 linear_terms[draw, row, i] = number
 
