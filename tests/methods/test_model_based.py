@@ -174,3 +174,51 @@ def test_stiffening_has_no_stable_step_for_intermediate_rho_inf(rho_inf, omega_h
 @pytest.mark.parametrize("method", METHODS)
 def test_softening_is_stable(method, tangent):
     assert not any(grows(method, omega_h, tangent) for omega_h in (0.1, 1.0, 10.0, 100.0))
+
+
+def published_kr_alpha(rho_inf, dt, steps):
+    """Displacements of an undamped oscillator (T = 2 s, released at 1 m) by the equations of Kolay
+    and Ricles (2014), which start with the velocity of the oscillator."""
+    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+    gamma = 0.5 - alpha_m + alpha_f
+    beta = 0.25 * (0.5 + gamma) ** 2
+    k = math.pi**2
+    alpha_1 = 1.0 / (1.0 + beta * dt**2 * k)
+    alpha_2 = (0.5 + gamma) * alpha_1
+    alpha_3 = (alpha_m + alpha_f * beta * dt**2 * k) * alpha_1
+    u, v, a = 1.0, 0.0, -k
+    displacements = [u]
+    for _ in range(steps):
+        u_1, v = u + dt * v + dt**2 * alpha_2 * a, v + dt * alpha_1 * a
+        force = k * ((1.0 - alpha_f) * u_1 + alpha_f * u)
+        a = (-force - alpha_3 * a) / (1.0 - alpha_3)
+        u = u_1
+        displacements.append(u)
+    return np.array(displacements)
+
+
+@pytest.mark.parametrize(
+    ("rho_inf", "published", "ours"), [(1, 1.0108, 0.9948), (0.5, 1.0207, 0.9809)]
+)
+def test_start_of_kr_alpha_differs_from_its_publication(rho_inf, published, ours):
+    """The published start has order 1, the start of tdint order 2."""
+    errors = []
+    for dt in (0.1, 0.05, 0.025, 0.0125):
+        steps = round(4.0 / dt)
+        building = model([story(1.0, math.pi**2)], displacement=[1.0])
+        response = run(
+            building,
+            method=f"kr-alpha:rho_inf={rho_inf}",
+            dt=dt,
+            duration=4.0,
+            check=False,
+            history=True,
+        )
+        pair = published_kr_alpha(rho_inf, dt, steps), response.history.displacement[:, 0]
+        exact = np.cos(math.pi * dt * np.arange(steps + 1))
+        errors.append([np.max(np.abs(values - exact)) for values in pair])
+        if dt == 0.1:
+            ends = [values[-1] for values in pair]
+            assert ends == pytest.approx([published, ours], abs=5e-5)
+    ratios = [coarse / fine for coarse, fine in zip(*errors[-2:], strict=True)]
+    assert ratios == pytest.approx([2.0, 4.0], rel=0.1)

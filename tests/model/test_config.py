@@ -146,6 +146,7 @@ def test_units_of_mass_and_stiffness(units: str, mass: float, stiffness: float) 
         ("{modal: 0.05}", ModalDamping((0.05,))),
         ("{modal: [0.05, 0.04, 0.03]}", ModalDamping((0.05, 0.04, 0.03))),
         ("{modal: {ratio: 0.05, modes: 3}}", ModalDamping((0.05, 0.05, 0.05))),
+        ("{modal: {ratio: 0.05, modes: 2}}", ModalDamping((0.05, 0.05, 0.0))),
         ("{modal: {ratio: 0.05, modes: 1}}", ModalDamping((0.05, 0.0))),
     ],
 )

@@ -49,10 +49,11 @@ stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 0, exponent: 2.5}}]
     1:71: stories[1].dashpot.exponent: must be a number above 0 and of at most 2, got '2.5'
 stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5}}]
     1:44: stories[1].dashpot.linear_below: is missing; an exponent below 1 requires the drift rate below which the
-        dashpot is linear
+        dashpot is linear, or the stiffness of its `brace`
 stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5, linear_below: 0, power: 2}}]
     1:90: stories[1].dashpot.linear_below: must be a positive number, got '0'
-    1:93: stories[1].dashpot.power: unknown key; known: coefficient, exponent, linear_below
+    1:93: stories[1].dashpot.power: unknown key; known: coefficient, exponent, linear_below, brace,
+        factor, angle
 stories: [{repeat: 0, mass: 1, stiffness: 1}, {repeat: 2.0, mass: 1, stiffness: 1}]
     1:20: stories[1].repeat: must be a whole number from 1 to 100000, got '0'
     1:56: stories[2].repeat: must be a whole number from 1 to 100000, got '2.0'

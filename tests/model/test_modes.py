@@ -14,7 +14,7 @@ from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, RayleighRatio
 from tdint.model.modes import FreeVibration
-from tdint.model.plausibility import negative_damping
+from tdint.model.plausibility import model_notes, negative_damping
 
 
 @pytest.mark.parametrize("stories", [101, 3000])
@@ -128,3 +128,19 @@ def test_cached_property_holds_no_shared_lock():
     assert vars(second).get("value") == 1
     first.go_on.set()
     thread.join()
+
+
+def test_last_of_several_modal_ratios_applies_to_all_further_modes():
+    """Without it, the higher modes would be undamped without a word."""
+    stories = [story(2e5, 3e8)] * 5
+    ratios = (0.05, 0.03)
+    building = assemble(model(stories, damping=ModalDamping(ratios)))
+    modes = building.modes()
+    damping = np.diagonal(modes.modal_damping(building.damping_matrix())) / (2.0 * modes.omega)
+    assert damping == pytest.approx([0.05, 0.03, 0.03, 0.03, 0.03])
+    (note,) = model_notes(model(stories, damping=ModalDamping(ratios)))
+    assert note == "the last of 2 modal damping ratios, 3 %, applies to modes 3 to 5, too"
+    for explicit in ((0.05,), (0.05, 0.0), (0.05,) * 5):
+        assert model_notes(model(stories, damping=ModalDamping(explicit))) == []
+    undamped = assemble(model(stories, damping=ModalDamping((0.05, 0.0))))
+    assert len(undamped.modal) == 1

@@ -40,7 +40,7 @@ def history(steps: int, stories: int, seed: int = 1) -> History:
     tables = [
         random.normal(size=(steps, stories)) * 10.0**power for power in (-2, -1, 0, -3, 6, 5, 7)
     ]
-    terms = dict(zip((*ENERGY_TERMS, "error"), random.normal(size=(7, steps)), strict=True))
+    terms = dict(zip((*ENERGY_TERMS, "error"), random.normal(size=(8, steps)), strict=True))
     energy = EnergyHistory(**terms)
     return History(np.arange(steps) * 0.01, random.normal(size=steps), *tables, energy=energy)
 
@@ -186,6 +186,7 @@ def test_history(monkeypatch, stories, rows_at_once):
         "dampers_J",
         "strain_J",
         "hysteretic_J",
+        "braces_J",
         "error",
     )
     header += [f"energy_{name}" for name in energies]

@@ -110,10 +110,10 @@ def command(
                 waiting_files = [*campaign_models, *waiting_files]
         except (ModelError, RecordError) as error:
             failures.append(error)
-    from tdint.model.plausibility import suppression_reason
+    from tdint.model.plausibility import model_notes
 
     for valid in overviews:
-        note(*(f"{valid.model.source}: {text}" for text in suppression_reason(valid.model)))
+        note(*(f"{valid.model.source}: {text}" for text in model_notes(valid.model)))
         warn(*(f"{valid.model.source}: {text}" for text in valid.warnings))
     if overviews:
         emit_table(Table.of_results(columns.OVERVIEW, overviews).in_units(output_units or SI))

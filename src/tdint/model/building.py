@@ -4,7 +4,7 @@ system."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.kernels.laws import OURS
+from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import (
     CODES,
     DASHPOT,
@@ -415,7 +416,7 @@ def assemble(model: Model) -> Building:
     for i, story in enumerate(stories):
         linear_terms[rows.DAMPER_FACTOR, i] = story.damper_factor
         if story.power_dashpot is not None:
-            for row, number in _dashpot_rows(story, *story_numbers(story)[POWER]):
+            for row, number in dashpot_rows(story, *story_numbers(story)[POWER]):
                 linear_terms[row, i] = number
         if _can_stiffen(story):
             linear_terms[rows.STIFFENING, i] = rows.UNLIMITED
@@ -526,32 +527,6 @@ def _can_stiffen(story: Story) -> bool:
         for law, parameters in springs
     )
     return stiffens and not symmetric
-
-
-def _dashpot_rows(
-    story: Story, coefficient: float, exponent: float, linear_below: float, brace: float
-) -> Iterator[tuple[int, float]]:
-    """Yield rows of the linear terms with their numbers for a power-law dashpot of a story.
-
-    The force of a dashpot without a brace at the drift rate v is c v (v^2 + v0^2)^POWER. For |v|
-    much larger than v0 it is c |v|^exponent, so POWER = (exponent - 1) / 2. With the factor of an
-    inclined dashpot, the coefficient of the story is factor^(1 + exponent) times c, v0 is divided
-    by the factor, and the stiffness of the brace is multiplied by the square of the factor.
-    """
-    factor = story.damper_factor
-    if factor != 1.0:
-        coefficient *= factor ** (1.0 + exponent)
-        linear_below /= factor
-        brace *= factor**2
-    if story.power_dashpot and story.power_dashpot.brace is not None:
-        yield rows.BRACE, brace
-        yield rows.BRACED_DAMPER, coefficient
-        yield rows.BRACED_EXPONENT, exponent
-        yield rows.BRACED_THRESHOLD, linear_below**2
-    else:
-        yield rows.POWER_DAMPER, coefficient
-        yield rows.POWER, 0.5 * (exponent - 1.0)
-        yield rows.THRESHOLD, linear_below**2
 
 
 @dataclass(frozen=True)
@@ -739,7 +714,7 @@ def _insert_numbers(
             for column in range(POWER.start, POWER.stop)
         ]
         for draw, dashpot in enumerate(np.stack(dashpot_values, axis=1).tolist()):
-            for row, number in _dashpot_rows(story, *dashpot):
+            for row, number in dashpot_rows(story, *dashpot):
                 linear_terms[draw, row, i] = number
 
 
@@ -1053,10 +1028,8 @@ def add_damping(
                 f"and this machine has {available / 2**30:.0f} GiB; use damping.rayleigh"
             )
         modes, ratios = vibration.modes, np.array(damping.ratios)
-        # Compute the rows sqrt(2 xi omega) M phi. A single ratio applies to all modes; several
-        # ratios apply to the first modes.
-        if ratios.size == 1:
-            ratios = np.full(n, ratios[0])
+        # Compute the rows sqrt(2 xi omega) M phi. The last ratio applies to all further modes.
+        ratios = np.concatenate([ratios, np.full(n - ratios.size, ratios[-1])])
         damped_modes = np.flatnonzero(ratios)
         factors = np.sqrt(2.0 * ratios[damped_modes] * modes.omega[damped_modes])
         modal = np.zeros((damped_modes.size, n + 1))

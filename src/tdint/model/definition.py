@@ -407,8 +407,8 @@ class ModalDamping:
     Attributes
     ----------
     ratios : tuple of float
-        Damping ratios in [0, 1). A single ratio applies to all modes. Several ratios apply to the
-        first modes in order, and higher modes are undamped.
+        Damping ratios in [0, 1) of the first modes in order. The last ratio applies to all further
+        modes, too; it is 0 if they are undamped.
     """
 
     ratios: tuple[float, ...]
@@ -1146,7 +1146,7 @@ def damped_by(model: Model, ratio: float) -> Damping:
         case RayleighRatio(_, modes):
             return RayleighRatio((ratio, ratio), modes)
         case ModalDamping(old_ratios):
-            return ModalDamping((ratio,) * len(old_ratios))
+            return ModalDamping(tuple(ratio if old else 0.0 for old in old_ratios))
     has_no_ratio = "is undamped" if model.damping is None else "specifies damping by coefficients"
     raise UsageError(
         f"the damping ratio cannot be changed, because {model.name} {has_no_ratio}; specify "

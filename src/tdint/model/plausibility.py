@@ -20,7 +20,7 @@ from tdint.model.building import (
     unstable_after_yield,
     yield_strength,
 )
-from tdint.model.definition import LAWS, Model
+from tdint.model.definition import LAWS, ModalDamping, Model
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -417,3 +417,19 @@ def unusual(usual_range: UsualRange, values: Mapping[str, float]) -> list[str]:
     if not unusual_texts:
         return []
     return [usual_range.warning(abbreviate(unusual_texts, _MAX_LISTED))]
+
+
+def model_notes(model: Model) -> list[str]:
+    """Return notes on a model: the reason for a suppressed plausibility check, and the modes to
+    which the last of several modal damping ratios applies."""
+    notes = suppression_reason(model)
+    if isinstance(model.damping, ModalDamping):
+        ratios, count = model.damping.ratios, len(model.stories)
+        if 1 < len(ratios) < count and ratios[-1] > 0.0:
+            first = len(ratios) + 1
+            modes = f"modes {first} to {count}" if first < count else f"mode {count}"
+            notes.append(
+                f"the last of {len(ratios)} modal damping ratios, {100.0 * ratios[-1]:g} %, "
+                f"applies to {modes}, too"
+            )
+    return notes

@@ -130,7 +130,11 @@ def damping_text(model: Model) -> str:
                 f"stiffness{exception}"
             )
         case ModalDamping(ratios):
-            return f"modal damping of {', '.join(f'{100.0 * ratio:g}' for ratio in ratios)} %"
+            listed = ", ".join(f"{100.0 * ratio:g}" for ratio in ratios)
+            if 1 < len(ratios) < len(model.stories):
+                listed += f" % in modes 1 to {len(ratios)} and of {100.0 * ratios[-1]:g}"
+                return f"modal damping of {listed} % in the other modes"
+            return f"modal damping of {listed} %"
     return "no damping except dashpots"
 
 

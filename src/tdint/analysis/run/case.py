@@ -53,8 +53,8 @@ from tdint.model.definition import LAWS, Model
 from tdint.model.plausibility import (
     DUCTILITY,
     long_step,
+    model_notes,
     plausibility_warnings,
-    suppression_reason,
     unusual_stories,
 )
 from tdint.number_parsing import pluralize
@@ -835,7 +835,7 @@ class Case:
         """Return the notes on the conditions and the limits of a run."""
         record, end = self.record, response.steps * response.dt
         ended_by_collapse = response.collapse is not None and response.collapse.ended
-        notes = [*suppression_reason(self.model), *self.remarks, *(record.notes if record else ())]
+        notes = [*model_notes(self.model), *self.remarks, *(record.notes if record else ())]
         # The tolerance 1e-9 excludes the rounding of a number of steps times their length.
         if record and end > record.duration * (1.0 + 1e-9):
             notes.append(

@@ -214,11 +214,8 @@ def _damping_type(count: int | None) -> Either:
             Key("ratio", RATIO, "damping ratio", True),
             Key("modes", mode, "number of modes", True, "give the number of damped modes"),
         ),
-        # `ModalDamping` would apply a single ratio to all modes. If only the first of several
-        # modes is damped, the second ratio, 0, prevents this.
-        make=lambda _, ratio, modes: (
-            (ratio, 0.0) if modes == 1 and count != 1 else (ratio,) * modes
-        ),
+        # `ModalDamping` applies the last ratio to all further modes; here it is 0.
+        make=lambda _, ratio, modes: (ratio,) * modes + (0.0,) * (modes != count),
     )
     list_text = f"a list of at most {count} damping ratios (one per mode)"
     ratio_list = EntriesOf(RATIO, 2, count, list_text, _SHORT_LIST_ERROR)
