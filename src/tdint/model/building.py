@@ -127,8 +127,7 @@ class Building:
     def linear(self) -> bool:
         """True if every story has a linear law and no story has a power-law dashpot or a damper
         with a brace."""
-        is_damped = self.power_damped or self.braced
-        return not is_damped and self.law_codes <= {CODES["linear"]}
+        return not self.power_damped | self.braced and self.law_codes <= {CODES["linear"]}
 
     @cached_property
     def power_damped(self) -> bool:
@@ -143,8 +142,8 @@ class Building:
     @cached_property
     def damped_by_devices(self) -> bool:
         """True if any story has a dashpot, with or without a brace."""
-        has_linear = bool(np.any(self.linear_terms[rows.DASHPOT, ..., :-1] != 0.0))
-        return self.power_damped or self.braced or has_linear
+        coefficients = self.linear_terms[rows.DASHPOT, ..., :-1]
+        return self.power_damped or self.braced or bool(np.any(coefficients != 0.0))
 
     def damper_force(self, force: Array) -> Array:
         """Return forces along the dampers from their forces in the direction of the drift, N."""
@@ -156,9 +155,7 @@ class Building:
     def peak_damper_force(self, peaks: Array) -> Array:
         """Return the peak forces along the dampers from the peaks of a run, N."""
         force = self.device_force(peaks[..., rows.PEAK_DRIFT_RATE, :])
-        if self.braced:
-            force = force + peaks[..., rows.PEAK_BRACE_FORCE, :]
-        return self.damper_force(force)
+        return self.damper_force(force + peaks[..., rows.PEAK_BRACE_FORCE, :])
 
     def device_force(self, rate: Array) -> Array:
         """Return the forces (N) of dashpots without a brace at drift rates (m/s), shape (..., n),
