@@ -31,6 +31,7 @@ from itertools import pairwise
 
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import MAX_POINTS, DriftLaw, LawFunctions, LawParameter
+from tdint.kernels.laws.peak_oriented import BACKBONE, UNLOADING, peak_oriented_switch
 
 _RULES = ("kinematic", "isotropic", "origin", "peak", "elastic")
 _KINEMATIC, _ISOTROPIC, _ORIGIN, _PEAK, _ELASTIC = map(float, range(len(_RULES)))
@@ -48,12 +49,8 @@ _SIDE = 2 * MAX_POINTS
 _START = rows.HIGH_DRIFT
 _PLASTIC_PATH = rows.HIGH_FORCE
 
-# Types of branches of the rules `origin` and `peak` in row INTERNAL. The value is negative on the
-# negative side, and 0 before the first yielding. For rule `elastic`, the row is the index of the
-# segment (`set_segment`).
-_BACKBONE = 1.0
-_RELOADING = 2.0
-_UNLOADING = 3.0
+# Row INTERNAL contains the type of the branch for the rules `origin` and `peak`, as in
+# `peak_oriented`, and the index of the segment (`set_segment`) for rule `elastic`.
 _FAILED = 1e3  # no strength; larger than the index of any segment
 
 # Fraction of a drift or force. Points that are closer to each other are regarded as equal.
@@ -137,7 +134,7 @@ def _functions() -> LawFunctions:
         end = segment_end(law_parameters, i, side, j)
         if slope < 0.0:
             end = min(end, drift - force / slope)
-        law_state[block + rows.INTERNAL, i] = side * _BACKBONE
+        law_state[block + rows.INTERNAL, i] = side * BACKBONE
         law_state[block + rows.FORCE, i] = side * force
         set_loading(law_state, i, block, side, slope, end)
 
@@ -317,7 +314,7 @@ def _functions() -> LawFunctions:
         row = rows.HIGH_DRIFT if side > 0.0 else rows.LOW_DRIFT
         max_drift = law_state[block + row, i]
         slope = law_state[block + row + 1, i] / max_drift
-        law_state[block + rows.INTERNAL, i] = side * _UNLOADING
+        law_state[block + rows.INTERNAL, i] = side * UNLOADING
         law_state[block + rows.FORCE, i] = slope * law_state[block + rows.DRIFT, i]
         set_branch(law_state, i, block, slope, min(max_drift, 0.0), max(max_drift, 0.0), 0.0)
 
@@ -353,30 +350,7 @@ def _functions() -> LawFunctions:
             stiffness = max(stiffness, segment_slope(law_parameters, i, side, j))
         return stiffness
 
-    @inline
-    def switch_peak(law_parameters, law_state, i, block, event):
-        """Set the branch that follows, rule `peak`."""
-        drift = law_state[block + rows.DRIFT, i]
-        force = law_state[block + rows.FORCE, i]
-        if event == rows.REVERSED:
-            side = law_state[block + rows.RATE_SIGN, i]
-            if law_state[block + rows.INTERNAL, i] == side * _BACKBONE:
-                set_maximum(law_state, i, block, side)
-            slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-            zero_drift = drift - force / slope
-            law_state[block + rows.INTERNAL, i] = side * _UNLOADING
-            set_branch(
-                law_state, i, block, slope, min(drift, zero_drift), max(drift, zero_drift), 0.0
-            )
-            return
-        row = rows.HIGH_DRIFT if event > 0.0 else rows.LOW_DRIFT
-        target = law_state[block + row, i]
-        if event * (target - drift) > _TOLERANCE * abs(target):
-            law_state[block + rows.INTERNAL, i] = event * _RELOADING
-            slope = (law_state[block + row + 1, i] - force) / (target - drift)
-            set_loading(law_state, i, block, event, slope, event * target)
-        else:
-            set_backbone(law_parameters, law_state, i, block, event)
+    switch_peak = peak_oriented_switch(unloading_stiffness, set_backbone)
 
     # ---- Rule `elastic`
 

@@ -20,6 +20,7 @@ on the other side of the origin is never stiffer than unloading.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import (
@@ -35,11 +36,65 @@ _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
 _EXPONENT = rows.FIRST_PARAMETER + 2  # exponent of the unloading stiffness
 
-# Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
-# first yielding.
-_YIELDING = 1.0
-_RELOADING = 2.0
-_UNLOADING = 3.0
+# Types of branches in row INTERNAL of a peak-oriented law. The value is negative on the negative
+# side, and 0 before the first yielding.
+BACKBONE = 1.0
+RELOADING = 2.0
+UNLOADING = 3.0
+
+
+def peak_oriented_switch(unloading_stiffness: Any, set_backbone: Any) -> Any:
+    """Return the function `switch` of a law that reloads towards the maximum drift of a side.
+
+    The branches follow each other in this order:
+
+        1. After a reversal, the story unloads with the unloading stiffness. The branch is valid in
+           both directions (RATE_SIGN 0), from the reversal to zero force.
+        2. From either end of this branch, the story reloads in its direction of movement, towards
+           the point of maximum drift of this side (rows HIGH_DRIFT to LOW_FORCE).
+        3. From this point on, the story follows the backbone curve.
+
+    `unloading_stiffness` is a function (law_parameters, law_state, i, block, side) -> N/m.
+    `set_backbone` (law_parameters, law_state, i, block, side) sets the branch of the backbone curve
+    at the current drift, with the type BACKBONE.
+    """
+    from tdint.kernels.compiling import outlined
+    from tdint.kernels.laws.branch_following import set_branch
+
+    @outlined
+    def switch(law_parameters, law_state, i, block, event):
+        """Set the branch that follows the current branch at a reversal or at its limit."""
+        drift = law_state[block + rows.DRIFT, i]
+        force = law_state[block + rows.FORCE, i]
+        if event == rows.REVERSED:
+            # A reversal on the backbone curve is the new point of maximum drift of its side.
+            side = law_state[block + rows.RATE_SIGN, i]
+            if abs(law_state[block + rows.INTERNAL, i]) == BACKBONE:
+                row = rows.HIGH_DRIFT if side > 0.0 else rows.LOW_DRIFT
+                law_state[block + row, i] = drift
+                law_state[block + row + 1, i] = force
+            slope = unloading_stiffness(law_parameters, law_state, i, block, side)
+            zero_drift = drift - force / slope  # drift at zero force
+            law_state[block + rows.INTERNAL, i] = side * UNLOADING
+            set_branch(
+                law_state, i, block, slope, min(drift, zero_drift), max(drift, zero_drift), 0.0
+            )
+            return
+        # The branch ended in the direction of `event` (ABOVE is 1, BELOW is -1). Loading continues
+        # on that side, towards the point of maximum drift or on the backbone curve.
+        row = rows.HIGH_DRIFT if event > 0.0 else rows.LOW_DRIFT
+        target = law_state[block + row, i]
+        # Reload if this point is not yet reached; 1e-12 covers rounding errors.
+        if event * (target - drift) > 1e-12 * abs(target):
+            law_state[block + rows.INTERNAL, i] = event * RELOADING
+            slope = (law_state[block + row + 1, i] - force) / (target - drift)
+            upper = target if event > 0.0 else math.inf
+            lower = target if event < 0.0 else -math.inf
+            set_branch(law_state, i, block, slope, lower, upper, event)
+        else:
+            set_backbone(law_parameters, law_state, i, block, event)
+
+    return switch
 
 
 def _functions() -> LawFunctions:
@@ -48,8 +103,8 @@ def _functions() -> LawFunctions:
     The backbone curve is bilinear. Unloading has the stiffness ku (`unloading_stiffness`), and
     reloading is directed towards the point of maximum drift on the other side.
     """
-    from tdint.kernels.compiling import inline, outlined
-    from tdint.kernels.laws.branch_following import follow_branches
+    from tdint.kernels.compiling import inline
+    from tdint.kernels.laws.branch_following import follow_branches, set_branch
 
     @inline
     def unloading_stiffness(law_parameters, law_state, i, block, side):
@@ -132,85 +187,14 @@ def _functions() -> LawFunctions:
         law_state[rows.HIGH_FORCE, i] = strength
         law_state[rows.LOW_FORCE, i] = -strength
 
-    @outlined
-    def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows the current branch at a reversal or at its limit.
+    @inline
+    def set_backbone(law_parameters, law_state, i, block, side):
+        """Yield along the backbone curve."""
+        law_state[block + rows.INTERNAL, i] = side * BACKBONE
+        slope = law_parameters[_HARDENING, i] * law_parameters[rows.STIFFNESS, i]
+        set_branch(law_state, i, block, slope, -math.inf, math.inf, side)
 
-        The branches follow each other in this order:
-
-            1. After a reversal, the story unloads with the unloading stiffness. The branch is valid
-               in both directions (RATE_SIGN 0), from the reversal to zero force.
-            2. From either end of this branch, the story reloads in its direction of movement,
-               towards the point of maximum drift of this side.
-            3. From this point on, the story yields along the backbone curve. The slope is the
-               parameter `hardening` times the initial stiffness.
-
-        Row INTERNAL is the type of the branch (_UNLOADING, _RELOADING or _YIELDING), with a
-        negative sign on the negative side.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        event : float
-            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
-            falls below the lower limit) or REVERSED (the drift rate changes its sign).
-        """
-        branch_type = law_state[block + rows.INTERNAL, i]
-        drift = law_state[block + rows.DRIFT, i]
-        force = law_state[block + rows.FORCE, i]
-        if event == rows.REVERSED:
-            # A reversal on the backbone curve is the new point of maximum drift of its side.
-            side = law_state[block + rows.RATE_SIGN, i]
-            if abs(branch_type) == _YIELDING:
-                if side > 0.0:
-                    law_state[block + rows.HIGH_DRIFT, i] = drift
-                    law_state[block + rows.HIGH_FORCE, i] = force
-                else:
-                    law_state[block + rows.LOW_DRIFT, i] = drift
-                    law_state[block + rows.LOW_FORCE, i] = force
-            slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-            zero_drift = drift - force / slope  # drift at zero force
-            law_state[block + rows.INTERNAL, i] = side * _UNLOADING
-            law_state[block + rows.SLOPE, i] = slope
-            law_state[block + rows.RATE_SIGN, i] = 0.0
-            law_state[block + rows.UPPER, i] = max(drift, zero_drift)
-            law_state[block + rows.LOWER, i] = min(drift, zero_drift)
-            return
-        # The branch ended in the direction of `event` (ABOVE is 1, BELOW is -1). Loading continues
-        # on that side, towards the point of maximum drift (`target`) or on the backbone curve.
-        target = (
-            law_state[block + rows.HIGH_DRIFT, i]
-            if event > 0.0
-            else law_state[block + rows.LOW_DRIFT, i]
-        )
-        target_force = (
-            law_state[block + rows.HIGH_FORCE, i]
-            if event > 0.0
-            else law_state[block + rows.LOW_FORCE, i]
-        )
-        law_state[block + rows.RATE_SIGN, i] = event
-        # Reload towards the point of maximum drift, or yield if this point is reached; 1e-12 covers
-        # rounding errors.
-        if event * (target - drift) > 1e-12 * abs(target):
-            law_state[block + rows.INTERNAL, i] = event * _RELOADING
-            law_state[block + rows.SLOPE, i] = (target_force - force) / (target - drift)
-            law_state[block + rows.UPPER, i] = target if event > 0.0 else math.inf
-            law_state[block + rows.LOWER, i] = target if event < 0.0 else -math.inf
-        else:
-            law_state[block + rows.INTERNAL, i] = event * _YIELDING
-            law_state[block + rows.SLOPE, i] = (
-                law_parameters[_HARDENING, i] * law_parameters[rows.STIFFNESS, i]
-            )
-            law_state[block + rows.UPPER, i] = math.inf
-            law_state[block + rows.LOWER, i] = -math.inf
-
+    switch = peak_oriented_switch(unloading_stiffness, set_backbone)
     return follow_branches(switch, strain_energy, enter)
 
 
