@@ -27,12 +27,17 @@ MAX_FILTER_ORDER = 10  # maximum order of the filters; steeper than required in 
 
 
 class _OptionalFields:
-    """Base of data classes with optional fields; a field is not set if it is None or empty."""
+    """Base of data classes with optional fields; a field is not set if it is None, empty or
+    False."""
 
     def _set_fields(self) -> dict[str, Any]:
         """Return names and values of the fields that are set."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
-        return {name: value for name, value in values.items() if value not in (None, ())}
+        return {
+            name: value
+            for name, value in values.items()
+            if value not in (None, ()) and value is not False
+        }
 
     def __bool__(self) -> bool:
         """Return True if at least one field is set."""
@@ -64,6 +69,9 @@ class TextLayout(_OptionalFields):
         as acceleration, all columns except the time are read.
     skip_lines : int or None
         Number of lines to ignore before the table or its line of column names.
+    rows : bool
+        The numbers of a line are successive samples of one ground motion, which the next line
+        continues. Default False: the file shows it, or the columns are separate ground motions.
 
     Raises
     ------
@@ -74,6 +82,7 @@ class TextLayout(_OptionalFields):
     step: float | None = None
     column: tuple[str, ...] = ()
     skip_lines: int | None = None
+    rows: bool = False
 
     def __post_init__(self) -> None:
         """Validate the values, and convert the columns to a tuple of texts."""
@@ -99,10 +108,17 @@ class TextLayout(_OptionalFields):
                 f"`skip_lines`: must be a whole number from 0 to {MAX_SKIPPED_LINES}, got "
                 f"{skipped!r}"
             )
+        if not isinstance(self.rows, bool):
+            raise UsageError(f"`rows`: must be true or false, got {self.rows!r}")
+        if self.rows and self.column:
+            raise UsageError(
+                "`rows` and `column` cannot be combined: either the lines continue one ground "
+                "motion, or its samples are in a column; remove one"
+            )
 
     def check_format(self, name: str) -> None:
-        """Raise RecordError if the layout specifies columns or lines to skip, because a file of the
-        format `name` is not a text table.
+        """Raise RecordError if the layout specifies rows, columns or lines to skip, because a file
+        of the format `name` is not a text table.
 
         Parameters
         ----------
@@ -115,6 +131,11 @@ class TextLayout(_OptionalFields):
                     f"`{option}={value}` cannot be used with the file format {name}; it applies "
                     "only to text tables, remove it"
                 )
+        if self.rows:
+            raise RecordError(
+                f"`rows` cannot be used with the file format {name}; it applies only to text "
+                "tables, remove it"
+            )
 
     def check_step(self, dt: float) -> None:
         """Raise RecordError if the sampling interval `dt` (s) of a file differs from `step`.

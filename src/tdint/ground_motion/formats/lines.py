@@ -9,7 +9,7 @@ import warnings
 from array import array
 from collections.abc import Callable
 from copy import copy
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +117,18 @@ class Lines:
                 return _beginning(line)
             self._next += 1
         return None
+
+    def preview(self, count: int) -> list[str]:
+        """Return the starts of up to `count` of the next non-blank lines without reading them."""
+        lines = islice(
+            (line for line in islice(self._lines, self._next, None) if line.strip()), count
+        )
+        return list(map(_beginning, lines))
+
+    def remaining(self) -> list[str]:
+        """Read all lines up to the end of the file, including blank and very long lines."""
+        start, self._next = self._next, len(self._lines)
+        return self._lines[start:]
 
     def at_numbers(self) -> bool:
         """Return True if the next non-blank line contains only numbers."""
@@ -501,8 +513,8 @@ def _decode(data: bytes) -> str:
         # Only station names have other characters, in any encoding. Latin-1 decodes all bytes, and
         # numbers have the same bytes in all of these encodings.
         text = data.decode("latin-1")
-    # DOS programs mark the end of a text with Ctrl-Z.
-    return text.rstrip("\x1a\0").replace("\r\n", "\n").replace("\r", "\n")
+    # DOS programs mark the end of a text with Ctrl-Z, and some editors add a line end to it.
+    return re.sub(r"[\x1a\0][\x1a\0\s]*\Z", "", text).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _to_float(number: str) -> float:

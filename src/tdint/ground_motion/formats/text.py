@@ -58,6 +58,14 @@ from tdint.ground_motion.formats.table_columns import (
     read_foreign_header,
     read_header,
 )
+from tdint.ground_motion.formats.table_evidence import (
+    FirstNumbers,
+    check_first_value,
+    counts_rows,
+    first_numbers,
+    paired,
+    unexplained_first_line,
+)
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP
 from tdint.number_parsing import pluralize
 from tdint.units import parse_units
@@ -71,6 +79,7 @@ Names = tuple[ColumnName, ...]
 _OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
 """Pattern of a comment that identifies another format (CWB)."""
 
+_FIRST_LINES = 50  # lines that are compared with the form of the first line
 _MAX_COLUMNS = 50
 """Maximum number of columns of a table."""
 
@@ -195,17 +204,59 @@ def read_text(
     header_lines = lines.take_until(ROW.fullmatch, "row of numbers")
 
     _check_first_name(header_lines, skipped)
+    first_lines = lines.preview(_FIRST_LINES)
     columns = _columns(lines, sum(map(_count_names, header_lines)))
-    width, size = len(columns), columns[0].size
+    first = FirstNumbers()
+    if len(columns) == 1:
+        first = _numbers_above_samples(columns[0], first_lines, len(header_lines), layout)
+        columns = [columns[0][first.lines :]]
+    width = len(columns)
     if layout:
         header = read_foreign_header(header_lines, width, skipped)
     else:
         header = read_header(header_lines, width)
-    selected = list(
-        dict.fromkeys(column_index(column, header.names, width) for column in layout.column)
-    )
+    if width == 1 and not first.lines and not header.intervals():
+        check_first_value(first_lines, skipped + len(header_lines) + 1, layout)
+    header = _with_first_numbers(header, first)
+    if layout.rows and width > 1:
+        raise RecordError(
+            "`rows` contradicts the names or the times of the columns of the table; remove it"
+        )
+    if not (header.names or layout.column):
+        pairs = paired(np.column_stack(columns))
+        columns = columns if pairs is None else list(pairs.T.copy())
+    times = _times(columns, header.names, _selected(layout, header.names, width), layout)
+    if skipped:
+        warnings.warn(
+            f"{pluralize(skipped, 'line')} ignored at the beginning, as requested", stacklevel=2
+        )
+    return to_stream(table_series(columns, header, layout, times), headonly=headonly)
 
-    times = _times(columns, header.names, selected, layout)
+
+def table_series(
+    columns: Columns, header: TableHeader, layout: TextLayout, times: NDArray[np.float64] | None
+) -> list[Series]:
+    """Return the components in the columns of a table.
+
+    Parameters
+    ----------
+    columns : list of ndarray
+        All columns of the table, including the times.
+    header : TableHeader
+        Declarations and column names.
+    layout : TextLayout
+        Description of the table by the user.
+    times : ndarray, shape (samples,), or None
+        Times in the first column, s; None if the table has no column of times.
+
+    Raises
+    ------
+    RecordError
+        The sampling interval is not declared, times are not in equal steps, or declarations
+        contradict each other or the values.
+    """
+    width, size = len(columns), columns[0].size
+    selected = _selected(layout, header.names, width)
     dt, is_stated = _sampling_interval(header, times, layout)
     if header.declared.get("samples", str(size)) != str(size):
         raise RecordError(
@@ -232,27 +283,62 @@ def read_text(
     # A first column without a name that contains times or a sample count is not a ground motion.
     has_times = times is not None or (width > 1 and _counts_samples(columns[0], layout.step))
     component_columns = selected or _accelerations(header.names, range(int(has_times), width))
-    if skipped:
-        warnings.warn(
-            f"{pluralize(skipped, 'line')} ignored at the beginning, as requested", stacklevel=2
-        )
     if not is_stated:
         warnings.warn(
             f"using the specified sampling interval of {dt:g} s; the file states none", stacklevel=2
         )
-    # A file with one ground motion and five samples per line cannot be distinguished from five
-    # ground motions. Each column would then contain every fifth sample, at wrong times.
-    if width > 2 and not header.names and not has_times:
+    # The continuity of the values suggests separate ground motions, but the file does not state it.
+    if width > 2 and not (header.names or has_times or selected):
         assumption = f"each of {width} columns without names is read as a separate ground motion"
         warnings.warn(
-            f"{assumption}; if the lines continue a single ground motion, write one sample per "
-            "line",
+            f"{assumption}; if the lines continue a single ground motion, specify `rows`",
             stacklevel=2,
         )
-    return to_stream(
-        [_series(common, columns, header, index, component_columns) for index in component_columns],
-        headonly=headonly,
-    )
+    return [
+        _series(common, columns, header, index, component_columns) for index in component_columns
+    ]
+
+
+def _selected(layout: TextLayout, names: Names, width: int) -> list[int]:
+    """Return the indices of the columns that the user selects, without repetition."""
+    indices = (column_index(column, names, width) for column in layout.column)
+    return list(dict.fromkeys(indices))
+
+
+def _numbers_above_samples(
+    values: NDArray[np.float64], first_lines: list[str], above: int, layout: TextLayout
+) -> FirstNumbers:
+    """Return the number of samples and the interval in the first lines of a column; `above` is the
+    number of header lines.
+
+    Raises RecordError if a first line contains a number of samples other than that of the column.
+    """
+    first = first_numbers(values, np.ones(values.size, dtype=np.int64))
+    if not first.lines and (line := unexplained_first_line(first_lines)):
+        number = (layout.skip_lines or 0) + above + 1
+        raise RecordError(
+            f"line {number}: {line[:60]!r} is not a sample, and the numbers in the first lines do "
+            f"not state the number of the {pluralize(values.size - 1, 'value')} below it; correct "
+            f"it, or skip it by `skip_lines={number}`"
+        )
+    return first
+
+
+def _with_first_numbers(header: TableHeader, first: FirstNumbers) -> TableHeader:
+    """Return a header with the number of samples and the interval in the first lines of a column;
+    raise RecordError if they contradict its declarations."""
+    declared = dict(header.declared)
+    if first.count:
+        declared.setdefault("samples", str(first.count))
+    if first.interval:
+        stated = header.intervals()
+        if stated and abs(stated[0] - first.interval) > SAME_STEP * first.interval:
+            raise RecordError(
+                f"the file states several sampling intervals, {stated[0]:g} s and "
+                f"{first.interval:g} s; correct the header or the first lines"
+            )
+        declared.setdefault("dt", f"{first.interval!r} s")
+    return replace(header, declared=declared)
 
 
 def _check_first_name(header_lines: list[str], skipped: int) -> None:
@@ -437,12 +523,22 @@ def _times(
         Indices of the columns specified by the user.
     layout : TextLayout
         Layout specified by the user, with the sampling interval.
+
+    Raises
+    ------
+    RecordError
+        The first column numbers the lines, and the user does not specify the sampling interval.
     """
     if names:
         return columns[0] * SECONDS[names[0].units] if names[0].quantity == TIME else None
     if len(columns) == 1 or 0 in selected:
         return None
     first = columns[0]
+    if layout.step is None and counts_rows(first):
+        raise RecordError(
+            "the first column numbers the lines; specify the sampling interval by `step` (1 if the "
+            "numbers are times in s)"
+        )
     # If the user specifies the sampling interval, the first column may contain data.
     if layout.step is not None and (
         not np.all(np.diff(first) > 0.0) or _counts_samples(first, layout.step)
@@ -484,6 +580,9 @@ def _matches(lines: list[str]) -> bool:
         or width > _MAX_COLUMNS
         or deviating_rows > (len(rows) // 4 if name_count else 0)
     ):
+        return False
+    # Lines of several samples may be numbered; the layout of such a table requires all its lines.
+    if not name_count and width > 3 and counts_rows(np.array([row[0] for row in rows])):
         return False
     # Without column names, several columns are recognized only if the first increases like times.
     return (

@@ -14,9 +14,9 @@ from __future__ import annotations
 import hashlib
 import re
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,6 +73,11 @@ an unusual header) become notes. Warnings of the readers of tdint must not match
 TEXT_TABLE = "TEXT"
 """Name of the format of plain text tables, the only format with a layout that the user may specify
 (`TextLayout`)."""
+
+_END_OF_TEXT = re.compile(rb"\x1a[\x1a\s]*\Z")
+"""Pattern of the mark ^Z with which DOS programs end a text file."""
+
+_HEADER_BYTES = 4096  # bytes at the start of a file that are searched for the name of its content
 
 _COMPRESSIONS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 """Compression programs by the first bytes of their files."""
@@ -290,6 +295,22 @@ class Plugin:
 
 
 @dataclass(frozen=True)
+class _Recognized:
+    """File whose format has been recognized.
+
+    Attributes
+    ----------
+    format : str
+        Name of the format.
+    read : callable
+        Function without arguments that returns the ObsPy stream of the file.
+    """
+
+    format: str
+    read: Callable[[], Any]
+
+
+@dataclass(frozen=True)
 class Contents:
     """Traces of a file.
 
@@ -328,7 +349,7 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
         data = read_bytes(source)
         if is_zip(data):  # Spreadsheets are also zip files, so the suffix is checked.
             return str(source).lower().endswith(".zip")
-        return _recognizing_plugin(data, layout) is not None
+        return _recognize(data, layout) is not None
     except RecordError:
         return True
 
@@ -356,8 +377,8 @@ def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[st
     """
     data = read_bytes(source)
     files = [*archive_files(data, source)] if is_zip(data) else [(source, data)]
-    plugins_by_file = [(name, _recognizing_plugin(content, layout)) for name, content in files]
-    return [(name, plugin.name) for name, plugin in plugins_by_file if plugin]
+    recognized_by_file = [(name, _recognize(content, layout)) for name, content in files]
+    return [(name, recognized.format) for name, recognized in recognized_by_file if recognized]
 
 
 def read_all_contents(
@@ -387,9 +408,7 @@ def read_all_contents(
     records = [(source, data)]
     if is_zip(data):
         files = [*archive_files(data, source)]
-        records = [
-            (name, content) for name, content in files if _recognizing_plugin(content, layout)
-        ]
+        records = [(name, content) for name, content in files if _recognize(content, layout)]
         if not records:
             names = [name.removeprefix(f"{source}/")[:60] for name, _ in files[:10]]
             raise RecordError(
@@ -423,20 +442,22 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         The format is not supported, the file is corrupt or cut off, it has no numeric channel, or
         the layout contradicts the file.
     """
-    plugin = _require_plugin(data, source, layout)
+    data = _without_end_mark(data)
+    recognized = _require_format(data, source, layout)
+    name = recognized.format
     try:
-        if plugin.name != TEXT_TABLE:
-            layout.check_format(plugin.name)
+        if name != TEXT_TABLE:
+            layout.check_format(name)
         # Check the headers before the reader is called, because some readers crash or do not
         # terminate for invalid bytes.
-        stated_values = look_at(plugin.name, data)
-        traces, messages = _read(plugin, data, layout)
+        stated_values = look_at(name, data)
+        traces, messages = _read(recognized)
         # Some readers only warn about samples that they cannot read. The warning is an error here.
         if warning := next(filter(_CORRUPT_FILE_WARNING.search, messages), None):
             raise Damaged(warning)
         # Small differences between the header and the samples are reported as warnings.
         with caught_messages() as differences:
-            compared = compare_with_statements(plugin.name, stated_values, traces)
+            compared = compare_with_statements(name, stated_values, traces)
         # Text channels, for example the log of a recorder, contain no ground motion, and their
         # sampling interval has no meaning.
         numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
@@ -449,21 +470,25 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from error
     except struct.error as error:
-        raise RecordError(
-            f"{source}: the file is truncated within its header ({plugin.name})"
-        ) from error
+        raise RecordError(f"{source}: the file is truncated within its header ({name})") from error
     if not numeric:
-        raise RecordError(
-            f"{source}: the file ({plugin.name}) contains no samples of ground motion"
-        )
-    prefix = "" if plugin.is_own else "ObsPy: "
+        raise RecordError(f"{source}: the file ({name}) contains no samples of ground motion")
+    prefix = "ObsPy: " if name in OBSPY_FORMATS else ""
     notes = (*(prefix + message for message in messages), *differences)
     # The readers of tdint also compare header values, and list these in the traces.
     compared_by_reader = [
-        name for trace in numeric for name in trace.stats.get("tdint_compared", ())
+        quantity for trace in numeric for quantity in trace.stats.get("tdint_compared", ())
     ]
     all_compared = tuple(dict.fromkeys([*compared, *compared_by_reader]))  # without repetition
-    return Contents(plugin.name, numeric, notes, all_compared)
+    return Contents(name, numeric, notes, all_compared)
+
+
+def _without_end_mark(data: bytes) -> bytes:
+    """Return the content of a file without the end mark of a text file; binary files contain zero
+    bytes and are returned unchanged."""
+    if b"\x1a" not in data[-_HEADER_BYTES:] or b"\0" in data:
+        return data
+    return _END_OF_TEXT.sub(b"", data)
 
 
 @cache
@@ -512,7 +537,7 @@ def _plugins_by_name(entry_points: EntryPoints, names: Iterable[str]) -> Iterato
             yield Plugin(name, is_format, read_format)
 
 
-def _require_plugin(data: bytes, source: str, layout: TextLayout) -> Plugin:
+def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized:
     """Return the format of a file.
 
     Parameters
@@ -530,9 +555,13 @@ def _require_plugin(data: bytes, source: str, layout: TextLayout) -> Plugin:
         The format is not supported. The message states the probable reason, such as a compressed
         file or a text table without a header, and the remedy.
     """
-    plugin = _recognizing_plugin(data, layout)
-    if plugin is not None:
-        return plugin
+    from tdint.ground_motion.formats.free_table import find_table
+    from tdint.ground_motion.formats.header_statements import SPECTRA
+    from tdint.ground_motion.formats.text import table_in
+
+    recognized = _recognize(data, layout)
+    if recognized is not None:
+        return recognized
 
     for first_bytes, program in _COMPRESSIONS.items():
         if data.startswith(first_bytes):
@@ -544,12 +573,16 @@ def _require_plugin(data: bytes, source: str, layout: TextLayout) -> Plugin:
             "record as MiniSEED"
         )
         raise RecordError(f"{source}: unknown format, {reason}")
+    if spectra := SPECTRA.search(data[:_HEADER_BYTES].decode("latin-1")):
+        raise RecordError(
+            f"{source}: the file contains {one_line(spectra[0]).lower()} (volume 3 of a record), "
+            "not a ground motion; specify the file of the acceleration (volume 1 or 2)"
+        )
 
     # A text table without a sufficient header can be read if the user specifies its layout.
-    from tdint.ground_motion.formats.text import table_in
-
-    if table := table_in(data, layout):
-        raise RecordError(f"{source}: unknown format: {table}")
+    table = find_table(data, layout)
+    if reason := table.problem if table else table_in(data, layout):
+        raise RecordError(f"{source}: unknown format: {reason}")
     hint = (
         f", and no table of numbers found below its first {layout.skip_lines or 0} lines"
         if layout
@@ -559,11 +592,11 @@ def _require_plugin(data: bytes, source: str, layout: TextLayout) -> Plugin:
     raise RecordError(f"{source}: unknown format{hint}; supported formats: {formats}")
 
 
-def _recognizing_plugin(data: bytes, layout: TextLayout) -> Plugin | None:
-    """Return the first format that recognizes a file; None if no format does.
+def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
+    """Return the format of a file; None if it is unknown.
 
-    With a layout, the format of text tables is tried once more at the end, because the layout
-    permits tables that have no sufficient header.
+    Tables with a free header are tried after all formats. With a layout, the format of text tables
+    is tried once more at the end, because the layout permits tables that have no sufficient header.
 
     Parameters
     ----------
@@ -572,15 +605,20 @@ def _recognizing_plugin(data: bytes, layout: TextLayout) -> Plugin | None:
     layout : TextLayout
         Layout of text tables specified by the user.
     """
-    attempts: list[tuple[Plugin, dict[str, Any]]] = [(plugin, {}) for plugin in plugins()]
-    if layout:
-        attempts += [
-            (plugin, {"layout": layout}) for plugin in plugins() if plugin.name == TEXT_TABLE
-        ]
+    from tdint.ground_motion.formats.free_table import find_table
+
     with caught_messages():  # Warnings of formats that do not match are ignored.
-        return next(
-            (plugin for plugin, options in attempts if _recognizes(plugin, data, **options)), None
-        )
+        for plugin in plugins():
+            if _recognizes(plugin, data):
+                options = {"layout": layout} if plugin.name == TEXT_TABLE else {}
+                return _Recognized(plugin.name, partial(_read_by, plugin, data, **options))
+        table = find_table(data, layout)
+        if table is not None and table.is_record:
+            return _Recognized(TEXT_TABLE, table.read)
+        for plugin in plugins() if layout else ():
+            if plugin.name == TEXT_TABLE and _recognizes(plugin, data, layout=layout):
+                return _Recognized(plugin.name, partial(_read_by, plugin, data, layout=layout))
+    return None
 
 
 def _recognizes(plugin: Plugin, data: bytes, **options: Any) -> bool:
@@ -601,34 +639,28 @@ def _recognizes(plugin: Plugin, data: bytes, **options: Any) -> bool:
         return False
 
 
-def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], list[str]]:
-    """Read a file by the reader of its format; return the traces and the messages of the reader.
+def _read_by(plugin: Plugin, data: bytes, **options: Any) -> Any:
+    """Read a file by the reader of its format; return an ObsPy stream."""
+    return _import_function(plugin.read_format)(BytesIO(data), **options)
 
-    Parameters
-    ----------
-    plugin : Plugin
-        Format of the file.
-    data : bytes
-        Content of the file.
-    layout : TextLayout
-        Layout of text tables specified by the user; used only for the format of text tables.
+
+def _read(recognized: _Recognized) -> tuple[list[Any], list[str]]:
+    """Read a file by the reader of its format; return the traces and the messages of the reader.
 
     Raises
     ------
     RecordError
         The reader raises an exception.
     """
-    read_function = _import_function(plugin.read_format)
-    options = {"layout": layout} if plugin.name == TEXT_TABLE else {}
     try:
         with caught_messages() as messages:
-            traces = list(read_function(BytesIO(data), **options))
+            traces = list(recognized.read())
     except RecordError:  # The message of a tdint reader already explains the error.
         raise
     except Exception as error:  # Readers raise any type of exception for corrupt bytes.
         reason = one_line(str(error)) or type(error).__name__
         raise RecordError(
-            f"cannot be read as {plugin.name}, the file may be corrupt: {reason}"
+            f"cannot be read as {recognized.format}, the file may be corrupt: {reason}"
         ) from error
     return traces, messages
 
