@@ -62,7 +62,7 @@ def is_quiet() -> bool:
 _EMPTY_LINE = "\r\x1b[K"  # control characters that clear the line of the cursor on a terminal
 # A library argument in backticks, with or without its value, such as `skip_lines=1`. The groups are
 # its name and its value.
-_SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines)(?:=([^`]*))?`")
+_SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines|rows)(?:=([^`]*))?`")
 # Control characters except for the line feed, and Unicode characters that break lines or change the
 # direction of the text: they could hide a part of a message.
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
@@ -169,6 +169,8 @@ def complain(text: str, settings: Settings | None = None) -> None:
         name, value = match.groups()
         option = f"--{name.replace('_', '-')}"
         if option not in settings.options:
+            # A switch has no value in a message, and the value true in a file.
+            value = value or ("true" if name == "rows" else None)
             return f"`{name}: {value}`" if value else match[0]
         return f"{option} {shlex.quote(value)}" if value else option
 

@@ -147,6 +147,12 @@ _LAYOUT = (
         metavar="N",
         help="Number of lines to skip at the beginning of a text table.",
     ),
+    _rare(
+        "--rows",
+        is_flag=True,
+        help="The numbers of a line of a text table are successive samples of one ground motion, "
+        "which the next line continues; required only if the file does not show it.",
+    ),
 )
 
 _PROCESSING = (

@@ -87,6 +87,10 @@ _LOST = re.compile(r"[-+.,;\dEeDd\s*]*\*{3}[-+.,;\dEeDd\s*]*")
 
 _DECIMAL = re.compile(r"[-+]?(?:\d+\.\d*|\.\d+)(?:[EeDd][-+]?\d+)?")
 _INTEGER = re.compile(r"\+?\d+")
+_WITHOUT_POINT = re.compile(r"[-+]?0*[1-9]\d*(?:[EeDd][-+]?\d+)?")
+"""Pattern of a number without a decimal point, except zero."""
+
+_SEPARATORS = re.compile(r"[\s,;]+")
 
 
 @dataclass(frozen=True)
@@ -294,6 +298,7 @@ def _read_table(
         return None
     if kind == "single" and not stated.intervals:
         check_first_value(block.lines[:_FIRST_LINES], block.line_numbers[0], layout)
+    _check_decimal_points(block, numbers)
     # Check whether the last number of the file is cut off.
     lines.checked(array("d", numbers.values), block.line_numbers[0] - 1)
 
@@ -461,6 +466,24 @@ def _row(line: str, width: int | None = None) -> list[float]:
         return []
 
 
+def _check_decimal_points(block: _Block, numbers: _Numbers) -> None:
+    """Raise RecordError if a number has no decimal point, but all other numbers have the same
+    number of decimals: the point is lost. Zero may be written without a point."""
+    if sum(line.count(".") for line in block.lines) == numbers.values.size:
+        return
+    rows = [_SEPARATORS.split(line.strip(" \t,;")) for line in block.lines]
+    decimals = {len(word.partition(".")[2]) for row in rows for word in row if "." in word}
+    if len(decimals) != 1:
+        return
+    for row, number in zip(rows, block.line_numbers, strict=True):
+        for word in row:
+            if _WITHOUT_POINT.fullmatch(word):
+                raise RecordError(
+                    f"line {number}: {word[:40]} has no decimal point, but all other numbers have "
+                    "the same number of decimals; correct it"
+                )
+
+
 def _field_width(lines: Sequence[str]) -> int | None:
     """Return the width of fields that are not separated: the distance of the decimal points if it
     is the same in all lines, otherwise None."""
@@ -562,21 +585,28 @@ def _check_surroundings(
                 f"the numbers in {where} precede the samples, and the header does not explain "
                 f"them; if they are no samples, skip them by `skip_lines={last}`"
             )
-    # A damaged first or last row is not a row of numbers.
+    # A damaged first or last row is not a row of numbers. The last row may be shorter.
+    width = numbers.width
     after = blocks[main + 1].above if main + 1 < len(blocks) else below
-    for line in (*blocks[main].above[-1:], *after[:1]):
-        words = re.split(r"[\s,;]+", line.strip())
-        decimals = sum(bool(_DECIMAL.fullmatch(word)) for word in words)
-        if len(words) == numbers.width and (2 * decimals >= len(words) or _is_missing(words)):
+    neighbors = [
+        (line, range(width - 1 if width > 2 else width, width + 2))
+        for line in blocks[main].above[-1:]
+    ]
+    neighbors += [(line, range(1, width + 2)) for line in after[:1]]
+    for line, widths in neighbors:
+        words = _SEPARATORS.split(line.strip())
+        damaged = sum(map(_resembles_number, words))
+        if len(words) in widths and damaged and 2 * damaged >= len(words):
             raise RecordError(
                 f"the line {line.strip()[:60]!r} next to the samples must contain numbers; correct "
                 "or remove it"
             )
 
 
-def _is_missing(words: Sequence[str]) -> bool:
-    """Return True if all words mark missing numbers."""
-    return all(word.lower() in ("nan", "inf", "-inf", "null", "none") for word in words)
+def _resembles_number(word: str) -> bool:
+    """Return True if a word contains a decimal point and a digit, or marks a missing number."""
+    has_point = "." in word and any(map(str.isdecimal, word))
+    return has_point or word.lower().lstrip("-") in ("nan", "inf", "null", "none")
 
 
 def _are_integrals(
@@ -676,7 +706,9 @@ def _layout_of(
         raise _no_columns(str(evidence))
     if layout.rows or found == "rows":
         return kind, str(evidence) if found == "rows" else "as specified by `rows`"
-    if layout.column or found == "columns":
+    # Rows of samples may have a shorter last line, columns may not.
+    is_complete = numbers.widths[-1] == width
+    if layout.column or (found == "columns" and is_complete):
         return "columns", ""
     reason = str(evidence) if evidence else _NO_EVIDENCE.get(width, f"only {len(table)} lines")
     raise _Question(

@@ -2,11 +2,11 @@
 
 If a table has no times and no stated number of samples, the continuity of the numbers may decide.
 In rows of successive samples, the step from the end of a row to the start of the next is as large
-as the steps within a row, neighbors are closer to each other than numbers in successive rows, and
-all columns have the same scale. The limits were measured on 8316 tables from 90 public motions:
-rows of 2 to 10 samples, and columns with the components of a motion, the floors of a building,
-suites, and identical, scaled and delayed motions. Two numbers per row are never decided, because
-two columns that are half a step apart cannot be distinguished from rows.
+as the steps within a row and in the same direction, neighbors are closer to each other than numbers
+in successive rows, and all columns have the same scale. The limits were measured on 8316 tables
+from 90 public motions: rows of 2 to 10 samples, and columns with the components of a motion, the
+floors of a building, suites, and identical, scaled and delayed motions. Two numbers per row are
+never decided, because two columns that are half a step apart cannot be distinguished from rows.
 """
 
 from __future__ import annotations
@@ -28,13 +28,17 @@ _MIN_WIDTH, _MIN_ROWS = 3, 20
 
 _STEP_AT_ROW_ENDS = (0.8, 1.25)
 _STEP_AT_ROW_ENDS_OF_SHORT_TABLE = (0.6, 1.67)
+_BEND_AT_ROW_ENDS = (0.7, 1.43)
+_BEND_AT_ROW_ENDS_OF_SHORT_TABLE = (0.5, 2.0)
 _MAX_STANDARD_ERRORS = 2.5
-"""Ratio of the mean step at row ends to the mean step within rows: permitted interval, a wider
-interval if the difference is at most this many standard errors, and that number."""
+"""Ratio of the mean step at row ends to the mean step within rows, and of the mean changes of the
+step, in rows of samples. The wide interval applies if the difference is at most
+`_MAX_STANDARD_ERRORS` standard errors."""
 
-_MAX_NEIGHBOR_RATIO, _MIN_COLUMN_RATIO = 0.85, 1.2
+_MAX_NEIGHBOR_RATIO, _MIN_COLUMN_RATIO, _MIN_RATIO_OF_EVEN_COLUMNS = 0.85, 1.2, 3.0
 """Ratio of the mean step between neighbors to the mean step between rows: rows below the first
-value, columns above the second value."""
+value, columns above the second value, or above the third value if the steps at row ends are as
+large as the steps within rows."""
 
 _MAX_SCALE_RATIO, _SCALE_SCATTER = 1.25, 4.0
 _MAX_SPREAD, _SPREAD_SCATTER = 1.5, 6.0
@@ -44,15 +48,45 @@ rows."""
 
 
 @dataclass(frozen=True)
+class MeanRatio:
+    """Ratio of two means.
+
+    Attributes
+    ----------
+    ratio : float
+        First mean over the second mean.
+    standard_errors : float
+        Difference of the means over its standard error.
+    """
+
+    ratio: float
+    standard_errors: float
+
+    @classmethod
+    def of(cls, first: NDArray[np.float64], second: NDArray[np.float64]) -> MeanRatio:
+        """Return the ratio of the mean absolute values of two arrays."""
+        means = float(np.mean(np.abs(first))), float(np.mean(np.abs(second)))
+        error = sqrt(np.var(np.abs(first)) / first.size + np.var(np.abs(second)) / second.size)
+        return cls(_ratio(*means), _ratio(means[0] - means[1], error))
+
+    def is_one(self, limits: tuple[float, float], wide_limits: tuple[float, float]) -> bool:
+        """Return True if the ratio is within the limits; the wide limits apply if the difference
+        may be random."""
+        is_random = abs(self.standard_errors) < _MAX_STANDARD_ERRORS
+        low, high = wide_limits if is_random else limits
+        return low < self.ratio < high
+
+
+@dataclass(frozen=True)
 class Continuity:
     """Continuity of a table, row by row.
 
     Attributes
     ----------
-    row_ends : float
-        Mean step from the end of a row to the start of the next over the mean step within rows.
-    standard_errors : float
-        Difference of these two means over its standard error.
+    row_ends : MeanRatio
+        Step from the end of a row to the start of the next over the step within rows.
+    bends : MeanRatio
+        Change of the step at row ends over the change of the step within rows.
     neighbors : float
         Mean step between neighbors over the mean step between rows.
     scale, spread : float
@@ -61,8 +95,8 @@ class Continuity:
         Number of rows.
     """
 
-    row_ends: float
-    standard_errors: float
+    row_ends: MeanRatio
+    bends: MeanRatio
     neighbors: float
     scale: float
     spread: float
@@ -70,27 +104,28 @@ class Continuity:
 
     @property
     def layout(self) -> str:
-        """`rows`, `columns`, or an empty text if the continuity does not decide."""
+        """`rows`, `columns`, or an empty text if the continuity does not decide.
+
+        A motion with a period of one row also has small steps between rows. It is distinguished
+        from separate motions by the steps at row ends and by the equal scale of its columns.
+        """
         scatter = 1.0 / sqrt(self.rows)
-        low, high = (
-            _STEP_AT_ROW_ENDS_OF_SHORT_TABLE
-            if abs(self.standard_errors) < _MAX_STANDARD_ERRORS
-            else _STEP_AT_ROW_ENDS
-        )
-        if (
-            low < self.row_ends < high
-            and self.neighbors < _MAX_NEIGHBOR_RATIO
-            and self.scale < max(_MAX_SCALE_RATIO, 1.0 + _SCALE_SCATTER * scatter)
-            and self.spread < max(_MAX_SPREAD, 1.0 + _SPREAD_SCATTER * scatter)
-        ):
-            return "rows"
-        return "columns" if self.neighbors > _MIN_COLUMN_RATIO else ""
+        is_even = self.row_ends.is_one(_STEP_AT_ROW_ENDS, _STEP_AT_ROW_ENDS_OF_SHORT_TABLE)
+        has_equal_columns = self.scale < max(
+            _MAX_SCALE_RATIO, 1.0 + _SCALE_SCATTER * scatter
+        ) and self.spread < max(_MAX_SPREAD, 1.0 + _SPREAD_SCATTER * scatter)
+        if is_even and self.neighbors < _MAX_NEIGHBOR_RATIO:
+            is_smooth = self.bends.is_one(_BEND_AT_ROW_ENDS, _BEND_AT_ROW_ENDS_OF_SHORT_TABLE)
+            return "rows" if has_equal_columns and is_smooth else ""
+        min_ratio = _MIN_RATIO_OF_EVEN_COLUMNS if is_even else _MIN_COLUMN_RATIO
+        is_separate = self.neighbors > min_ratio and not has_equal_columns
+        return "columns" if is_separate else ""
 
     def __str__(self) -> str:
         """Return the ratios for a message."""
         return (
-            f"the mean step at line ends is {self.row_ends:.2f} of the step within lines, the step "
-            f"between neighbors {self.neighbors:.2f} of the step between lines"
+            f"the mean step at line ends is {self.row_ends.ratio:.2f} of the step within "
+            f"lines, the step between neighbors {self.neighbors:.2f} of the step between lines"
         )
 
 
@@ -105,17 +140,17 @@ def continuity(table: NDArray[np.float64]) -> Continuity | None:
     rows, width = table.shape
     if width < _MIN_WIDTH or rows < _MIN_ROWS:
         return None
-    within = np.abs(np.diff(table, axis=1))
-    row_ends = np.abs(table[1:, 0] - table[:-1, -1])
-    between_rows = np.abs(np.diff(table, axis=0))
+    within = np.diff(table, axis=1)
+    row_ends = table[1:, 0] - table[:-1, -1]
+    between_rows = np.diff(table, axis=0)
+    bends = np.concatenate((row_ends - within[:-1, -1], within[1:, 0] - row_ends))
     rms = np.sqrt(np.mean(table**2, axis=0))
-    column_steps = np.mean(within, axis=0)
-    error = sqrt(np.var(row_ends) / row_ends.size + np.var(within) / within.size)
-    neighbor_step = (np.sum(within) + np.sum(row_ends)) / (within.size + row_ends.size)
+    column_steps = np.mean(np.abs(within), axis=0)
+    neighbors = np.concatenate((within.ravel(), row_ends))
     return Continuity(
-        row_ends=_ratio(np.mean(row_ends), np.mean(within)),
-        standard_errors=_ratio(np.mean(row_ends) - np.mean(within), error),
-        neighbors=_ratio(neighbor_step, np.mean(between_rows)),
+        row_ends=MeanRatio.of(row_ends, within),
+        bends=MeanRatio.of(bends, np.diff(within, axis=1)),
+        neighbors=MeanRatio.of(neighbors, between_rows).ratio,
         scale=_ratio(np.max(rms), np.min(rms)),
         spread=_ratio(np.max(column_steps), np.min(column_steps)),
         rows=rows,

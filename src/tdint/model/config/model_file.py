@@ -98,6 +98,7 @@ LAYOUT = (
     Key("step", POSITIVE, "sampling interval of a text table that does not contain it, s"),
     Key("column", TextLine(), "column of a text table: its name, or its number from 1"),
     Key("skip_lines", Integer(0, MAX_SKIPPED_LINES), "lines before the numbers"),
+    Key("rows", Flag(), "the lines of a text table continue one ground motion"),
 )
 
 
@@ -119,7 +120,13 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
         The layout is the default if an entry of the layout is invalid. The same applies to the
         processing.
     """
-    layout = section.read_present(*(key.name for key in LAYOUT))
+    entries = section.read_present(*(key.name for key in LAYOUT))
+    layout = AS_STATED
+    if None not in entries.values():
+        try:
+            layout = TextLayout(**entries)
+        except UsageError as error:
+            section.value.fault(str(error))
     steps = section.read_present(*(key.name for key in PROCESSING))
     # An invalid entry has the value None. The error has been reported.
     processing = Processing()
@@ -133,7 +140,7 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
         component=section.read("component"),
         inventory=section.file("inventory", stdin=stdin),
         processing=processing,
-        layout=AS_STATED if None in layout.values() else TextLayout(**layout),
+        layout=layout,
     )
 
 
