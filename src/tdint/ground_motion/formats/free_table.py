@@ -224,15 +224,14 @@ def find_table(data: bytes, layout: TextLayout) -> FreeTable | None:
     except RecordError as error:
         # Without a statement or an option, the file may be any table of numbers.
         stated = statements([line for block in blocks[: main + 1] for line in block.above])
-        is_answered = isinstance(error, _Question) and layout.step is not None
-        is_record = (
-            layout.rows or is_answered or bool(stated.intervals and (stated.units or stated.counts))
-        )
+        is_described = bool(layout) and isinstance(error, _LayoutError)
+        is_stated = bool(stated.intervals and (stated.units or stated.counts))
+        is_record = layout.rows or is_described or is_stated
         return FreeTable(problem=str(error), is_record=is_record)
 
 
-class _Question(RecordError):
-    """The file does not show the layout of its table."""
+class _LayoutError(RecordError):
+    """The file does not show the layout of its table, or contradicts its description."""
 
 
 def _split(lines: Lines) -> tuple[list[_Block], list[str]]:
@@ -304,11 +303,17 @@ def _read_table(
 
     columns = _columns(numbers, kind)
     has_times = bool(names and names[0].quantity == TIME) or kind == "pairs"
-    has_times = has_times or (kind == "columns" and not names and are_times(columns[0]))
+    if kind == "columns" and not names:
+        has_times = are_times(columns[0]) and not counts_rows(columns[0])
     if kind == "columns" and not (names or has_times or layout.column):
-        raise RecordError(
+        raise _LayoutError(
             f"each of the {numbers.width} columns is a separate ground motion of {len(columns[0])} "
             "samples; select columns by `column`"
+        )
+    if reason and not (stated.intervals or layout.step):
+        raise RecordError(
+            f"each line continues one ground motion ({reason}), but the file does not state the "
+            "sampling interval; specify it by `step`"
         )
     notes = (f"each line continues the ground motion: {reason}",) if reason else ()
     series, unit_notes = _components(columns, names, stated, layout, has_times=has_times)
@@ -655,7 +660,7 @@ def _layout_of(
     layout: TextLayout,
 ) -> tuple[str, str]:
     """Return the layout of a block (`single`, `rows`, `numbered rows`, `columns`, `pairs`), and the
-    reason for rows; raise RecordError if the layout contradicts the file, or `_Question` if it is
+    reason for rows; raise RecordError if the layout contradicts the file, or if it is
     unknown."""
     lines, total = numbers.sizes
     width = numbers.width
@@ -673,7 +678,7 @@ def _layout_of(
     pairs = None if names else paired(table)
     if names or is_timed or pairs is not None:
         if layout.rows:
-            raise RecordError(
+            raise _LayoutError(
                 f"`rows` contradicts the {'names of the columns' if names else 'times'} in the "
                 "table; remove it"
             )
@@ -694,7 +699,7 @@ def _layout_of(
                 raise _no_columns(f"the header states {value_count} samples")
             return kind, f"the header states {value_count} samples, the number of values"
         if layout.rows:
-            raise RecordError(
+            raise _LayoutError(
                 f"`rows` contradicts the header, which states {lines} samples, the number of "
                 "lines; remove it"
             )
@@ -711,7 +716,7 @@ def _layout_of(
     if layout.column or (found == "columns" and is_complete):
         return "columns", ""
     reason = str(evidence) if evidence else _NO_EVIDENCE.get(width, f"only {len(table)} lines")
-    raise _Question(
+    raise _LayoutError(
         f"the table that starts in line {block.line_numbers[0]} has {width} values per line, and "
         f"the file does not show ({reason}) whether each line continues one ground motion "
         "(specify `rows`) or each column is a separate ground motion (specify `column`)"
@@ -721,9 +726,9 @@ def _layout_of(
 _NO_EVIDENCE = {2: "no times, no number of samples"}
 
 
-def _no_columns(reason: str) -> RecordError:
+def _no_columns(reason: str) -> _LayoutError:
     """Return the error that the user selects a column of a table of rows."""
-    return RecordError(
+    return _LayoutError(
         f"`column` cannot be used: each line continues one ground motion ({reason}); remove it"
     )
 
@@ -734,7 +739,7 @@ def _check_count(stated: Statements, count: int, lines: int, total: int, *others
     if stated.counts and stated.counts.isdisjoint((count, *others)):
         numbers = " or ".join(map(str, sorted(stated.counts)))
         values = "" if total == lines else f" with {total} values"
-        raise RecordError(
+        raise _LayoutError(
             f"the header states {numbers} samples, but the table has {pluralize(lines, 'line')}"
             f"{values}; complete the file, or correct the number"
         )
