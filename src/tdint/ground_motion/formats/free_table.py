@@ -41,7 +41,13 @@ from tdint.ground_motion.formats.header_statements import (
     named_integrals,
     statements,
 )
-from tdint.ground_motion.formats.lines import ROW, Lines, read_lines, row_of_numbers
+from tdint.ground_motion.formats.lines import (
+    ROW,
+    Lines,
+    last_decimal,
+    read_lines,
+    row_of_numbers,
+)
 from tdint.ground_motion.formats.series import Series, stated_peak, to_stream
 from tdint.ground_motion.formats.table_columns import (
     COMMENT,
@@ -393,7 +399,7 @@ def _with_peak(series: Series, stated: Statements) -> Series:
     number, peak_units = stated.peak
     if not number or series.quantity not in ("", "acceleration"):
         return series
-    rounding = _last_decimal(series.samples)
+    rounding = last_decimal(series.samples)
     units = series.units
     if not units and peak_units:
         largest = float(np.max(np.abs(series.samples)))
@@ -406,18 +412,6 @@ def _with_peak(series: Series, stated: Statements) -> Series:
         # Programs compute the peak before the samples are rounded.
         peak = replace(peak, rounding=peak.rounding + rounding * peak.factor)
     return replace(series, units=units, peak=peak)
-
-
-def _last_decimal(samples: NDArray[np.float64]) -> float:
-    """Return the value of the last decimal of printed samples; 0 if they have more than six."""
-    return next(
-        (
-            10.0**-decimals
-            for decimals in range(7)
-            if np.all(np.abs(samples - np.round(samples, decimals)) < 1e-9)
-        ),
-        0.0,
-    )
 
 
 # ---- Numbers of a block

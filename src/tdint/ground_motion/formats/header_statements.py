@@ -187,7 +187,7 @@ def _stated_intervals(lines: Sequence[str]) -> Iterator[float]:
 
 def _units(text: str | None) -> str:
     """Return a unit of acceleration in the spelling of `motion_units`; empty if there is none."""
-    plain = re.sub(r"\s+", "", text or "").upper().replace("CMS/", "CM/").replace("\u00b2", "^2")
+    plain = re.sub(r"\s+", "", text or "").upper().replace("\u00b2", "^2")
     if plain.startswith("M") and plain.rstrip("S").endswith("G"):  # milli-g
         return "0.001 g"
     return (motion_units(plain.replace("GALS", "GAL")) if plain else None) or ""
