@@ -36,13 +36,12 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import SAME_STEP, TextLayout
 from tdint.ground_motion.formats.header_statements import (
-    SPECTRA,
     Statements,
     named_integrals,
+    named_spectra,
     statements,
 )
 from tdint.ground_motion.formats.lines import (
-    ROW,
     Lines,
     last_decimal,
     read_lines,
@@ -88,8 +87,11 @@ regular, and single lines cannot be named as the error."""
 _SIMILAR_SIZE = 0.9  # fraction of the largest block; the first block of this size is the main block
 
 _PLAIN = re.compile(r"[-+.\dEe\s]*")
-_LOST = re.compile(r"[-+.,;\dEeDd\s*]*\*{3}[-+.,;\dEeDd\s*]*")
-"""Pattern of a row with a number that exceeds its field, which Fortran writes as asterisks."""
+_CHARACTERS = re.compile(r"[-+.,;\dEeDd\s*]*")
+"""Characters of rows of numbers. Fortran writes asterisks for a number that exceeds its field. The
+pattern is fast also for a line of a million characters."""
+
+_DIGIT = re.compile(r"\d")
 
 _DECIMAL = re.compile(r"[-+]?(?:\d+\.\d*|\.\d+)(?:[EeDd][-+]?\d+)?")
 _INTEGER = re.compile(r"\+?\d+")
@@ -251,7 +253,7 @@ def _split(lines: Lines) -> tuple[list[_Block], list[str]]:
         if not line or line.isspace():
             is_after_blank = True
             continue
-        if ROW.fullmatch(line) or (_LOST.fullmatch(line) and _DECIMAL.search(line)):
+        if _is_row(line):
             if block is None:
                 block = _Block(above)
                 blocks.append(block)
@@ -265,6 +267,16 @@ def _split(lines: Lines) -> tuple[list[_Block], list[str]]:
             above.append(line[:_MAX_HEADER_LINE])
         is_after_blank = False
     return blocks, above
+
+
+def _is_row(line: str) -> bool:
+    """Return True if a line contains only numbers, or numbers and asterisks of a lost number."""
+    if not _CHARACTERS.fullmatch(line):
+        return False
+    has_lost_number = "*" in line
+    if has_lost_number:
+        return "***" in line and bool(_DECIMAL.search(line))
+    return bool(_DIGIT.search(line))
 
 
 _MAX_HEADER_LINE = 1000  # characters of a line of text that are searched for statements
@@ -299,11 +311,12 @@ def _read_table(
     kind, reason = _layout_of(block, numbers, stated, names, layout)
     if not reason and not first.lines and _is_text_table(header, kind, names, stated):
         return None
-    if not is_confirmed and any(map(SPECTRA.search, header)):
+    if not is_confirmed and named_spectra(header):
         return None
     if kind == "single" and not stated.intervals:
         check_first_value(block.lines[:_FIRST_LINES], block.line_numbers[0], layout)
-    _check_decimal_points(block, numbers)
+    if kind in ("single", "rows", "numbered rows"):
+        _check_decimal_points(block, numbers, int(kind == "numbered rows"))
     # Check whether the last number of the file is cut off.
     lines.checked(array("d", numbers.values), block.line_numbers[0] - 1)
 
@@ -465,12 +478,14 @@ def _row(line: str, width: int | None = None) -> list[float]:
         return []
 
 
-def _check_decimal_points(block: _Block, numbers: _Numbers) -> None:
+def _check_decimal_points(block: _Block, numbers: _Numbers, skipped: int) -> None:
     """Raise RecordError if a number has no decimal point, but all other numbers have the same
-    number of decimals: the point is lost. Zero may be written without a point."""
-    if sum(line.count(".") for line in block.lines) == numbers.values.size:
+    number of decimals: the point is lost. Zero may be written without a point. The first `skipped`
+    numbers of each line are not samples."""
+    lines, values = numbers.sizes
+    if sum(line.count(".") for line in block.lines) == values - skipped * lines:
         return
-    rows = [_SEPARATORS.split(line.strip(" \t,;")) for line in block.lines]
+    rows = [_SEPARATORS.split(line.strip(" \t,;"))[skipped:] for line in block.lines]
     decimals = {len(word.partition(".")[2]) for row in rows for word in row if "." in word}
     if len(decimals) != 1:
         return
@@ -697,6 +712,8 @@ def _layout_of(
                 f"`rows` contradicts the header, which states {lines} samples, the number of "
                 "lines; remove it"
             )
+        if numbers.widths[-1] != width:
+            raise _irregular(block, numbers)
         return "columns", ""
 
     evidence = continuity(table[:, int(is_numbered) :])
@@ -707,6 +724,8 @@ def _layout_of(
         return kind, str(evidence) if found == "rows" else "as specified by `rows`"
     # Rows of samples may have a shorter last line, columns may not.
     is_complete = numbers.widths[-1] == width
+    if layout.column and not is_complete:
+        raise _irregular(block, numbers)
     if layout.column or (found == "columns" and is_complete):
         return "columns", ""
     reason = str(evidence) if evidence else _NO_EVIDENCE.get(width, f"only {len(table)} lines")

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from tdint.ground_motion.formats.lines import COUNT, NUMBER
 from tdint.ground_motion.formats.series import motion_units
+from tdint.ground_motion.formats.table_columns import COMMENT
 
 MIN_COUNT = 20
 """Smallest number that counts as a number of samples; smaller numbers are values per line."""
@@ -93,7 +94,7 @@ _INTEGRALS = {
     "velocity": re.compile(r"\bVEL(?:OCITY)?\b|CM/SEC(?![/*^\w])", re.IGNORECASE),
     "displacement": re.compile(r"\bDISPL?(?:ACEMENT)?\b", re.IGNORECASE),
 }
-SPECTRA = re.compile(
+_SPECTRA = re.compile(
     r"\b(?:RESPONSE (?:AND FOURIER AMPLITUDE )?|FOURIER (?:AMPLITUDE )?)SPECTR(?:A|UM)\b",
     re.IGNORECASE,
 )
@@ -160,6 +161,15 @@ def statements(lines: Sequence[str]) -> Statements:
         integrals=integrals,
         quantity="acceleration" if names_acceleration or not integrals else integrals[0],
     )
+
+
+def named_spectra(lines: Sequence[str]) -> str:
+    """Return the name of spectra in the lines of a header; empty if there is none.
+
+    Comments are ignored, because they may name the spectrum of an accelerogram.
+    """
+    matches = (_SPECTRA.search(line) for line in lines if not COMMENT.fullmatch(line))
+    return next((" ".join(match[0].split()) for match in matches if match), "")
 
 
 def named_integrals(lines: Sequence[str]) -> tuple[str, ...]:

@@ -290,14 +290,16 @@ def unexplained_first_line(lines: Sequence[str]) -> str:
     lines : sequence of str
         First lines of the block.
     """
-    first, *others = (re.split(r"[\s,;]+", line.strip(" \t,;")) for line in lines)
-    samples = others[1:] if first and len(first) == 1 else others
-    if len(samples) < _MIN_TIMES or len(first) > _MAX_FIRST_NUMBERS:
+    rows = [re.split(r"[\s,;]+", line.strip(" \t,;")) for line in lines]
+    # The first two lines of a column may contain a number each.
+    first = rows[0] + (rows[1] if len(rows) > 1 and len(rows[0]) == len(rows[1]) == 1 else [])
+    whole = [word for word in first if _WHOLE.fullmatch(word) and int(word) >= MIN_COUNT]
+    samples = [word for row in rows for word in row]
+    if len(rows[0]) > _MAX_FIRST_NUMBERS or len(whole) != 1:
         return ""
-    has_points = all("." in word for words in samples for word in words)
-    words = [*first, *(others[0] if len(first) == len(others[0]) == 1 else [])]
-    is_whole = any(_WHOLE.fullmatch(word) and int(word) >= MIN_COUNT for word in words)
-    return lines[0].strip() if has_points and is_whole else ""
+    samples.remove(whole[0])
+    has_points = bool(samples) and all("." in word for word in samples)
+    return lines[0].strip() if has_points else ""
 
 
 def check_first_value(lines: Sequence[str], number: int, layout: TextLayout) -> None:

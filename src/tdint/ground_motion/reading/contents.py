@@ -556,7 +556,6 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
         file or a text table without a header, and the remedy.
     """
     from tdint.ground_motion.formats.free_table import find_table
-    from tdint.ground_motion.formats.header_statements import SPECTRA
     from tdint.ground_motion.formats.text import table_in
 
     recognized = _recognize(data, layout)
@@ -573,9 +572,9 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
             "record as MiniSEED"
         )
         raise RecordError(f"{source}: unknown format, {reason}")
-    if spectra := SPECTRA.search(data[:_HEADER_BYTES].decode("latin-1")):
+    if spectra := _spectra_in(data):
         raise RecordError(
-            f"{source}: the file contains {one_line(spectra[0]).lower()} (volume 3 of a record), "
+            f"{source}: the file contains {spectra.lower()} (volume 3 of a record), "
             "not a ground motion; specify the file of the acceleration (volume 1 or 2)"
         )
 
@@ -615,10 +614,19 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
         table = find_table(data, layout)
         if table is not None and table.is_record:
             return _Recognized(TEXT_TABLE, table.read)
-        for plugin in plugins() if layout else ():
+        # Spectra are no ground motion, unless the user has read their header and skips it.
+        is_described = bool(layout) and (layout.skip_lines or not _spectra_in(data))
+        for plugin in plugins() if is_described else ():
             if plugin.name == TEXT_TABLE and _recognizes(plugin, data, layout=layout):
                 return _Recognized(plugin.name, partial(_read_by, plugin, data, layout=layout))
     return None
+
+
+def _spectra_in(data: bytes) -> str:
+    """Return the name of spectra at the start of a file; empty if it names none."""
+    from tdint.ground_motion.formats.header_statements import named_spectra
+
+    return named_spectra(data[:_HEADER_BYTES].decode("latin-1").splitlines())
 
 
 def _recognizes(plugin: Plugin, data: bytes, **options: Any) -> bool:
