@@ -49,7 +49,8 @@ def test_info_of_a_directory(tables, tdint, column, names, factor):
     assert float(found[0]["pga_m_s2"]) == pytest.approx(0.1 * factor * STANDARD_GRAVITY, rel=1e-3)
     assert "words.txt" in result.stderr
     layout = json.loads((tables / "info.json").read_text())["settings"]["layout"]
-    assert layout == {"step": 0.01, "column": ["floor"] if column else ["1", "2"], "skip_lines": 2}
+    columns = ["floor"] if column else ["1", "2"]
+    assert layout == {"step": 0.01, "column": columns, "skip_lines": 2, "rows": False}
 
 
 def test_spectra_of_a_directory(tables, tdint):
@@ -94,9 +95,64 @@ def test_run_by_the_model_and_by_options(tables, tdint):
     assert tdint("run", "m.yaml", "--column", "1").stdout != by_model.stdout
 
 
+@pytest.fixture
+def noise(folder):
+    """Write a table of noise with four numbers per line, which does not show its layout, and the
+    same samples in one column."""
+    values = np.round(0.1 * np.random.default_rng(1).normal(size=(50, 4)), 4)
+    (folder / "noise.txt").write_text(
+        "\n".join(" ".join(map(str, row)) for row in values.tolist()) + "\n"
+    )
+    (folder / "one.txt").write_text("\n".join(map(str, values.ravel().tolist())) + "\n")
+    return folder
+
+
+ROWS = ("--rows", "--step", "0.01", "--units", "g")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("info",),
+        ("spectrum", "--period", "0.5"),
+        ("drift-spectrum", "--stories", "1", "--period", "0.5"),
+        ("match", "--target", "asce7:sds=1,sd1=0.6,tl=8", "--range", "0.2:0.3", "-o", "matched"),
+    ],
+)
+def test_rows_in_commands(noise, tdint, command):
+    tables = [
+        tdint(command[0], file, *command[1:], *options, "--overwrite", code=0)
+        if command[0] == "match"
+        else tdint(command[0], file, *command[1:], *options, code=0)
+        for file, options in (("noise.txt", ROWS), ("one.txt", ROWS[1:]))
+    ]
+    with_names = [table.stdout.replace("noise.txt", "one.txt") for table in tables]
+    if command[0] == "info":
+        with_names = [",".join(row.split(",")[:20]) for row in with_names]
+    assert with_names[0] == with_names[1]
+
+
+def test_rows_in_a_model_file(noise, tdint):
+    model = MODEL.replace("tables/a.txt", "noise.txt").replace(", column: Floor, skip_lines: 2", "")
+    (noise / "asked.yaml").write_text(model)
+    (noise / "rows.yaml").write_text(model.replace("step: 0.01", "step: 0.01, rows: true"))
+    (noise / "one.yaml").write_text(model.replace("noise.txt", "one.txt"))
+    (noise / "both.yaml").write_text(model.replace("step: 0.01", "column: 1, rows: true"))
+    asked = errors(tdint.refused("rows", "run", "asked.yaml", code=4))
+    assert states(asked[0], "4 values per line ... --rows ... --column")
+    expected = tdint("run", "one.yaml", code=0).stdout
+    assert tdint("run", "rows.yaml", code=0).stdout == expected
+    assert tdint("run", "asked.yaml", "--rows", code=0).stdout == expected
+    (line,) = errors(tdint.refused("rows", "run", "both.yaml", code=3))
+    assert states(line, "both.yaml:3 ... rows ... column ... cannot be combined")
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
+        ("info motion.mseed --rows", 4, "--rows cannot be used with the file format MSEED"),
+        ("info motion.mseed --rows --column 1", 2, "--rows and --column cannot be combined"),
+        ("run forced.yaml --rows", 2, "requires a record"),
         (
             "info motion.mseed --step 0.02",
             4,
@@ -109,7 +165,7 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         (
             "info tables/a.txt",
             4,
-            "starts in line 4: ... --step ... --column ... --skip-lines",
+            "starts in line 4 ... --rows ... --column ... --skip-lines 3 ... --step",
         ),
         ("run forced.yaml --step 0.01", 2, "requires a record"),
     ],
@@ -153,7 +209,7 @@ def test_a_table_without_units_causes_a_note_about_the_option(folder, tdint):
 def test_every_command_that_reads_records_has_the_options(name):
     command = cli.get_command(click.Context(cli), name)
     options = {option for parameter in command.params for option in parameter.opts}
-    assert {"--step", "--column", "--skip-lines"} <= options or not {
+    assert {"--step", "--column", "--skip-lines", "--rows"} <= options or not {
         "--units",
         "--component",
     } <= options

@@ -139,7 +139,7 @@ class FreeTable:
 
 
 @dataclass
-class _Block:
+class _NumberBlock:
     """Consecutive lines of numbers. `above` is the text between the preceding block and this block;
     `after_blank` contains the indices of lines that follow a blank line."""
 
@@ -153,9 +153,9 @@ class _Block:
         """Size of the block; unlike the number of values, it does not require parsing."""
         return sum(map(len, self.lines))
 
-    def part(self, start: int, end: int | None = None) -> _Block:
+    def part(self, start: int, end: int | None = None) -> _NumberBlock:
         """Return the lines from index `start` up to index `end`."""
-        return _Block(
+        return _NumberBlock(
             self.above,
             self.lines[start:end],
             self.line_numbers[start:end],
@@ -242,11 +242,11 @@ class _LayoutError(RecordError):
     """The file does not show the layout of its table, or contradicts its description."""
 
 
-def _split(lines: Lines) -> tuple[list[_Block], list[str]]:
+def _split(lines: Lines) -> tuple[list[_NumberBlock], list[str]]:
     """Return the blocks of numbers of a file, and the text below the last block."""
-    blocks: list[_Block] = []
+    blocks: list[_NumberBlock] = []
     above: list[str] = []
-    block: _Block | None = None
+    block: _NumberBlock | None = None
     is_after_blank = False
     first = lines.number + 1
     for number, line in enumerate(lines.remaining(), start=first):
@@ -255,7 +255,7 @@ def _split(lines: Lines) -> tuple[list[_Block], list[str]]:
             continue
         if _is_row(line):
             if block is None:
-                block = _Block(above)
+                block = _NumberBlock(above)
                 blocks.append(block)
                 above = []
             elif is_after_blank:
@@ -283,7 +283,7 @@ _MAX_HEADER_LINE = 1000  # characters of a line of text that are searched for st
 
 
 def _read_table(
-    lines: Lines, blocks: list[_Block], main: int, below: list[str], layout: TextLayout
+    lines: Lines, blocks: list[_NumberBlock], main: int, below: list[str], layout: TextLayout
 ) -> FreeTable | None:
     """Read the ground motion in the block with index `main`; `below` is the text at the end."""
     header = [line for block in blocks[: main + 1] for line in block.above]
@@ -342,7 +342,7 @@ def _read_table(
 _FIRST_LINES = 50  # lines that are compared with the form of the first line
 
 
-def _check_first_lines(block: _Block, numbers: _Numbers) -> None:
+def _check_first_lines(block: _NumberBlock, numbers: _Numbers) -> None:
     """Raise RecordError if the first line of a block contains a number of samples that does not
     agree with the block."""
     lines, total = numbers.sizes
@@ -430,7 +430,7 @@ def _with_peak(series: Series, stated: Statements) -> Series:
 # ---- Numbers of a block
 
 
-def _numbers(block: _Block) -> _Numbers:
+def _numbers(block: _NumberBlock) -> _Numbers:
     """Return the numbers of a block; raise RecordError for a line that cannot be separated."""
     # Most files need only float(), which is fast.
     joined = " ".join(block.lines)
@@ -478,7 +478,7 @@ def _row(line: str, width: int | None = None) -> list[float]:
         return []
 
 
-def _check_decimal_points(block: _Block, numbers: _Numbers, skipped: int) -> None:
+def _check_decimal_points(block: _NumberBlock, numbers: _Numbers, skipped: int) -> None:
     """Raise RecordError if a number has no decimal point, but all other numbers have the same
     number of decimals: the point is lost. Zero may be written without a point. The first `skipped`
     numbers of each line are not samples."""
@@ -515,14 +515,14 @@ def _field_width(lines: Sequence[str]) -> int | None:
 
 
 def _with_separate_first_lines(
-    blocks: list[_Block], main: int, numbers: _Numbers
-) -> tuple[_Block, _Numbers]:
+    blocks: list[_NumberBlock], main: int, numbers: _Numbers
+) -> tuple[_NumberBlock, _Numbers]:
     """Return the main block with the count and the interval above it, which text may separate from
     the samples (`name`, `4000 0.01`, `ACCELERATION IN G`)."""
     block, previous = blocks[main], blocks[main - 1]
     is_short = main > 0 and len(previous.lines) <= 2 and len(" ".join(previous.lines).split()) <= 3
     if is_short:
-        joined = _Block(
+        joined = _NumberBlock(
             previous.above,
             previous.lines + block.lines,
             previous.line_numbers + block.line_numbers,
@@ -538,7 +538,9 @@ def _with_separate_first_lines(
     return block, numbers
 
 
-def _stated_part(block: _Block, numbers: _Numbers, stated: Statements) -> tuple[int, int | None]:
+def _stated_part(
+    block: _NumberBlock, numbers: _Numbers, stated: Statements
+) -> tuple[int, int | None]:
     """Return the first and the end line of the samples in a block by the stated number of samples.
 
     The velocity and the displacement may follow the acceleration if the header names them. Numbers
@@ -566,7 +568,7 @@ _MAX_NUMBER_LINES = 100  # lines of numbers in a header
 
 
 def _check_surroundings(
-    blocks: list[_Block], main: int, below: list[str], stated: Statements, numbers: _Numbers
+    blocks: list[_NumberBlock], main: int, below: list[str], stated: Statements, numbers: _Numbers
 ) -> None:
     """Raise RecordError if lines around the samples are neither a header nor explained by it.
 
@@ -624,9 +626,9 @@ def _resembles_number(word: str) -> bool:
 
 
 def _are_integrals(
-    blocks: list[_Block],
+    blocks: list[_NumberBlock],
     main: int,
-    later: list[_Block],
+    later: list[_NumberBlock],
     stated: Statements,
     numbers: _Numbers,
 ) -> bool:
@@ -646,7 +648,7 @@ def _are_integrals(
     return True
 
 
-def _check_blank_lines(block: _Block) -> None:
+def _check_blank_lines(block: _NumberBlock) -> None:
     """Raise RecordError if blank lines divide a block into a few parts, which may be different
     quantities."""
     if 0 < len(block.after_blank) < _MAX_PARTS:
@@ -662,7 +664,7 @@ def _check_blank_lines(block: _Block) -> None:
 
 
 def _layout_of(
-    block: _Block,
+    block: _NumberBlock,
     numbers: _Numbers,
     stated: Statements,
     names: tuple[ColumnName, ...],
@@ -729,10 +731,25 @@ def _layout_of(
     if layout.column or (found == "columns" and is_complete):
         return "columns", ""
     reason = str(evidence) if evidence else _NO_EVIDENCE.get(width, f"only {len(table)} lines")
-    raise _LayoutError(
-        f"the table that starts in line {block.line_numbers[0]} has {width} values per line, and "
-        f"the file does not show ({reason}) whether each line continues one ground motion "
-        "(specify `rows`) or each column is a separate ground motion (specify `column`)"
+    raise _question(block, width, stated, layout, reason)
+
+
+def _question(
+    block: _NumberBlock, width: int, stated: Statements, layout: TextLayout, reason: str
+) -> _LayoutError:
+    """Return the question about the layout of a table, with the options that each answer
+    requires."""
+    first = block.line_numbers[0]
+    # The reader of columns under text without statements (`tdint.ground_motion.formats.text`)
+    # requires that the user skips the text.
+    is_stated = bool(stated.units or stated.counts or stated.intervals)
+    is_text = not is_stated and any(declared_in(line) is None for line in block.above)
+    skip = f" and skip the lines above by `skip_lines={first - 1}`" if is_text else ""
+    step = "" if stated.intervals or layout.step else "; the sampling interval is required (`step`)"
+    return _LayoutError(
+        f"the table that starts in line {first} has {width} values per line, and the file does not "
+        f"show ({reason}) whether each line continues one ground motion (specify `rows`) or each "
+        f"column is a separate ground motion (specify `column`{skip}){step}"
     )
 
 
@@ -758,7 +775,7 @@ def _check_count(stated: Statements, count: int, lines: int, total: int, *others
         )
 
 
-def _irregular(block: _Block, numbers: _Numbers) -> RecordError:
+def _irregular(block: _NumberBlock, numbers: _Numbers) -> RecordError:
     """Return the error for a block with different numbers of values per line."""
     width = numbers.width
     index = int(np.flatnonzero(numbers.widths != width)[0])

@@ -119,7 +119,13 @@ class Lines:
         return None
 
     def preview(self, count: int) -> list[str]:
-        """Return the starts of up to `count` of the next non-blank lines without reading them."""
+        """Return the starts of the next non-blank lines without reading these lines.
+
+        Parameters
+        ----------
+        count : int
+            Maximum number of lines.
+        """
         lines = islice(
             (line for line in islice(self._lines, self._next, None) if line.strip()), count
         )
