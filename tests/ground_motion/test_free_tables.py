@@ -250,7 +250,7 @@ class TestOtherFiles:
         late = TIMES.copy()
         late[-1] -= 0.004
         content = "MADE UP\nACCELERATION IN G\n" + table(late, G, form="%12.4f")
-        assert states(message(file, content), "not at equal steps of 0.00999")
+        assert states(message(file, content), "last interval ... 0.006 s ... 0.01 s")
 
     def test_spectra(self, file):
         content = (

@@ -84,7 +84,13 @@ class Lines:
         return self._next
 
     def without_prefix(self, prefix: str) -> Lines:
-        """Return the unread lines without a text at their start; the lines keep their numbers."""
+        """Return the unread lines without a text at their start; the lines keep their numbers.
+
+        Parameters
+        ----------
+        prefix : str
+            Text at the start of a line; lines without it are unchanged.
+        """
         lines = copy(self)
         lines._lines = [line.removeprefix(prefix) for line in self._lines]
         return lines
