@@ -151,7 +151,7 @@ def test_work_of_dashpots_and_the_search_for_peaks_of_drift_rates():
                 totals[[rows.POWER_DASHPOTS, rows.RATE_DASHPOTS]] = powers[0], rates[0]
                 totals[rows.ENERGY_VISCOUS] = 5.0
                 seen = Seen(observer_state, peaks, np.zeros((3, n)), totals, np.zeros((0, 0)))
-                span = Span(h, h, 0.0, 0.0, False, False, False)
+                span = Span(h, h, 0.0, 0.0, False, False, False, False)
                 found = _observe_dashpots(span, terms, state, seen)
                 assert bool(found) == expected
                 searched += found

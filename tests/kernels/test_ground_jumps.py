@@ -23,7 +23,7 @@ def test_power_of_load_after_jumps(grounds):
         linear_terms,
         np.zeros((0, 3)),
         np.zeros((0, 3)),
-        np.zeros((0, 4)),
+        np.zeros((0, rows.FORCE_COLUMNS)),
         np.zeros(rows.FLAGS_SIZE),
     )
     step_status = np.zeros(rows.STEP_STATUS_SIZE)

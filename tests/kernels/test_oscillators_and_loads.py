@@ -102,7 +102,7 @@ def test_floor_forces_are_interpolated_at_ends_and_quarters_of_step():
     forces = [Force(2, 3.0, -2.0, 9.0), Force(3, 1.0, 4.0, 31.0), Force(3, -5.0, 0.5, 2.0)]
     table = force_table(forces)
     t, h = 0.7, 0.05
-    span = Span(t, h, 0.0, 0.0, False, False, False)
+    span = Span(t, h, 0.0, 0.0, False, False, False, False)
     above = _add_floor_forces(span, table, 0.0, 2, (7.0, 7.0, 7.0, 7.0))  # no floor above: ignored
     for link, count in ((1.0, 3), (0.0, 1)):
         a0, a1, bulge, tilt = _add_floor_forces(span, table, link, 1, above)

@@ -77,7 +77,7 @@ def scene(seed):
     )
     turns = np.zeros((1, STORIES + 1))
     return arguments(
-        Span(0.0, h, *ground, on_path, fast, False),
+        Span(0.0, h, *ground, on_path, fast, False, False),
         linear_terms,
         law_parameters,
         old,
@@ -186,7 +186,7 @@ def errors(h):
             old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
-            span = Span(0.0, h, -1.0, -1.0, False, False, False)
+            span = Span(0.0, h, -1.0, -1.0, False, False, False, False)
             find_interstep_peaks(
                 *arguments(span, linear_terms, law_parameters, old, state, law_state, turns, peaks)
             )
@@ -251,7 +251,7 @@ def peaks_of_one_floor(h, start, end, recorded):
     for row, value in recorded.items():
         peaks[row, 0] = value
     span, building, _, law_state, _, _, peaks, _ = arguments(
-        Span(h, h, 0.0, 0.0, False, False, False),
+        Span(h, h, 0.0, 0.0, False, False, False, False),
         linear_terms,
         np.array([[0.0, 0.0], [K, K], [0.0, 0.0]]),  # linear stories
         old,

@@ -15,7 +15,7 @@ JUST_BELOW, JUST_ABOVE = 1.0 - 1e-9, 1.0 + 1e-9
 
 
 def span(on_path=False, fast=False, ground=(0.0, 0.0)):
-    return Span(0.3, H, *ground, on_path, fast, False)
+    return Span(0.3, H, *ground, on_path, fast, False, False)
 
 
 def random_ends(seed, count=100, size=1.0):

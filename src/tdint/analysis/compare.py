@@ -23,7 +23,7 @@ from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
-from tdint.model.definition import Excitation, Model
+from tdint.model.definition import Model
 from tdint.model.recorded import AUTO, Recording, Sensor, load_recording
 from tdint.number_parsing import number_text, parse_positive, pluralize
 from tdint.tabular import Tabular
@@ -645,7 +645,7 @@ def case_under(model: Model, event: Event, method: str | None = None) -> Case:
     method : str, optional
         Method; default is the method of the model, otherwise `exact` for a linear building.
     """
-    model_without_record = replace(model, excitation=Excitation(None, model.excitation.forces))
+    model_without_record = replace(model, excitation=replace(model.excitation, record=None))
     specification = method or model.analysis.method or ("exact" if is_linear(model) else None)
     return prepare(model_without_record, event.base, method=specification)
 
@@ -659,7 +659,7 @@ def is_linear(model: Model) -> bool:
         story.power_dashpot is None and all(spring.law.name == "linear" for spring in story.springs)
         for story in model.stories
     )
-    return has_linear_stories and not model.excitation.forces
+    return has_linear_stories and not model.excitation.has_forces
 
 
 def respond(case: Case, dt: float | None, band: tuple[float, float] | None = None) -> Response:

@@ -195,15 +195,44 @@ V_EARLIER = 6  # velocity and acceleration one step before the previous observed
 A_EARLIER = 7
 REVERSAL_DRIFT = 8  # drift at which the story reversed within the step, m
 MODAL_FORCE = 9  # modal damping force on the floor, N
-OBSERVER_ROWS = 10
+# The following rows are used only in a building with forces on floors.
+START_FORCE = 10  # sum of the lines of the tables on the floor at the start of the step, N
+ACCELERATION_JUMP = 11  # jump of the acceleration between two steps by the lines, m/s^2
+# Sum of the deviations of the tables from their lines at the end of the step, divided by the mass
+# of the floor, m/s^2
+ACCELERATION_DEVIATION = 12
+# Half of the increase of the rate of the power of all dampers except modal damping (W/s) per unit
+# increase of the acceleration of the floor (m/s^2)
+VISCOUS_FACTOR = 13
+# Half of the increase of the rate of the power of the dashpot of the story (W/s) per unit increase
+# of the drift acceleration (m/s^2)
+DASHPOT_FACTOR = 14
+OBSERVER_ROWS = 15
 
-# forces: harmonic forces on floors; one row for each force, with the following columns. The force
-# is COSINE cos(OMEGA t) + SINE sin(OMEGA t).
+# forces: forces on floors; one row for each force, with the following columns. A row is a harmonic
+# force COSINE cos(OMEGA t) + SINE sin(OMEGA t) if POINTS is 0. Otherwise it is a table, linear
+# between its points and zero before the first and after the last point. All methods integrate the
+# straight line with the impulse and the first moment of the table over the step or substep
+# (`tdint.kernels.time_loop.force_tables`). The columns from LINE_TIME on change from step to step.
 FLOOR = 0  # index of the floor
 COSINE = 1  # N
 SINE = 2  # N
 OMEGA = 3  # rad/s
-FORCE_COLUMNS = 4
+POINTS = 4  # number of points of the table
+TIMES = 5  # index of the first time in the array of points
+VALUES = 6  # index of the first value in the array of points
+FACTOR = 7  # the force is this factor times the value, N per unit of the values
+DELAY = 8  # added to the times of the table, s
+LINE_TIME = 9  # start of the step, s
+LINE_VALUE = 10  # value of the line at this time, N
+LINE_RATE = 11  # N/s
+NEXT_POINT = 12  # number of points until the start of the step
+DEVIATION = 13  # maximum absolute deviation of the table from the line within the step, N
+FORCE_COLUMNS = 14
+# Further columns, only for methods that integrate tables exactly (`Family.moments`): Legendre
+# coefficients of the table over the step from degree 2 on, N. The line has the degrees 0 and 1.
+
+# points: times (s) and values of the tables of forces; several tables can share their times
 
 # history: one row for each stored time: ground acceleration; displacement, velocity and absolute
 # acceleration of all floors; shear of all stories; in a building with braces their forces; energies

@@ -17,37 +17,23 @@ BRACES = VARIANT.braces
 
 @inline
 def force_value(forces, j, t):
-    """Return floor force `j` at time `t` (s), N: COSINE cos(OMEGA t) + SINE sin(OMEGA t).
+    """Return floor force `j` at time `t` (s), N.
 
-    Parameters
-    ----------
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR (index of the floor),
-        COSINE and SINE (N) and OMEGA (rad/s).
-    j : int
-        Index of the force.
-    t : float
-        Time, s.
+    It is COSINE cos(OMEGA t) + SINE sin(OMEGA t), or the line of a table in the current step.
     """
+    if forces[j, rows.POINTS] > 0.0:
+        return forces[j, rows.LINE_VALUE] + forces[j, rows.LINE_RATE] * (
+            t - forces[j, rows.LINE_TIME]
+        )
     angle = forces[j, rows.OMEGA] * t
     return forces[j, rows.COSINE] * math.cos(angle) + forces[j, rows.SINE] * math.sin(angle)
 
 
 @inline
 def force_rate(forces, j, t):
-    """Return the rate of floor force `j` at time `t` (s), N/s: the derivative of COSINE cos(OMEGA
-    t) + SINE sin(OMEGA t).
-
-    Parameters
-    ----------
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR (index of the floor),
-        COSINE and SINE (N) and OMEGA (rad/s).
-    j : int
-        Index of the force.
-    t : float
-        Time, s.
-    """
+    """Return the rate of floor force `j` at time `t` (s), N/s: the derivative of `force_value`."""
+    if forces[j, rows.POINTS] > 0.0:
+        return forces[j, rows.LINE_RATE]
     omega = forces[j, rows.OMEGA]
     angle = omega * t
     return omega * (
@@ -59,9 +45,10 @@ def force_rate(forces, j, t):
 def force_impulse(forces, j, t, h):
     """Return the exact impulse of floor force `j` over [t, t + h], N s.
 
-    The force is COSINE cos(OMEGA t) + SINE sin(OMEGA t). The integral of the cosine over the step
-    is h sin(x) / x times its value at the middle of the step, with x = OMEGA h / 2; the same
-    applies to the sine. This form has no cancellation.
+    A line (a table in the current step) has OMEGA 0, and its impulse is h times its value at the
+    middle. The force is otherwise COSINE cos(OMEGA t) + SINE sin(OMEGA t). The integral of the
+    cosine over the step is h sin(x) / x times its value at the middle of the step, with x = OMEGA h
+    / 2; the same applies to the sine. This form has no cancellation.
 
     Parameters
     ----------
@@ -91,9 +78,10 @@ def force_moment(forces, j, t, h):
     """Return the first moment of floor force `j` over [t, t + h], N.
 
     The first moment is 12 int s p ds, with the force p and the time s from -1/2 at the start to 1/2
-    at the end of the step. The harmonic force is the sum of an even and an odd function of s. The
-    even function has the moment 0. With x = OMEGA h / 2 and the rate R of the force at the middle
-    of the step (N/s),
+    at the end of the step. A line (a table in the current step) has OMEGA 0, and its moment is its
+    change over the step. A harmonic force is the sum of an even and an odd function of s. The even
+    function has the moment 0. With x = OMEGA h / 2 and the rate R of the force at the middle of the
+    step (N/s),
 
         odd function    R h sin(2 x s) / (2 x)
         its moment      3 R h (sin x - x cos x) / x^3

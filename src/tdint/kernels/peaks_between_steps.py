@@ -579,7 +579,8 @@ def find_interstep_peaks(
         # ground acceleration: 1 for a floor, the mass of all floors above the story for the shear.
         if not span.cornered:
             row = first_peak + rows.PEAK_ACCELERATION
-            _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
+            if not span.kinked:
+                _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
             inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
@@ -955,6 +956,46 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
         c1 = absolute_1 - absolute_0 + bulge + tilt
         extremum = _cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
         raise_peak(peaks, row, i, extremum)
+
+
+@outlined
+def raise_acceleration_in_part(span, passage, part, peaks, i):
+    """Raise the peak of the absolute acceleration of floor `i` in a part of a kinked step.
+
+    The acceleration is the cubic of `_raise_acceleration_peak`, plus a deviation that is linear in
+    the part. `part` contains the endpoints of the part as fractions of the step, and the deviations
+    at both endpoints, m/s^2. If the step does not resolve the motion, the straight line between the
+    endpoint values of the step replaces the cubic, whose extremum is a possible peak.
+    """
+    s_0, s_1, deviation_0, deviation_1 = part
+    ends = _floor_ends(span.fast, passage, i)
+    absolute_0 = ends.a0 + span.ground_0
+    absolute_1 = ends.a1 + span.ground_1
+    bulge, tilt = _bulge_and_tilt(span.h, ends)
+    if abs(tilt) >= _MAX_TILT_RATIO * abs(bulge):
+        bulge = tilt = 0.0
+    else:
+        weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
+        bulge *= weight
+        tilt *= weight
+    # Coefficients of the cubic in powers of s, then of x, from 0 to 1 in the part, including the
+    # deviation.
+    length = s_1 - s_0
+    c1 = absolute_1 - absolute_0 + bulge + tilt
+    c2, c3 = -bulge - 3.0 * tilt, 2.0 * tilt
+    p0 = absolute_0 + s_0 * (c1 + s_0 * (c2 + s_0 * c3)) + deviation_0
+    p1 = length * (c1 + s_0 * (2.0 * c2 + 3.0 * s_0 * c3)) + deviation_1 - deviation_0
+    p2 = length * length * (c2 + 3.0 * s_0 * c3)
+    p3 = length * length * length * c3
+    scale = abs(absolute_0) + abs(absolute_1) + abs(deviation_0) + abs(deviation_1)
+    row = rows.PEAK_ACCELERATION
+    if not (_is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)):
+        rise = absolute_1 - absolute_0
+        raise_peak(peaks, row, i, absolute_0 + rise * s_0 + deviation_0)
+        raise_peak(peaks, row, i, absolute_0 + rise * s_1 + deviation_1)
+        row += rows.PEAK_ROWS
+    raise_peak(peaks, row, i, _cubic_extremum(p0, p1, p2, p3))
+    raise_peak(peaks, row, i, p0 + p1 + p2 + p3)
 
 
 @outlined

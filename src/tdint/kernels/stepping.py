@@ -132,6 +132,10 @@ class Span(NamedTuple):
     cornered : bool
         True if the step has computed the peaks of accelerations and total shears at discontinuities
         within the step. The values at the endpoints of the step do not determine these peaks.
+    kinked : bool
+        True if the table of a force is not linear in the step, so that the accelerations in
+        equilibrium with its line are not the accelerations of the building
+        (`tdint.kernels.time_loop.force_tables`).
     """
 
     t: float
@@ -141,6 +145,7 @@ class Span(NamedTuple):
     on_path: bool
     fast: bool
     cornered: bool
+    kinked: bool
 
 
 class Passage(NamedTuple):

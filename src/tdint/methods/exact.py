@@ -8,6 +8,12 @@ endpoints (Nigam and Jennings 1969),
 with constant matrices A, B0 and B1. For classical damping, they are computed in closed form for
 each mode; otherwise from the matrix exponential of a block matrix (Van Loan 1978). Harmonic forces
 on floors are approximated as linear within each step.
+
+Forces from tables are integrated exactly, with their kinks and jumps inside the step. Over a step,
+a table is its line plus a sum of Legendre polynomials. The response to each polynomial is a column
+of the matrix, computed by Gauss quadrature of the impulse response. The response to the degrees
+above `moments` is less than the rounding error, because the impulse response is a smooth function
+of time.
 """
 
 from __future__ import annotations
@@ -84,6 +90,7 @@ def step(
     """
     n = linear_terms.shape[1] - 1
     loads = 1 + forces.shape[0]  # number of loads: ground acceleration and forces on floors
+    moments = forces.shape[1] - rows.FORCE_COLUMNS  # Legendre coefficients of each force
     for i in range(n):
         scratch[0, i] = 0.0
         scratch[1, i] = 0.0
@@ -106,6 +113,16 @@ def step(
             scratch[0, i] += factor * coefficients[column_start + i]
         for i in range(n):
             scratch[1, i] += factor * coefficients[column_start + n + i]
+    # Add the deviations of the tables from their lines.
+    column_start = 4 * n * (n + loads)
+    for j in range(forces.shape[0]):
+        for k in range(moments):
+            factor = forces[j, rows.FORCE_COLUMNS + k]
+            if factor != 0.0:
+                for i in range(n):
+                    scratch[0, i] += factor * coefficients[column_start + i]
+                    scratch[1, i] += factor * coefficients[column_start + n + i]
+            column_start += 2 * n
     # Store the new state, and move the (linear) laws to the new drifts.
     u_below = 0.0
     for i in range(n):
@@ -319,7 +336,65 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     matrix[:, n : 2 * n] *= h
     matrix[:, 2 * n : 2 * n + 2 * loads] *= h * h
     # The transpose, row by row, is the matrix column by column, as `step` reads it.
-    return np.ascontiguousarray(matrix.T).ravel()
+    columns = [matrix.T]
+    if forces[:, rows.POINTS].any():
+        columns += _moment_columns(building, patterns[:, 1:], h)
+    return np.concatenate(columns).ravel()
+
+
+def moments(building: Building, h: float) -> int:
+    """Return the number of Legendre coefficients, from degree 2 on, for a step `h` (s).
+
+    The coefficients of exp(i omega t) over the step are spherical Bessel functions of omega h / 2.
+    They fall below 1e-16 at this degree.
+    """
+    x = 0.5 * h * float(np.max(building.modes().omega))
+    return math.ceil(x + 6.0 * x ** (1.0 / 3.0) + 12.0)
+
+
+def _moment_columns(building: Building, patterns: Array, h: float) -> list[Array]:
+    """Return the responses at the end of a step to Legendre polynomials of degree 2 and above.
+
+    With x from -1 to 1 over the step, the response to the load P_k(x) is the integral of the
+    impulse response g(h (1 - x) / 2) times P_k(x) h / 2.
+
+    Parameters
+    ----------
+    building : Building
+        Building with n floors.
+    patterns : ndarray, shape (n, forces)
+        Acceleration of each floor per unit of each force, 1/kg.
+    h : float
+        Time step, s.
+
+    Returns
+    -------
+    list of ndarray, shape (moments, 2 n)
+        For each force, the displacements (m) and velocities (m/s) per N.
+    """
+    count = moments(building, h)
+    nodes, weights = np.polynomial.legendre.leggauss(count + 24)
+    polynomials = np.polynomial.legendre.legvander(nodes, count + 1)[:, 2:]
+    k, c = building.stiffness_matrix(), building.damping_matrix()
+    modes = building.modes()
+    classical = modes.damping_ratios(c)
+    per_mass = 1.0 / building.mass[:, None]
+    responses = []  # (displacements and velocities after a unit force impulse) at each node
+    for node in nodes:
+        time = 0.5 * h * (1.0 - node)
+        if classical is None:
+            # The column of the initial velocity, with the time divided by `time`
+            matrix = _van_loan(time * time * per_mass * k, time * per_mass * c, patterns)
+            after = matrix[:, building.stories : 2 * building.stories] @ patterns
+        else:
+            steps = oscillator(modes.omega * time, classical)
+            modal = (modes.shapes.T * building.mass) @ patterns
+            after = np.vstack([modes.shapes @ (steps[:, row, 1, None] * modal) for row in range(2)])
+        # `after` is displacement / time, and velocity, per unit initial velocity.
+        after[: building.stories] *= time
+        responses.append(after)
+    weighted = (0.5 * h * weights)[:, None] * polynomials
+    return list(np.einsum("qk,qif->fki", weighted, np.array(responses)))
 
 
 FAMILY = Family(
@@ -330,6 +405,7 @@ FAMILY = Family(
     halvable=False,
     linear_only=True,
     prepare=prepare,
+    moments=moments,
 )
 
 METHODS = (

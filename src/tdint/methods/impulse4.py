@@ -357,6 +357,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
             False,  # on_path: the displacements are not parabolas of time
             flags[rows.UNRESOLVED_MODES] != 0.0,  # fast: the building has unresolved modes
             False,  # cornered: accelerations within the substep are not yet searched for peaks
+            False,  # kinked: the forces of the substep are lines
         )
         # The first argument is True if the step is divided by located branch changes. The event is
         # REVERSED, which has no limit of the drift, if the substep does not end at a branch change.

@@ -103,6 +103,9 @@ class Family:
         between its ends.
     prepare : callable, optional
         (building, forces, h) -> coefficients of the step, if they depend on the building.
+    moments : callable, optional
+        (building, h) -> number of Legendre coefficients, from degree 2 on, of a table of forces
+        over a step that the step uses. Other steps use only the line of the table.
     """
 
     name: str
@@ -119,6 +122,7 @@ class Family:
     shifts: tuple[float, ...] = (0.0, 0.0, 1.0)
     parabolic: bool = False
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
+    moments: Callable[[Building, float], int] | None = None
 
 
 @dataclass(frozen=True)

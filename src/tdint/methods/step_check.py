@@ -203,6 +203,7 @@ def integrate_in_python(
                 HALVINGS if integrator.family.halvable else 0,
                 h,
                 ground,
+                np.zeros(0),  # no tables of forces
                 integrator.coefficients(building, forces, h),
                 state_jumps(integrator, h),
                 *scene,

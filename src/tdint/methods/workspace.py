@@ -56,6 +56,9 @@ class Workspace:
         Energies and other values of the complete run.
     history : ndarray
         Response history, one row per stored time; no rows if no history is stored.
+    forces : ndarray
+        Forces on floors. Rows of tables contain the lines of the current step, so that a run has
+        its own copy.
     steps_per_row : int
         Number of time steps between two rows of the history: 1 to store every step.
     rows_before : int
@@ -73,6 +76,7 @@ class Workspace:
     limits: Array
     totals: Array
     history: Array
+    forces: Array
     steps_per_row: int = 1
     rows_before: int = 0
 
@@ -88,7 +92,11 @@ class Workspace:
 
 
 def workspace(
-    building: Building, integrator: Integrator, row_count: int = 0, collapse_drift: float = math.inf
+    building: Building,
+    integrator: Integrator,
+    row_count: int = 0,
+    collapse_drift: float = math.inf,
+    forces: Array | None = None,
 ) -> Workspace:
     """Return new arrays for one run: zeros, except for flags, limits, the addresses of laws and the
     value NO_COLLAPSE in the totals.
@@ -112,6 +120,8 @@ def workspace(
         Number of rows of the history; 0 to store no history.
     collapse_drift : float, default infinity
         Drift ratio above which a story has collapsed.
+    forces : ndarray, optional
+        Forces on floors, which are copied. Default: no forces.
 
     Raises
     ------
@@ -167,6 +177,7 @@ def workspace(
         limits=collapse_limits(building, collapse_drift),
         totals=totals,
         history=np.zeros((row_count, width)),
+        forces=np.zeros((0, rows.FORCE_COLUMNS)) if forces is None else forces.copy(),
     )
 
 

@@ -458,12 +458,102 @@ class Force:
     omega: float
 
 
+class LoadTable:
+    """Times and values of forces, from a file or from the points of a model file.
+
+    A value is linear between the rows and zero before the first and after the last row. Two rows
+    with the same time are a jump. Tables are equal if their names and values are equal.
+
+    Attributes
+    ----------
+    source : str
+        File as the user named it; empty for points of the model file.
+    columns : tuple of str
+        Names of the columns of values, as in the file.
+    data : ndarray, shape (1 + columns, rows)
+        Times (s), then the values of each column (N). The rows of the array are contiguous, because
+        kernels read it without a copy.
+    """
+
+    def __init__(self, source: str, columns: tuple[str, ...], data: NDArray[np.float64]) -> None:
+        self.source = source
+        self.columns = columns
+        self.data = data
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LoadTable) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    @property
+    def _identity(self) -> tuple[object, ...]:
+        """Values that determine if two tables are equal."""
+        return self.source, self.columns, self.data.shape, self.data.tobytes()
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times of the rows, s."""
+        return self.data[0]
+
+
+@dataclass(frozen=True)
+class TableForce:
+    """Force on one floor from a column of a table.
+
+    Attributes
+    ----------
+    floor : int
+        Floor, counted from 1 at the bottom.
+    table : LoadTable
+        Table, which forces on several floors can share.
+    column : int
+        Index of the column of values, from 0.
+    factor : float
+        Factor on the values.
+    start : float
+        Time that is added to the times of the table, s.
+    """
+
+    floor: int
+    table: LoadTable
+    column: int
+    factor: float
+    start: float
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times of the points, s."""
+        return self.table.times + self.start
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Force at the points, N."""
+        return self.factor * self.table.data[1 + self.column]
+
+
 @dataclass(frozen=True)
 class Excitation:
-    """Ground motion and forces. Without both, the building performs free vibration."""
+    """Ground motion and forces. Without both, the building performs free vibration.
+
+    Attributes
+    ----------
+    record : RecordSource or None
+        Ground motion.
+    forces : tuple of Force
+        Harmonic forces on floors.
+    tables : tuple of TableForce
+        Forces on floors from tables.
+    """
 
     record: RecordSource | None
-    forces: tuple[Force, ...]
+    forces: tuple[Force, ...] = ()
+    tables: tuple[TableForce, ...] = ()
+
+    @property
+    def has_forces(self) -> bool:
+        """True if forces act on floors."""
+        return bool(self.forces or self.tables)
 
 
 @dataclass(frozen=True)

@@ -929,7 +929,7 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
         model = model_of(building)
         for motion_name, factor in scales.items():
             if motion_name not in records:
-                record_only = replace(model.excitation, record=sources[motion_name], forces=())
+                record_only = replace(model.excitation, record=sources[motion_name], forces=(), tables=())
                 records[motion_name] = model_record(replace(model, excitation=record_only))
             record = records[motion_name]
             assert record is not None

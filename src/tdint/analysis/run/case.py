@@ -48,7 +48,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
-from tdint.model.building import Building, element_yield_drifts
+from tdint.model.building import Building, add_force_history, element_yield_drifts
 from tdint.model.definition import LAWS, Model
 from tdint.model.plausibility import (
     DUCTILITY,
@@ -61,11 +61,14 @@ from tdint.number_parsing import pluralize
 
 # ---- Results of a time integration, computed from its arrays
 
-FieldFunction = Callable[[Building, Array, Array, Array], Array]
+Loads = tuple[Array, Array]
+"""Forces on floors and points of their tables (`load_arrays`)."""
+
+FieldFunction = Callable[[Building, Loads, Array, Array], Array]
 """Function that computes one quantity of the response history for all floors or stories.
 
-Its arguments are the building, the table of the forces on its floors (`force_table`), the times of
-the rows of the history table (s), and the history table. It returns an array, shape (rows, n).
+Its arguments are the building, the forces on its floors, the times of the rows of the history table
+(s), and the history table. It returns an array, shape (rows, n).
 """
 
 
@@ -230,7 +233,7 @@ def named_energies(totals: Array) -> Energy:
 
 def named_history(
     building: Building,
-    forces: Array,
+    loads: Loads,
     space: Workspace,
     h: float,
     max_input_energy: float | None = None,
@@ -240,8 +243,6 @@ def named_history(
 
     Parameters
     ----------
-    forces : ndarray
-        Forces on floors (`force_table`).
     max_input_energy : float, optional
         Reference energy of the complete run, J, to which the imbalance at each time is related. The
         default is the reference energy that the workspace contains. If the workspace contains a
@@ -273,7 +274,7 @@ def named_history(
         energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=relative),
         element_force=table[:, first_element:] if has_elements else None,
         element_labels=building.element_labels,
-        **{name: compute(building, forces, time, table) for name, compute in HISTORIES.items()},  # type: ignore[arg-type]
+        **{name: compute(building, loads, time, table) for name, compute in HISTORIES.items()},  # type: ignore[arg-type]
     )
 
 
@@ -284,7 +285,7 @@ _DISPLACEMENT_FIELD, _VELOCITY_FIELD, _ACCELERATION_FIELD, _SHEAR_FIELD, _BRACE_
 
 def _stored_field(field: int) -> FieldFunction:
     """Return a `FieldFunction` that reads one field from the history table."""
-    return lambda building, forces, time, table: table[
+    return lambda building, loads, time, table: table[
         :, 1 + field * building.stories : 1 + (field + 1) * building.stories
     ]
 
@@ -293,9 +294,9 @@ def _floor_difference(field: int) -> FieldFunction:
     """Return a `FieldFunction` that computes the difference of a field between the floors above and
     below each story, such as the drift from the displacements."""
 
-    def subtract_floor_below(building: Building, forces: Array, time: Array, table: Array) -> Array:
+    def subtract_floor_below(building: Building, loads: Loads, time: Array, table: Array) -> Array:
         """Return the differences, shape (rows, n)."""
-        floors = _stored_field(field)(building, forces, time, table)
+        floors = _stored_field(field)(building, loads, time, table)
         differences = floors.copy()
         # The values are relative to the ground, which is below the first story: it keeps its value.
         differences[:, 1:] -= floors[:, :-1]
@@ -304,20 +305,16 @@ def _floor_difference(field: int) -> FieldFunction:
     return subtract_floor_below
 
 
-def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
+def _total_shear(building: Building, loads: Loads, time: Array, table: Array) -> Array:
     """Return the shear in each story that balances the forces on all floors above the story, N.
 
     This shear contains the forces of springs, dampers and P-delta. It is the sum of applied force
     minus mass times absolute acceleration over these floors.
     """
     floor_forces = -building.linear_terms[rows.MASS, :-1] * _absolute_acceleration(
-        building, forces, time, table
+        building, loads, time, table
     )
-    for force in forces:
-        angle = force[rows.OMEGA] * time
-        floor_forces[:, int(force[rows.FLOOR])] += force[rows.COSINE] * np.cos(angle) + force[
-            rows.SINE
-        ] * np.sin(angle)
+    add_force_history(*loads, time, floor_forces)
     # Sum from the roof down.
     return np.asarray(np.cumsum(floor_forces[:, ::-1], axis=1)[:, ::-1])
 
@@ -498,7 +495,7 @@ class Case:
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
         record = self.record
-        is_loaded = self.model.excitation.forces or any(
+        is_loaded = self.model.excitation.has_forces or any(
             (*self.model.initial.displacement, *self.model.initial.velocity)
         )
         if record is None and not is_loaded and (dt is None or duration is None):
@@ -596,7 +593,7 @@ class Case:
             self.method, steps, self.ground, every=every
         ):
             yield named_history(
-                self.building, self.prepared.forces, space, steps.h, max_input_energy
+                self.building, self.prepared.loads, space, steps.h, max_input_energy
             )
 
     def _integrate(self, steps: Steps, history: bool = False) -> IntegrationResult:
@@ -782,7 +779,7 @@ class Case:
         space = result.space
         energy, stories = named_energies(space.totals), story_peaks(self.building, space)
         history = (
-            named_history(self.building, self.prepared.forces, space, steps.h)
+            named_history(self.building, self.prepared.loads, space, steps.h)
             if space.history.size
             else None
         )
@@ -861,7 +858,7 @@ class Case:
                 "first; the table of the elements contains the ductility of each"
             )
         # Under forces on floors, which do not end, there is no state of rest.
-        if record and not (ended_by_collapse or self.model.excitation.forces):
+        if record and not (ended_by_collapse or self.model.excitation.has_forces):
             notes += self._vibration_note(response, free_vibration=end - record.duration)
         return tuple(notes)
 

@@ -202,7 +202,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     """
     memory_rows = integrator.family.memory
     k = building.stories
-    forces = np.zeros((0, 4))  # no forces on floors
+    forces = np.zeros((0, rows.FORCE_COLUMNS))  # no forces on floors
     coefficients = integrator.coefficients(building, forces, h)
     step = integrator.family.step.variant(LINEAR_OSCILLATORS)
     validate_plugin_step(integrator)

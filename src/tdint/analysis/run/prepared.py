@@ -53,7 +53,7 @@ from tdint.methods.workspace import (
     state_jumps,
     workspace,
 )
-from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
+from tdint.model.building import Building, DrawnBuildings, assemble, load_arrays, variant
 from tdint.model.definition import Model
 
 # Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
@@ -227,6 +227,8 @@ class PreparedBuilding:
     collapse_drift : float
         Drift ratio above which a story has collapsed. Time integrations record the first such
         story.
+    points : ndarray
+        Points of the tables in `forces`, which all runs share; empty by default.
     """
 
     building: Building
@@ -234,6 +236,7 @@ class PreparedBuilding:
     displacement: Array | float = 0.0
     velocity: Array | float = 0.0
     collapse_drift: float = math.inf
+    points: Array = field(default_factory=lambda: np.zeros(0))
     _coefficients: dict[tuple[str, bool, float], Array] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -250,12 +253,14 @@ class PreparedBuilding:
         ModelError
             P-delta exceeds the stiffness of a story.
         """
+        forces, points = load_arrays(model.excitation)
         return cls(
             assemble(model),
-            force_table(model.excitation.forces),
+            forces,
             np.array(model.initial.displacement),
             np.array(model.initial.velocity),
             model.collapse_drift,
+            points,
         )
 
     @cached_property
@@ -264,6 +269,11 @@ class PreparedBuilding:
         building.
         """
         return variant(self.building, self.forces)
+
+    @property
+    def loads(self) -> tuple[Array, Array]:
+        """Forces on floors and points of their tables (`load_arrays`)."""
+        return self.forces, self.points
 
     @cached_property
     def period(self) -> float:
@@ -637,7 +647,7 @@ class PreparedBuilding:
                 building.linear_terms,
                 building.modal,
                 building.law_parameters,
-                self.forces,
+                space.forces,
                 space.flags,
             ),
             *space.memory,
@@ -667,7 +677,7 @@ class PreparedBuilding:
                 for spec in specs
             ]
             integrate_many.compiled(
-                *(*first_arguments, samples, np.array(table, float), *last_arguments),
+                *(*first_arguments, samples, np.array(table, float), self.points, *last_arguments),
                 *(criterion.window, criterion.windows, criterion.quiet),
                 *(result.peaks, result.drifts, result.totals, result.ends),
             )
@@ -765,7 +775,11 @@ class PreparedBuilding:
         """
         _verify_laws(self.building.law_parameters)
         validate_plugin_step(integrator)
-        space = workspace(self.building, integrator, row_count, self.collapse_drift)
+        moments = integrator.family.moments
+        columns = moments(self.building, h) if moments and self.points.size else 0
+        # The kernels continue from these arrays, so that each run has its own copy of the forces.
+        forces = np.pad(self.forces, ((0, 0), (0, columns))) if columns else self.forces
+        space = workspace(self.building, integrator, row_count, self.collapse_drift, forces)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
         space.state[rows.VELOCITY, :-1] = self.velocity
         space.flags[rows.UNRESOLVED_MODES] = self.building.is_faster_than(_MAX_RESOLVED_OMEGA_DT, h)
@@ -796,12 +810,13 @@ class PreparedBuilding:
         """
         building = self.building
         loop_arrays = (
-            *(ground, self.coefficients(integrator, h), state_jumps(integrator, h)),
+            *(ground, self.points),
+            *(self.coefficients(integrator, h), state_jumps(integrator, h)),
             *Scene(
                 building.linear_terms,
                 building.modal,
                 building.law_parameters,
-                self.forces,
+                space.forces,
                 space.flags,
             ),
             *space.memory,

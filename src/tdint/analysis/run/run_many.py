@@ -625,13 +625,13 @@ def _integrate_with_histories(
         (array, run_totals.HISTORIES[HISTORY_FIELDS[name]])
         for name, array in result.history.items()
     ]
-    building, forces, n = prepared.building, prepared.forces, prepared.building.stories
+    building, loads, n = prepared.building, prepared.loads, prepared.building.stories
 
     def on_history(i: int, rows: Array) -> None:
         """Write the history of run `i`; nan after its end and for stories above its roof."""
         for array, compute in targets:
             history = array[runs[i].number]
-            history[: len(rows), :n] = compute(building, forces, time[: len(rows)], rows)
+            history[: len(rows), :n] = compute(building, loads, time[: len(rows)], rows)
             if len(rows) < array.shape[1] or n < array.shape[2]:
                 history[len(rows) :] = history[:, n:] = math.nan
 

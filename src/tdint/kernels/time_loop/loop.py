@@ -29,6 +29,7 @@ from tdint.kernels.stepping import (
     take_step,
 )
 from tdint.kernels.stories.law_state import store_step_start
+from tdint.kernels.time_loop.force_tables import initialize_lines, raise_accelerations, start_step
 from tdint.kernels.time_loop.ground import fitted_line, fitted_line_between_samples, ground_at
 from tdint.kernels.time_loop.observer import (
     INITIALIZE_LAWS,
@@ -62,6 +63,7 @@ INTEGRATE = I8(
     I8,  # maximum number of halvings of a step
     F8,  # length of a step, s
     VECTOR,  # ground acceleration, m/s^2
+    VECTOR,  # points of the tables of forces
     VECTOR,  # coefficients of the method
     # Change of each row of the state per unit increase of the floor accelerations at a jump of the
     # ground acceleration
@@ -110,9 +112,9 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
     # `observe` computes the accelerations from equilibrium and stores them in row
     # OBSERVED_ACCELERATION. It also records the initial values as the first peaks. The fields of
     # the span are its end time 0, its length 0, the ground acceleration at both endpoints, and the
-    # flags on_path, fast and cornered, which concern only the interior of a step. The next
+    # flags on_path, fast, cornered and kinked, which concern only the interior of a step. The next
     # argument, 0.0, is the rate of the ground acceleration.
-    observe(scene, Span(0.0, 0.0, ground, ground, False, False, False), 0.0, memory, seen)
+    observe(scene, Span(0.0, 0.0, ground, ground, False, False, False, False), 0.0, memory, seen)
     store_previous(state, seen.observer_state, n)
     store_step_start(scene.flags, memory.law_state)
     for i in range(n):
@@ -137,7 +139,7 @@ def has_diverged(state, n):
 
 
 @inline
-def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
+def observe_span(update_shear_peaks, scene, points, span, slope, memory, seen):
     """Update peaks and energies with the response at the end of a step or substep and within it.
 
     Parameters
@@ -146,6 +148,8 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
         Kernel that computes the shears at reversals.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
+    points : ndarray
+        Points of the tables of forces.
     span : Span
         Step or substep: end time, length and ground acceleration.
     slope : float
@@ -158,6 +162,8 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
     # `observe` processes the end of the span. It returns True if a peak may be exceeded at the end
     # or within the span.
     may_exceed = observe(scene, span, slope, memory, seen)
+    if span.kinked:
+        raise_accelerations(scene, points, span, memory, seen)
     # `observe_within_step` processes the interior. It returns the number of stories with a reversal
     # of the drift that may cause a new peak shear. Only then are the laws evaluated at the
     # reversals.
@@ -265,6 +271,7 @@ def integrate(
     max_halvings,
     h,
     ground,
+    points,
     coefficients,
     shifts,
     linear_terms,
@@ -328,6 +335,9 @@ def integrate(
         Length of a step, s.
     ground : ndarray
         Ground acceleration at the samples, m/s^2.
+    points : ndarray
+        Points of the tables of forces: times (s) and values; empty without tables. The rows of
+        `forces` that are tables contain the lines of the current step, which this function changes.
     coefficients : ndarray
         Coefficients of the method, which the time loop passes to the step.
     shifts : ndarray
@@ -361,6 +371,7 @@ def integrate(
     # interval (`stride` > 1), the equations use the fitted line, so the values differ.
     ground_0 = ground_at(ground, first_step, per_sample, stride)
     if first_step == 0:
+        initialize_lines(forces, points)
         start(initialize_laws, sum_law_energies, scene, ground_0, memory, seen)
         if history.shape[0] > 0:
             store(ground_0, ground_0, memory, seen, 0)
@@ -395,6 +406,10 @@ def integrate(
                     if completed_fraction + substep_fraction == 1.0
                     else ground_0 + (completed_fraction + substep_fraction) * (ground_1 - ground_0)
                 )
+            # Fit the lines of the tables of forces, which change the accelerations at the start.
+            is_kinked = points.size > 0 and start_step(
+                scene, points, substep_fraction * h, load, shifts, memory, seen
+            )
             # Integrate over the step or substep; halve it if it does not converge. `code` is the
             # number of iterations, or a negative error code.
             code = take_step(step, coefficients, scene, substep_fraction * h, load, memory)
@@ -424,8 +439,9 @@ def integrate(
                 on_path,
                 has_unresolved_modes,
                 has_step_peaks,
+                is_kinked,
             )
-            observe_span(update_shear_peaks, scene, span, ground_rate, memory, seen)
+            observe_span(update_shear_peaks, scene, points, span, ground_rate, memory, seen)
         # The step is complete: count it, check divergence and collapse, and store the history.
         # `substep_fraction` is 1 only if the step was not halved.
         step_status[rows.STEPS_DONE] = (
@@ -503,6 +519,7 @@ INTEGRATE_MANY = I8(
     F8,  # length of a step, s
     VECTOR,  # samples of all ground motions
     TABLE,  # table of the runs, one row per run
+    VECTOR,  # points of the tables of forces
     VECTOR,  # coefficients of the method
     VECTOR,  # changes of the state at a jump of the ground acceleration
     *SCENE,
@@ -555,6 +572,8 @@ class _CommonData(NamedTuple):
         Scratch array for the load of a step.
     ground : ndarray
         Scratch array for the ground acceleration of a run, m/s^2.
+    points : ndarray
+        Points of the tables of forces, which all runs share.
     """
 
     max_halvings: int
@@ -563,6 +582,7 @@ class _CommonData(NamedTuple):
     shifts: Array
     load: Array
     ground: Array
+    points: Array
 
 
 @inline
@@ -601,7 +621,8 @@ def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory,
         kernels.integrate, kernels.step, kernels.initialize_laws,
         kernels.sum_law_energies, kernels.update_shear_peaks,
         last_step, first_step, last_step, 1, 0, step_ratio[0], step_ratio[1],
-        common.max_halvings, common.h, common.ground, common.coefficients, common.shifts,
+        common.max_halvings, common.h, common.ground, common.points,
+        common.coefficients, common.shifts,
         scene.linear_terms, scene.modal, scene.law_parameters, scene.forces, scene.flags,
         memory.state, memory.law_state, memory.scratch, memory.step_status, common.load,
         seen.observer_state, seen.peaks, seen.limits, seen.totals, seen.history,
@@ -691,6 +712,7 @@ def integrate_many(
     h,
     samples,
     runs,
+    points,
     coefficients,
     shifts,
     linear_terms,
@@ -744,6 +766,8 @@ def integrate_many(
         Table of the runs, one row per run, with the columns GROUND_START and GROUND_SIZE (first
         sample and number of samples), SCALE (scale factor), STEPS, PER_SAMPLE and STRIDE
         (PER_SAMPLE steps have the length of STRIDE sampling intervals).
+    points : ndarray
+        Points of the tables of forces, which all runs share.
     coefficients, shifts : ndarray
         Coefficients of the method, and changes of its state at a jump of the ground acceleration.
     linear_terms, modal, law_parameters, forces, flags : ndarray
@@ -781,7 +805,7 @@ def integrate_many(
         Number of runs that failed.
     """
     kernels = _Kernels(integrate, step, initialize_laws, sum_law_energies, update_shear_peaks)
-    common = _CommonData(max_halvings, h, coefficients, shifts, load, ground)
+    common = _CommonData(max_halvings, h, coefficients, shifts, load, ground, points)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     initial = Memory(state_0, law_state_0, scratch_0, step_status_0)
     memory = Memory(state, law_state, scratch, step_status)

@@ -142,9 +142,11 @@ def observe(scene, span, slope, memory, seen):
     if BRACES and flags[rows.HAS_BRACES] != 0.0:
         _store_brace_forces(scene, state, observer_state)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
-    # The bounds do not include forces on floors within the step; with such forces, all steps are
-    # searched.
-    may_exceed = FORCES and forces.shape[0] > 0
+    # The bounds include the lines of tables (row START_FORCE), but not harmonic forces within the
+    # step, nor the deviations of tables from their lines. Such steps are always searched. The first
+    # row of `forces` is a harmonic force if there is one.
+    has_forces = FORCES and forces.shape[0] > 0
+    may_exceed = has_forces and (forces[0, rows.POINTS] == 0.0 or span.kinked)
     # Sums over all floors and stories (`_FloorSums`); `viscous_rate` is half of the rate
     momentum = 0.0
     total_inertia = 0.0
@@ -242,6 +244,8 @@ def observe(scene, span, slope, memory, seen):
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
         )
         inertia_above += mass * (a_0 + span.ground_0)
+        if has_forces:
+            inertia_above -= observer_state[rows.START_FORCE, i]
         bulge_above += mass * bulge
         may_exceed |= may_exceed_acceleration_peak(
             inertia_above, -total_shear, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
@@ -257,6 +261,10 @@ def observe(scene, span, slope, memory, seen):
         # minus the factor of the story above.
         story_damping += 0.5 * (dashpot_force + dashpot_tangent * rate)
         viscous_rate += (floor_damping + story_damping - story_factor_above) * a
+        if has_forces:
+            observer_state[rows.VISCOUS_FACTOR, i] = (
+                floor_damping + story_damping - story_factor_above
+            )
         # An equal change of all floor accelerations only changes the drift acceleration of stories
         # on the ground.
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
@@ -410,6 +418,7 @@ def _observe_dashpots(span, linear_terms, state, seen):
         # dashpot, (F + F' v) / 2 of the power-law dashpot.
         half_derivative = linear_force + 0.5 * (dashpot_force + dashpot_tangent * rate)
         power_rate += 2.0 * half_derivative * drift_acceleration
+        observer_state[rows.DASHPOT_FACTOR, i] = half_derivative
         per_acceleration += (1.0 - link) * half_derivative
         u_below, v_below, a_below = u, v, a
         u_0_below, v_0_below, a_0_below = u_0, v_0, a_0
@@ -467,8 +476,14 @@ def _update_peaks(ground, state, law_state, seen):
         raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FORCE, i])
         raise_peak(peaks, rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(peaks, rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
+        # The deviation is zero unless a table of a force is not linear in the step.
         raise_peak(
-            peaks, rows.PEAK_ACCELERATION, i, observer_state[rows.OBSERVED_ACCELERATION, i] + ground
+            peaks,
+            rows.PEAK_ACCELERATION,
+            i,
+            observer_state[rows.OBSERVED_ACCELERATION, i]
+            + ground
+            + observer_state[rows.ACCELERATION_DEVIATION, i],
         )
         raise_peak(peaks, rows.PEAK_TOTAL_SHEAR, i, observer_state[rows.TOTAL_SHEAR, i])
 
@@ -558,7 +573,7 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     n = scene.linear_terms.shape[1] - 1
     reversals = 0
     if span.cornered:
-        _merge_step_peaks(int(step_status[rows.STEP_PEAKS]), scratch, peaks, n)
+        _merge_step_peaks(int(step_status[rows.STEP_PEAKS]), scratch, peaks, span.kinked, n)
         step_status[rows.STEP_PEAKS] = 0.0
     if may_exceed and (span.on_path or not span.cornered):
         passage = Passage(
@@ -576,11 +591,19 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
 
 
 @outlined
-def _merge_step_peaks(first, scratch, peaks, n):
+def _merge_step_peaks(first, scratch, peaks, is_kinked, n):
     """Merge the peaks in the scratch rows from `first` on into the peaks of the run.
 
-    The scratch rows receive the merged peaks, so that the next step can compare with them.
+    The scratch rows receive the merged peaks, so that the next step can compare with them. In a
+    kinked step, the step has computed the accelerations with the lines of the tables. They are only
+    possible peaks.
     """
+    if is_kinked:
+        for i in range(n):
+            possible = scratch[first + rows.PEAK_ACCELERATION, i]
+            if possible > peaks[rows.PEAK_ACCELERATION, i]:
+                raise_peak(peaks, rows.PEAK_ROWS + rows.PEAK_ACCELERATION, i, possible)
+            scratch[first + rows.PEAK_ACCELERATION, i] = 0.0
     for row in range(peaks.shape[0]):
         for i in range(n):
             raise_peak(peaks, row, i, scratch[first + row, i])
@@ -737,7 +760,10 @@ def store(ground, fitted_ground, memory, seen, row):
     for i in range(n):
         history[row, 1 + i] = state[rows.DISPLACEMENT, i]
         history[row, 1 + n + i] = state[rows.VELOCITY, i]
-        history[row, 1 + 2 * n + i] = observer_state[rows.OBSERVED_ACCELERATION, i] + fitted_ground
+        acceleration = observer_state[rows.OBSERVED_ACCELERATION, i] + fitted_ground
+        if observer_state[rows.ACCELERATION_DEVIATION, i] != 0.0:  # otherwise keep the sign of -0
+            acceleration += observer_state[rows.ACCELERATION_DEVIATION, i]
+        history[row, 1 + 2 * n + i] = acceleration
         history[row, 1 + 3 * n + i] = law_state[rows.FORCE, i]
     energies = 1 + rows.HISTORY_FIELDS * n
     # A longer row has space for the forces of the braces. Each element has a column, too.

@@ -53,6 +53,7 @@ from tdint.model.definition import (
     RayleighRatio,
     RecordSource,
     Story,
+    TableForce,
 )
 from tdint.model.keys.document import SourceText, compose, decode, read_document
 from tdint.model.keys.fields import (
@@ -60,6 +61,7 @@ from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
     POSITIVE_RATIO,
+    ByName,
     Choice,
     Either,
     EntriesOf,
@@ -167,10 +169,33 @@ _FORCE = Keys(
         ),
     )
 )
+_TABLE_FORCE = Keys(
+    (
+        Key("file", TextLine(), "CSV file with times and forces, relative to the model file"),
+        Key(
+            "floors",
+            ByName(TextLine(), "a mapping of floors to columns", "", dict),
+            "column of each floor, with an optional factor: {2: roof_kN, 1: 0.6 roof_kN}",
+        ),
+        Key("floor", Integer(1, MAX_STORIES), "floor, from 1 at the bottom, instead of floors"),
+        Key("column", TextLine(), "column of this floor; default: the only column of forces"),
+        Key(
+            "points",
+            EntriesOf(EntriesOf(ANY, least=2, most=2), least=2),
+            "points [time in s, force] on this floor, instead of a file",
+        ),
+        Key("start", ANY, "added to the times, s; default: 0"),
+        Key("scale", ANY, "factor on the forces; default: 1"),
+    )
+)
 EXCITATION = Keys(
     (
         Key("record", Either((TextLine(), _RECORD)), "ground motion: a file, or file and options"),
-        Key("forces", EntriesOf(_FORCE), "harmonic forces on floors"),
+        Key(
+            "forces",
+            EntriesOf(Either((_FORCE, _TABLE_FORCE))),
+            "forces on floors: harmonic, from a table in a file, or through points",
+        ),
     )
 )
 
@@ -189,14 +214,48 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     """
     section = value.section(EXCITATION) if value else None
     if section is None:
-        return Excitation(None, ())
+        return Excitation(None)
     record, forces = section.get("record"), section.get("forces")
     # A building may have both a record and forces.
-    items = forces.items("a list of forces") if forces else None
+    items = (forces.items("a list of forces") if forces else None) or ()
+    # The keys of an entry determine its type. `floor` belongs to both types.
+    is_table = [bool({*item.names} & {*_TABLE_FORCE} - {"floor"}) for item in items]
     return Excitation(
         record_from_value(record) if record else None,
-        tuple(_read_force(item, unit, count) for item in items or ()),
+        tuple(
+            _read_force(item, unit, count)
+            for item, from_table in zip(items, is_table, strict=True)
+            if not from_table
+        ),
+        _read_tables(
+            [item for item, from_table in zip(items, is_table, strict=True) if from_table],
+            unit,
+            count,
+        ),
     )
+
+
+def _read_tables(
+    items: Sequence[Value], unit: ModelUnits, count: int | None
+) -> tuple[TableForce, ...]:
+    """Return the forces from tables.
+
+    Parameters
+    ----------
+    items : sequence of Value
+        Entries of the list of forces with the keys of `_TABLE_FORCE`.
+    unit : ModelUnits
+        Units of the model file.
+    count : int or None
+        Number of stories; None if it is unknown after an error.
+    """
+    if not items:
+        return ()
+    # Imported here because it loads numpy, which is not needed to read other models.
+    from tdint.model.config.load_tables import read_table_forces
+
+    sections = [item.section(_TABLE_FORCE) for item in items]
+    return read_table_forces([item for item in sections if item is not None], unit, count)
 
 
 def record_from_value(value: Value) -> RecordSource | None:

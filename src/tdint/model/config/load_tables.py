@@ -1,0 +1,314 @@
+"""Forces on floors from tables in CSV files, or from points in the model file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from tdint.csv_table import BLOCK, CsvTable, numbers_in, stream_table
+from tdint.errors import ModelError, nearest
+from tdint.model.config.sections import ModelUnits
+from tdint.model.definition import LoadTable, TableForce
+from tdint.model.keys.fields import Section, Value, numbered, quoted
+from tdint.number_parsing import number_or_nan, pluralize
+from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, VELOCITY
+
+_NEEDS = (
+    "a table of forces is a CSV file with a column of times, such as time_s, and columns of "
+    "forces, such as roof_kN"
+)
+_TIME_NAMES = ("time", "t")
+_TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0}
+"""Factors to s of the units in the name of the column of times; s without a unit."""
+
+_OTHER_UNITS = {*LENGTH, *MASS, *VELOCITY, *ACCELERATION} - {"t"}
+"""Units of other quantities, which a column of forces must not have. `t` can be a word (tower_t)."""
+
+_NAME_AND_FACTOR = re.compile(r"\s*(\S+?)\s*(?:\*\s*|\s)(\S.*?)\s*")
+"""Factor and name of a column: `0.6 roof_kN` or `0.6 * roof_kN`."""
+
+
+@dataclass(frozen=True)
+class _Request:
+    """Column of a file that acts on a floor.
+
+    Attributes
+    ----------
+    value : Value
+        Entry of the model file, for messages.
+    floor : int
+        Floor, from 1.
+    column : str
+        Name of the column; empty for the only column of forces.
+    factor, start : float
+        Factor on the values, and time that is added to the times (s).
+    """
+
+    value: Value
+    floor: int
+    column: str
+    factor: float
+    start: float
+
+
+def read_table_forces(
+    sections: Sequence[Section], unit: ModelUnits, count: int | None
+) -> tuple[TableForce, ...]:
+    """Return the forces from tables, in the order of the model file.
+
+    Each file is read once, and the forces from its columns share one table.
+
+    Parameters
+    ----------
+    sections : sequence of Section
+        Entries of `forces` with a file or with points.
+    unit : ModelUnits
+        Units of the model file, which apply to points and to columns without a unit.
+    count : int or None
+        Number of stories; None if it is unknown after an error.
+    """
+    requests: dict[str, list[_Request]] = {}
+    forces: list[TableForce] = []
+    for section in sections:
+        start = section.number("start", default=0.0)
+        scale = section.number("scale", default=1.0)
+        points = section.get("points")
+        if points is not None:
+            section.refuse(("file", "floors", "column"), "cannot be used with `points`")
+            floor = _read_floor(section, count)
+            table = _read_points(points, unit)
+            if table is not None:
+                forces.append(TableForce(floor, table, 0, scale, start))
+            continue
+        file = section.need("file", "give the file of the table, or `points`")
+        path = file.file() if file else None
+        found = _read_requests(section, count, scale, start)
+        if file is not None and path is not None:
+            requests.setdefault(path, []).extend(replace_value(found, file))
+    for path, wanted in requests.items():
+        try:
+            forces += _read_file(path, wanted, unit)
+        except ModelError as error:
+            wanted[0].value.fault(str(error))
+    return tuple(forces)
+
+
+def replace_value(requests: Sequence[_Request], file: Value) -> list[_Request]:
+    """Return requests whose errors are reported at the entry `file` if they have no own entry."""
+    return [item if item.column else replace(item, value=file) for item in requests]
+
+
+def _read_floor(section: Section, count: int | None) -> int:
+    """Return the entry `floor`; 0 after reporting an error."""
+    floor = section.need("floor", "give the floor, counted from 1 at the bottom")
+    return (floor.integer(numbered(count)) if floor else None) or 0
+
+
+def _read_requests(
+    section: Section, count: int | None, scale: float, start: float
+) -> list[_Request]:
+    """Return the columns of the file that act on floors: `floors`, or `floor` and `column`."""
+    floors = section.get("floors")
+    if floors is None:
+        floor = _read_floor(section, count)
+        column = section.get("column")
+        name = column.text() if column else ""
+        if name is None:
+            return []
+        return [_Request(column or section.value, floor, name, scale, start)]
+    section.refuse(("floor", "column"), "cannot be used with `floors`; give one of the two")
+    named = floors.named(
+        "a mapping of floors to columns, such as {2: roof_kN, 1: 0.6 roof_kN}",
+        "must contain at least one floor",
+    )
+    requests = []
+    for key, entry in (named or {}).items():
+        number = number_or_nan(key)
+        if not (number >= 1 and number == int(number)) or (count and number > count):
+            limit = f" to {count} (the number of stories)" if count else ""
+            floors.fault(f"the keys must be floors from 1{limit}, got {quoted(key)}")
+            continue
+        text = entry.text()
+        if text is not None:
+            requests.append(_Request(entry, int(number), text, scale, start))
+    return requests
+
+
+def _read_points(points: Value, unit: ModelUnits) -> LoadTable | None:
+    """Return the table of `points: [[t, F], ...]`; None after reporting an error."""
+    items = points.items("a list of points [time in s, force]")
+    if items is None:
+        return None
+    if len(items) < 2:
+        points.fault(f"must have at least two points [time in s, force], got {len(items)}")
+        return None
+    rows = []
+    for item in items:
+        pair = item.items("a point [time in s, force]")
+        if pair is None:
+            return None
+        if len(pair) != 2:
+            item.fault(f"must be a point [time in s, force], got {pluralize(len(pair), 'number')}")
+            return None
+        rows.append((pair[0].number(), pair[1].number(scale=unit.force)))
+    times, values = np.array(rows).T
+    for k in _invalid_times(times):
+        items[k].fault(_TIME_ORDER.format(times[k]))
+        return None
+    return LoadTable("", ("points",), np.array([times, values]))
+
+
+_TIME_ORDER = (
+    "times must not decrease, and at most two rows have the same time (a jump), got {:.9g} s"
+)
+
+
+def _invalid_times(times: np.ndarray) -> list[int]:
+    """Return the index of the first row whose time decreases or occurs for the third time, or no
+    index."""
+    decreases = np.flatnonzero(np.diff(times) < 0.0) + 1
+    repeats = np.flatnonzero(times[2:] == times[:-2]) + 2
+    return sorted((*decreases.tolist(), *repeats.tolist()))[:1]
+
+
+def _read_file(path: str, wanted: Sequence[_Request], unit: ModelUnits) -> list[TableForce]:
+    """Return the forces from the columns of one file.
+
+    Raises
+    ------
+    ModelError
+        The file is invalid. Errors of single columns are reported at their entries instead.
+    """
+    table, rows = stream_table(path, _NEEDS, columns=(), read_first=True)
+    time_column, time_factor = _time_column(table)
+    chosen: dict[str, int] = {}  # index in the array of values by the name in lower case
+    found: list[tuple[_Request, str, float]] = []
+    for item in wanted:
+        column = _column_and_factor(item, table, time_column)
+        if column is not None:
+            found.append((item, *column))
+            chosen.setdefault(column[0], len(chosen))
+    names = (time_column, *chosen)
+    for name in names:
+        if table.header.count(name) > 1:
+            raise ModelError(
+                f"{path}:{table.header_line}: the header contains the column {name} twice; rename "
+                "or remove one of these columns"
+            )
+    units = {name: _unit_of(table.titles[table.header.index(name)], unit, table) for name in chosen}
+    lines, data = _read_numbers(table, rows, names)
+    if data.shape[1] < 2:
+        raise ModelError(f"{path}: the table must have at least two rows, got {data.shape[1]}")
+    data[0] *= time_factor
+    for k in _invalid_times(data[0]):
+        raise ModelError(f"{path}:{lines[k]}: {time_column}: {_TIME_ORDER.format(data[0, k])}")
+    for name, index in chosen.items():
+        data[1 + index] *= units[name]
+    titles = tuple(table.titles[table.header.index(name)] for name in chosen)
+    shared = LoadTable(path, titles, data)
+    return [
+        TableForce(item.floor, shared, chosen[name], item.factor * factor, item.start)
+        for item, name, factor in found
+    ]
+
+
+def _time_column(table: CsvTable) -> tuple[str, float]:
+    """Return the name of the column of times in lower case, and the factor of its unit to s."""
+    names: Mapping[str, float] = {
+        **{name: 1.0 for name in _TIME_NAMES},
+        **{f"{name}_{unit}": factor for name in _TIME_NAMES for unit, factor in _TIMES.items()},
+    }
+    found = [name for name in table.header if name in names]
+    if len(found) != 1:
+        listed = ", ".join(found) or ", ".join(table.titles)[:200]
+        problem = "several columns" if found else "no column"
+        raise ModelError(
+            f"{table.source}:{table.header_line}: {problem} of times, such as time_s or time_ms; "
+            f"the columns are {listed}"
+        )
+    return found[0], names[found[0]]
+
+
+def _column_and_factor(
+    item: _Request, table: CsvTable, time_column: str
+) -> tuple[str, float] | None:
+    """Return the name of the requested column in lower case and its factor; None after an error.
+
+    The text is the name, or a factor and the name. A name that occurs in the file is never divided.
+    """
+    others = [name for name in table.header if name and name != time_column]
+    titles = [title for title in table.titles if title.lower() in others]
+    if not item.column:
+        if len(others) == 1:
+            return others[0], 1.0
+        item.value.fault(
+            f"the file has {pluralize(len(others), 'column')} of forces; give `column`: one of "
+            f"{', '.join(titles)[:200]}"
+        )
+        return None
+    name, factor = item.column.strip(), 1.0
+    if name.lower() not in others and (match := _NAME_AND_FACTOR.fullmatch(item.column)):
+        number = number_or_nan(match[1])
+        if number == number:  # not nan
+            name, factor = match[2], number
+    if name.lower() in others:
+        return name.lower(), factor
+    similar = nearest(name.lower(), others)
+    hint = f"; did you mean {similar}?" if similar else ""
+    item.value.fault(
+        f"no column {quoted(name)} in {table.source}; the columns of forces are "
+        f"{', '.join(titles)[:200]}{hint}"
+    )
+    return None
+
+
+def _unit_of(title: str, unit: ModelUnits, table: CsvTable) -> float:
+    """Return the factor to N of the unit at the end of a name such as `roof_kN`.
+
+    A name without a unit has the unit of force of the model file.
+
+    Raises
+    ------
+    ModelError
+        The name ends with the unit of another quantity.
+    """
+    ending = title.rpartition("_")[2] if "_" in title else ""
+    # MN and mN differ only in case, so that case matters for this unit.
+    factors = {"n": 1.0, "kn": FORCE["kN"], "lbf": FORCE["lbf"], "kip": FORCE["kip"]}
+    if ending in FORCE:
+        return FORCE[ending]
+    if ending.lower() in factors:
+        return factors[ending.lower()]
+    if ending in _OTHER_UNITS or ending.lower() == "mn":
+        raise ModelError(
+            f"{table.source}:{table.header_line}: the column {title} has the unit {ending}, which "
+            f"is not a unit of force; known: {', '.join(FORCE)}"
+        )
+    return unit.force
+
+
+def _read_numbers(
+    table: CsvTable, rows: object, names: Sequence[str]
+) -> tuple[list[int], np.ndarray]:
+    """Return the line number of each row and the numbers of some columns, shape (columns, rows)."""
+    indices = [table.header.index(name) for name in names]
+    lines: list[int] = []
+    parts: list[np.ndarray] = []
+    while block := tuple(islice(rows, BLOCK)):  # type: ignore[call-overload]
+        lines += [line for line, _ in block]
+        texts = [
+            [cells[index].strip() if index < len(cells) else "" for _, cells in block]
+            for index in indices
+        ]
+        part = np.array([numbers_in(column) for column in texts])
+        if np.isnan(part).any() or any(table.overfull(cells) for _, cells in block):
+            # `numbers` reports the first invalid row.
+            checked = replace(table, rows=block)
+            for name in names:
+                checked.numbers(name)
+        parts.append(part)
+    return lines, np.ascontiguousarray(np.hstack(parts)) if parts else np.empty((len(names), 0))
