@@ -197,7 +197,7 @@ def _add_moments(forces, j, x, jump, kink):
         ) / (2.0 * k + 1.0)  # fmt: skip
         forces[j, column] += (k + 0.5) * (kink * second - jump * first)
         p_0, p_1, p_2, p_3 = p_1, p_2, p_3, p_4
-        p_4 = ((2.0 * k + 7.0) * x * p_3 - (k + 3.0) * p_2) / (k + 4.0)
+        p_4 = ((2.0 * k + 5.0) * x * p_3 - (k + 2.0) * p_2) / (k + 3.0)
 
 
 @outlined
