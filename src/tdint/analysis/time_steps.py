@@ -28,6 +28,8 @@ class Steps:
         Requested end, s. The last step ends at this time or less than one step after it.
     done : int
         Number of steps that are already completed.
+    note : str
+        Reason of a time step that neither the user nor a record has determined; otherwise empty.
     """
 
     h: float
@@ -36,6 +38,7 @@ class Steps:
     stride: int = 1
     end: float = field(default=math.inf, compare=False)
     done: int = 0
+    note: str = field(default="", compare=False)
 
     @property
     def late(self) -> float:

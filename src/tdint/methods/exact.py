@@ -349,7 +349,7 @@ def moments(building: Building, h: float) -> int:
     They fall below 1e-16 at this degree.
     """
     x = 0.5 * h * float(np.max(building.modes().omega))
-    return math.ceil(x + 6.0 * x ** (1.0 / 3.0) + 12.0)
+    return math.ceil(x + 6.0 * math.cbrt(x) + 12.0)
 
 
 def _moment_columns(building: Building, patterns: Array, h: float) -> list[Array]:

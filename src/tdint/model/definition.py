@@ -6,6 +6,7 @@ problems that are part of tdint, and models with changed parameters, for sweeps 
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 import sys
@@ -33,6 +34,9 @@ from tdint.number_parsing import parse_ratio, pluralize
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from tdint.model.damage_states import DamageStates
     from tdint.model.limits import Limit
 
@@ -479,6 +483,7 @@ class LoadTable:
         self.source = source
         self.columns = columns
         self.data = data
+        self._digest = hashlib.sha256(data).digest()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, LoadTable) and self._identity == other._identity
@@ -489,7 +494,7 @@ class LoadTable:
     @property
     def _identity(self) -> tuple[object, ...]:
         """Values that determine if two tables are equal."""
-        return self.source, self.columns, self.data.shape, self.data.tobytes()
+        return self.source, self.columns, self._digest
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -554,6 +559,11 @@ class Excitation:
     def has_forces(self) -> bool:
         """True if forces act on floors."""
         return bool(self.forces or self.tables)
+
+    @property
+    def table_end(self) -> float:
+        """Time at which the last force from a table ends, s; 0 without tables."""
+        return max((float(force.times[-1]) for force in self.tables), default=0.0)
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.config.model_file import model_from_mapping, record_from_value
 from tdint.model.damage_states import DONE
-from tdint.model.definition import Model, RecordSource
+from tdint.model.definition import Excitation, Model, RecordSource
 from tdint.model.keys.document import SourceText, read_document
 from tdint.model.keys.fields import Section, Value
 from tdint.number_parsing import pluralize
@@ -929,7 +929,7 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
         model = model_of(building)
         for motion_name, factor in scales.items():
             if motion_name not in records:
-                record_only = replace(model.excitation, record=sources[motion_name], forces=(), tables=())
+                record_only = Excitation(sources[motion_name])
                 records[motion_name] = model_record(replace(model, excitation=record_only))
             record = records[motion_name]
             assert record is not None

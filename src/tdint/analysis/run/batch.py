@@ -27,6 +27,7 @@ from tdint.analysis.run.case import (
     named_peaks,
     needs_review,
     rest_criterion,
+    until_forces_end,
 )
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.outcome import STORY_QUANTITIES, Collapse, FailedRun, Response, StoryPeaks
@@ -259,6 +260,8 @@ def run_batch(
         number, scale, _ = runs[i]
         return subject.case(motions.records[number], scale)
 
+    if to_rest and subject.model.excitation.tables:
+        runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
     # Error estimates require a second run of each run, and an unstable time step an error message
     # of each run. Integrate the runs individually in both cases.
     if check or prepared.instability(subject.integrator, h):

@@ -473,7 +473,7 @@ class Case:
         ----------
         dt : float, optional
             Time step, s; by default that of the model's `analysis` section, otherwise the sampling
-            interval of the record.
+            interval of the record, or with forces from tables only, `default_step`.
         duration : float, optional
             Duration of the time integration, s; by default that of the model's `analysis` section,
             otherwise the duration of the record.
@@ -503,9 +503,16 @@ class Case:
                 f"{self.model.name}: the ground motion is missing; add a record (RECORD on the "
                 "command line, or `excitation: {record: FILE}` in the model file)"
             )
-        return choose_steps(
+        note, tables = "", self.model.excitation.tables
+        if dt is None and record is None and tables:
+            # Imported here, because few models have tables of forces.
+            from tdint.analysis.run.load_notes import default_step
+
+            dt, note = default_step(tables, self.prepared.period)
+        steps = choose_steps(
             dt, duration, record.dt if record else None, record.duration if record else 0.0
         )
+        return replace(steps, note=note)
 
     def integrate(self, steps: Steps, history: bool = False) -> Response:
         """Integrate over the time steps, and return the response or raise the reason of a failure.
@@ -816,7 +823,7 @@ class Case:
             warnings=warnings,
             elements=element_peaks(self.model, space, stories),
         )
-        return replace(response, notes=self._notes(response))
+        return replace(response, notes=self._notes(response, steps))
 
     def _ductility_warnings(self, stories: StoryPeaks) -> list[str]:
         """Return the warning on unusually large ductilities of stories, if this applies."""
@@ -828,7 +835,7 @@ class Case:
         ductility = np.where(has_height, stories.ductility, math.nan)
         return unusual_stories(DUCTILITY, ductility)
 
-    def _notes(self, response: Response) -> tuple[str, ...]:
+    def _notes(self, response: Response, steps: Steps) -> tuple[str, ...]:
         """Return the notes on the conditions and the limits of a run."""
         record, end = self.record, response.steps * response.dt
         ended_by_collapse = response.collapse is not None and response.collapse.ended
@@ -845,6 +852,12 @@ class Case:
             notes += cut_off([record], end)
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact interpolates harmonic forces linearly between time steps")
+        notes += [steps.note] if steps.note else []
+        if self.model.excitation.tables and not ended_by_collapse:
+            # Imported here, because few models have tables of forces.
+            from tdint.analysis.run.load_notes import table_notes
+
+            notes += table_notes(self.model.excitation.tables, end)
         notes += self._stiffening_note()
         if response.substeps:
             notes.append(
@@ -1014,6 +1027,13 @@ def rest_criterion(prepared: PreparedBuilding, h: float) -> RestCriterion:
     )
 
 
+def until_forces_end(model: Model, steps: Steps) -> Steps:
+    """Return time steps that end after the last force from a table, before which a building is not
+    at rest."""
+    count = math.ceil(model.excitation.table_end / steps.h * (1.0 - 1e-9))
+    return replace(steps, count=max(steps.count, count))
+
+
 def extend_to_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
     """Integrate until free vibration has decayed, and return the number of time steps this takes.
 
@@ -1024,6 +1044,7 @@ def extend_to_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
     is_at_rest : bool
         True if the building comes to rest before the limit `REST_PERIODS`.
     """
+    steps = until_forces_end(case.model, steps)
     criterion = rest_criterion(case.prepared, steps.h)
     spec = RunSpec(start=0, size=case.ground.size, scale=1.0, steps=steps)
     batch = case.prepared.integrate_batch(case.method, steps.h, case.ground, [spec], criterion)

@@ -26,7 +26,7 @@ _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0}
 """Factors to s of the units in the name of the column of times; s without a unit."""
 
 _OTHER_UNITS = {*LENGTH, *MASS, *VELOCITY, *ACCELERATION} - {"t"}
-"""Units of other quantities, which a column of forces must not have. `t` can be a word (tower_t)."""
+"""Units that a column of forces must not have. `t` is allowed, because it can belong to a name."""
 
 _NAME_AND_FACTOR = re.compile(r"\s*(\S+?)\s*(?:\*\s*|\s)(\S.*?)\s*")
 """Factor and name of a column: `0.6 roof_kN` or `0.6 * roof_kN`."""
@@ -219,7 +219,7 @@ def _read_file(path: str, wanted: Sequence[_Request], unit: ModelUnits) -> list[
 def _time_column(table: CsvTable) -> tuple[str, float]:
     """Return the name of the column of times in lower case, and the factor of its unit to s."""
     names: Mapping[str, float] = {
-        **{name: 1.0 for name in _TIME_NAMES},
+        **dict.fromkeys(_TIME_NAMES, 1.0),
         **{f"{name}_{unit}": factor for name in _TIME_NAMES for unit, factor in _TIMES.items()},
     }
     found = [name for name in table.header if name in names]
