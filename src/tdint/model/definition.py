@@ -483,7 +483,7 @@ class LoadTable:
         self.source = source
         self.columns = columns
         self.data = data
-        self._digest = hashlib.sha256(data).digest()
+        self._digest = hashlib.sha256(data.data).digest()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, LoadTable) and self._identity == other._identity
@@ -499,7 +499,8 @@ class LoadTable:
     @property
     def times(self) -> NDArray[np.float64]:
         """Times of the rows, s."""
-        return self.data[0]
+        times: NDArray[np.float64] = self.data[0]
+        return times
 
 
 @dataclass(frozen=True)
@@ -534,7 +535,8 @@ class TableForce:
     @property
     def values(self) -> NDArray[np.float64]:
         """Force at the points, N."""
-        return self.factor * self.table.data[1 + self.column]
+        values: NDArray[np.float64] = self.factor * self.table.data[1 + self.column]
+        return values
 
 
 @dataclass(frozen=True)

@@ -308,7 +308,7 @@ def _read_numbers(
         if np.isnan(part).any() or any(table.overfull(cells) for _, cells in block):
             # `numbers` reports the first invalid row.
             checked = replace(table, rows=block)
-            for name in names:
-                checked.numbers(name)
+            for index in indices:
+                checked.numbers(table.titles[index])
         parts.append(part)
     return lines, np.ascontiguousarray(np.hstack(parts)) if parts else np.empty((len(names), 0))
