@@ -218,6 +218,27 @@ def test_your_own_record_on_your_own_building(checkout):
     }
 
 
+@pytest.mark.long
+def test_force_on_the_roof_of_an_example(checkout):
+    """The table and the section of the page load the roof of the example: the gust of 240 kN moves
+    the building more than the constant 60 kN, whose static displacement follows from the
+    stiffnesses."""
+    folder, run = checkout
+    text = (folder / "configs" / "ten-story.yaml").read_text()
+    section = text[text.index("excitation:") : text.index("analysis:")]
+    (folder / "gust.yaml").write_text(
+        text.replace(section, readmes.block("roof-excitation") + "\n")
+    )
+    (folder / "roof.csv").write_text(readmes.block("roof-force"))
+    run(readmes.block("roof-run"))
+    roof = rows(folder / "result" / "stories.csv")[-1]
+    static = 60e3 * 10 / 3.5e8
+    assert 1.5 * static < float(roof["peak_displacement_m"]) < 8.0 * static
+    summary = json.loads((folder / "result" / "summary.json").read_text())
+    assert any(item["file"].endswith("roof.csv") for item in summary["inputs"])
+    assert "a fiftieth of the first period" in " ".join(summary["notes"])
+
+
 def test_the_model_with_all_keys(checkout):
     folder, _ = checkout
     (folder / "models").mkdir()

@@ -79,6 +79,11 @@ def command(request: Request) -> None:
     --overwrite replaces all files of an earlier run; files that the new run does not write are
     removed.
 
+    Forces on floors (wind, blast) are part of the model: `excitation: {forces: [{floor: 10, file:
+    roof.csv, column: roof_kN}]}`. Only a load that is the same multiple p/m of the mass on every
+    floor may be given as a RECORD of -p/m instead; the absolute accelerations are then wrong by
+    p/m.
+
     With --sequence the records are successive events (main shock, aftershocks); the table lists the
     stories for each event and for the complete sequence.
 
