@@ -238,6 +238,7 @@ def run_page(
             units,
             periods=[(model.name, first_period(model))],
         ),
+        _load_chapter(model, response.steps * response.dt, units),
         assumptions(
             f"{method_text(response.method)}, {pluralize(response.steps, 'time step')} of "
             f"{response.dt:.6g} s",
@@ -251,6 +252,20 @@ def run_page(
         chapters,
         page_text,
     )
+
+
+def _load_chapter(model: Model, end: float, units: OutputUnits) -> Chapter:
+    """Return the chapter on forces from tables until the end of the run (s): their table and
+    figure; without content if there are none."""
+    if not model.excitation.tables:
+        return Chapter("Forces on floors", ())
+    # Imported here, because few models have tables of forces.
+    from tdint.output.tables.loads import load_table
+
+    picture = Picture(
+        lambda: figures.loads.load_picture(model, end, units), "Forces on floors over time"
+    )
+    return Chapter("Forces on floors", (load_table(model.excitation).in_units(units), picture))
 
 
 def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) -> list[Part]:

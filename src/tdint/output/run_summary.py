@@ -13,6 +13,7 @@ from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
+from tdint.output.tables.loads import LOAD_COLUMNS, loads_summary
 from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 
@@ -105,6 +106,7 @@ MEANINGS |= {
     for quantity in ELEMENT_QUANTITIES
 }
 MEANINGS["yield_drift_m"] = ("m", "drift at first yield; null without yielding")
+MEANINGS |= {column.name: (column.unit, column.meaning) for column in LOAD_COLUMNS}
 MEANINGS |= {
     f"{name}_J": ("J", f"{meaning}, at the end or the last time reached")
     for name, meaning in ENERGY_TERMS.items()
@@ -191,6 +193,7 @@ def run_summary(
         "time_loop_s": response.solver_time,
         "time_loop_clock": CLOCKS[clock()],
         "building": _building(response.model, first),
+        **_loads(response.model),
         "energy": {
             "initial_J": energy.initial,
             **{f"{name}_J": getattr(energy, name) for name in ENERGY_TERMS},
@@ -262,6 +265,7 @@ def failure_summary(
         "dt_s": failure.dt,
         "wall_time_s": wall_time,
         "building": _building(model, first),
+        **_loads(model),
         "collapse_drift": model.collapse_drift,
     }
     return _with_provenance(content, record, settings, failure.notes, inputs)
@@ -398,6 +402,12 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
         if first.sa is not None:
             content |= {"sa_t1_m_s2": first.sa, "sa_t1_damping": first.sa_damping}
     return content
+
+
+def _loads(model: Model) -> dict[str, Any]:
+    """Return the part of summary.json about forces from tables; empty without such forces."""
+    forces = loads_summary(model.excitation)
+    return {"forces": forces} if forces else {}
 
 
 def _event_summary(event: EventResponse) -> dict[str, Any]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tdint.output.figures import comparison as comparison
     from tdint.output.figures import examples as examples
     from tdint.output.figures import failure_matrix as failure_matrix
+    from tdint.output.figures import loads as loads
     from tdint.output.figures import many_runs as many_runs
     from tdint.output.figures import mode_shapes as mode_shapes
     from tdint.output.figures import runs as runs
