@@ -14,7 +14,7 @@ import numpy as np
 
 from tdint.analysis.run.batch import Subject
 from tdint.kernels.building.sources import CODE, code_of
-from tdint.model.definition import Model, simple_model
+from tdint.model.definition import Excitation, Model, simple_model
 from tdint.model.inventory import InventoryRow, InventoryRows, LazySequence, derive_row
 from tdint.units import SI, OutputUnits
 
@@ -41,9 +41,12 @@ def models_of(buildings: Buildings) -> list[Model]:
 
 
 def model_files(buildings: Buildings) -> dict[str, str]:
-    """Return a dictionary from the path of each model file to the SHA-256 of its content."""
-    contents = {model.source: model.text for model in models_of(buildings)}
-    return {file: hashlib.sha256(content).hexdigest() for file, content in contents.items()}
+    """Return a dictionary from the path of each model file, and of each table of forces that it
+    reads, to the SHA-256 of its content."""
+    models = models_of(buildings)
+    files = {model.source: hashlib.sha256(model.text).hexdigest() for model in models}
+    tables = [force.table for model in models for force in model.excitation.tables]
+    return files | {table.source: table.sha256 for table in tables if table.source}
 
 
 def plugin_files(buildings: Buildings) -> dict[str, str]:
@@ -136,7 +139,7 @@ def digest_of(model: Model, method: str) -> str:
     response to each ground motion."""
     # Remove everything that does not change the response, such as names and units of the output.
     # The ground motion of the model is not used in a campaign.
-    content = asdict(model)
+    content = asdict(replace(model, excitation=Excitation(None, model.excitation.forces)))
     for name in (
         "name",
         "source",
@@ -150,7 +153,14 @@ def digest_of(model: Model, method: str) -> str:
         "limits",
     ):
         del content[name]
-    del content["excitation"]["record"]
+    # Models without tables of forces keep the digest of earlier versions.
+    content["excitation"] = {"forces": content["excitation"]["forces"]}
+    tables = model.excitation.tables
+    if tables:
+        content["excitation"]["tables"] = [
+            (force.floor, force.table.digest, force.column, force.factor, force.start)
+            for force in tables
+        ]
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
 
 

@@ -477,13 +477,20 @@ class LoadTable:
     data : ndarray, shape (1 + columns, rows)
         Times (s), then the values of each column (N). The rows of the array are contiguous, because
         kernels read it without a copy.
+    sha256 : str
+        SHA-256 of the file; empty for points.
+    digest : str
+        SHA-256 of `data`.
     """
 
-    def __init__(self, source: str, columns: tuple[str, ...], data: NDArray[np.float64]) -> None:
+    def __init__(
+        self, source: str, columns: tuple[str, ...], data: NDArray[np.float64], sha256: str = ""
+    ) -> None:
         self.source = source
+        self.sha256 = sha256
         self.columns = columns
         self.data = data
-        self._digest = hashlib.sha256(data.data).digest()
+        self.digest = hashlib.sha256(data.data).hexdigest()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, LoadTable) and self._identity == other._identity
@@ -494,7 +501,7 @@ class LoadTable:
     @property
     def _identity(self) -> tuple[object, ...]:
         """Values that determine if two tables are equal."""
-        return self.source, self.columns, self._digest
+        return self.source, self.columns, self.digest
 
     @property
     def times(self) -> NDArray[np.float64]:

@@ -6,11 +6,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 
 from tdint.csv_table import BLOCK, CsvTable, numbers_in, stream_table
 from tdint.errors import ModelError, nearest
+from tdint.files import digest_of
 from tdint.model.config.sections import ModelUnits
 from tdint.model.definition import LoadTable, TableForce
 from tdint.model.keys.fields import Section, Value, numbered, quoted
@@ -209,7 +211,7 @@ def _read_file(path: str, wanted: Sequence[_Request], unit: ModelUnits) -> list[
     for name, index in chosen.items():
         data[1 + index] *= units[name]
     titles = tuple(table.titles[table.header.index(name)] for name in chosen)
-    shared = LoadTable(path, titles, data)
+    shared = LoadTable(path, titles, data, digest_of(Path(path)))
     return [
         TableForce(item.floor, shared, chosen[name], item.factor * factor, item.start)
         for item, name, factor in found

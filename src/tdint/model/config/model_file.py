@@ -74,6 +74,7 @@ from tdint.model.keys.fields import (
     TextLine,
     Value,
     numbered,
+    resolve,
 )
 from tdint.model.keys.nodes import Faults
 from tdint.number_parsing import parse_head
@@ -734,7 +735,7 @@ def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None
 
 
 def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, str]]:
-    """Return the replacements of the relative paths in `excitation: record`.
+    """Return the replacements of the relative paths in `excitation`: record and tables of forces.
 
     Parameters
     ----------
@@ -751,15 +752,20 @@ def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, s
     list of (int, int, str)
         Start and end of each replaced part of the text, and its new text.
     """
-    record = _find_node(_find_node(root, "excitation"), "record")
+    excitation = _find_node(root, "excitation")
+    record, forces = _find_node(excitation, "record"), _find_node(excitation, "forces")
     source = model.excitation.record
-    if record is None or source is None:
-        return []
-    # The value of `record` is a mapping with the key `file`, or only the path.
-    file_node = _find_node(record, "file") or record
-    metadata_node = _find_node(record, "inventory")
+    files: list[tuple[Any, str | Path | None]] = []
+    if record is not None and source is not None:
+        # The value of `record` is a mapping with the key `file`, or only the path.
+        files.append((_find_node(record, "file") or record, source.file))
+        files.append((_find_node(record, "inventory"), source.choice.inventory))
+    for entry in forces.value if forces is not None else ():
+        node = _find_node(entry, "file")
+        if node is not None:
+            files.append((node, resolve(node.value, Path(model.source).parent)))
     edits = []
-    for node, file in ((file_node, source.file), (metadata_node, source.choice.inventory)):
+    for node, file in files:
         if node is None or file in (None, STDIN) or Path(node.value).is_absolute():
             continue
         path = os.path.relpath(str(file), folder)
