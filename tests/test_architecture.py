@@ -105,6 +105,7 @@ def test_columns_are_declared_in_table_modules():
         "studies",
         "exports",
         "differences",
+        "loads",
     }
     assert makers == {f"src/tdint/output/tables/{name}.py" for name in subjects | {"table"}}
 

@@ -48,8 +48,9 @@ from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
-from tdint.model.building import Building, add_force_history, element_yield_drifts
+from tdint.model.building import Building, element_yield_drifts
 from tdint.model.definition import LAWS, Model
+from tdint.model.loads import add_force_history
 from tdint.model.plausibility import (
     DUCTILITY,
     long_step,

@@ -53,8 +53,9 @@ from tdint.methods.workspace import (
     state_jumps,
     workspace,
 )
-from tdint.model.building import Building, DrawnBuildings, assemble, load_arrays, variant
+from tdint.model.building import Building, DrawnBuildings, assemble, variant
 from tdint.model.definition import Model
+from tdint.model.loads import load_arrays
 
 # Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
 # considered to resolve all modes.

@@ -1,0 +1,72 @@
+"""Forces on floors as the arrays that kernels read, and their histories."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.kernels import layout as rows
+from tdint.model.building import force_table
+from tdint.model.definition import Excitation
+
+_TIME_ROUNDING * time, _TIME_ROUNDING)
+        k = np.searchsorted(times, time + margin, side="right")
+        inside = (k > 0) & (k < count)
+        last, next_point = k[inside] - 1, k[inside]
+        share = (time[inside] - times[last]) / (times[next_point] - times[last])
+        total[inside, floor] += values[last] + (values[next_point] - values[last]) * share
+
+
+_TIME_ROUNDING = 1e-12
+"""Fraction of a time within which a point of a table of forces is at this time."""
+
+
+def load_arrays(excitation: Excitation) -> tuple[Array, Array]:
+    """Return the forces on floors as the arrays `forces` and `points` of the kernels.
+
+    The rows of harmonic forces precede the rows of tables. The points of a single table are not
+    copied; several tables are joined.
+    """
+    harmonic = force_table(excitation.forces)
+    tables = list(dict.fromkeys(force.table for force in excitation.tables))
+    firsts = np.cumsum([0, *(table.data.size for table in tables)])
+    first_of = dict(zip(tables, firsts.tolist(), strict=False))
+    forces = np.zeros((len(excitation.tables), rows.FORCE_COLUMNS))
+    for row, force in zip(forces, excitation.tables, strict=True):
+        count, first = force.table.times.size, first_of[force.table]
+        row[rows.FLOOR] = force.floor - 1
+        row[rows.POINTS], row[rows.TIMES] = count, first
+        row[rows.VALUES] = first + (1 + force.column) * count
+        row[rows.FACTOR], row[rows.DELAY] = force.factor, force.start
+    if len(tables) == 1:
+        points = tables[0].data.ravel()
+    else:
+        points = np.concatenate([np.zeros(0), *(table.data.ravel() for table in tables)])
+    return np.concatenate([harmonic, forces]), points
+
+
+def add_force_history(forces: Array, points: Array, time: Array, total: Array) -> None:
+    """Add the forces on floors at given times to an array, N.
+
+    At a jump it is the force before the jump; at t = 0, the force after it. This is the force with
+    which the time loop computes the accelerations of its history.
+
+    Parameters
+    ----------
+    forces, points : ndarray
+        Arrays of `load_arrays`.
+    time : ndarray, shape (times,)
+        Times, s.
+    total : ndarray, shape (times, floors)
+        The forces are added to this array.
+    """
+    for row in forces:
+        floor, count = int(row[rows.FLOOR]), int(row[rows.POINTS])
+        if not count:
+            angle = row[rows.OMEGA] * time
+            total[:, floor] += row[rows.COSINE] * np.cos(angle) + row[rows.SINE] * np.sin(angle)
+            continue
+        times = points[int(row[rows.TIMES]) :][:count] + row[rows.DELAY]
+        values = row[rows.FACTOR] * points[int(row[rows.VALUES]) :][:count]
+        # Points within the rounding of a time are at this time, after it for t = 0.
+        margin = np.where(time > 0.0, -
