@@ -9,14 +9,6 @@ from tdint.kernels import layout as rows
 from tdint.model.building import force_table
 from tdint.model.definition import Excitation
 
-_TIME_ROUNDING * time, _TIME_ROUNDING)
-        k = np.searchsorted(times, time + margin, side="right")
-        inside = (k > 0) & (k < count)
-        last, next_point = k[inside] - 1, k[inside]
-        share = (time[inside] - times[last]) / (times[next_point] - times[last])
-        total[inside, floor] += values[last] + (values[next_point] - values[last]) * share
-
-
 _TIME_ROUNDING = 1e-12
 """Fraction of a time within which a point of a table of forces is at this time."""
 
@@ -69,4 +61,9 @@ def add_force_history(forces: Array, points: Array, time: Array, total: Array) -
         times = points[int(row[rows.TIMES]) :][:count] + row[rows.DELAY]
         values = row[rows.FACTOR] * points[int(row[rows.VALUES]) :][:count]
         # Points within the rounding of a time are at this time, after it for t = 0.
-        margin = np.where(time > 0.0, -
+        margin = np.where(time > 0.0, -_TIME_ROUNDING * time, _TIME_ROUNDING)
+        k = np.searchsorted(times, time + margin, side="right")
+        inside = (k > 0) & (k < count)
+        last, next_point = k[inside] - 1, k[inside]
+        share = (time[inside] - times[last]) / (times[next_point] - times[last])
+        total[inside, floor] += values[last] + (values[next_point] - values[last]) * share
