@@ -50,7 +50,7 @@ from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
 from tdint.model.building import Building, element_yield_drifts
 from tdint.model.definition import LAWS, Model
-from tdint.model.loads import add_force_history
+from tdint.model.force_arrays import add_force_history
 from tdint.model.plausibility import (
     DUCTILITY,
     long_step,

@@ -55,7 +55,7 @@ from tdint.methods.workspace import (
 )
 from tdint.model.building import Building, DrawnBuildings, assemble, variant
 from tdint.model.definition import Model
-from tdint.model.loads import load_arrays
+from tdint.model.force_arrays import load_arrays
 
 # Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
 # considered to resolve all modes.
