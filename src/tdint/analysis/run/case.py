@@ -324,11 +324,11 @@ _absolute_acceleration = _stored_field(_ACCELERATION_FIELD)
 _DRIFT_RATE = _floor_difference(_VELOCITY_FIELD)
 
 
-def _damper_force(building: Building, forces: Array, time: Array, table: Array) -> Array:
+def _damper_force(building: Building, loads: Loads, time: Array, table: Array) -> Array:
     """Return the forces along the dampers, N; the arguments are those of `FieldFunction`."""
-    force = building.device_force(_DRIFT_RATE(building, forces, time, table))
+    force = building.device_force(_DRIFT_RATE(building, loads, time, table))
     if building.braced:
-        force = force + _stored_field(_BRACE_FIELD)(building, forces, time, table)
+        force = force + _stored_field(_BRACE_FIELD)(building, loads, time, table)
     return building.damper_force(force)
 
 
