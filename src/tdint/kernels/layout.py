@@ -107,7 +107,13 @@ UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 
 CODE = 0  # number of the law, or ELEMENTS
 STIFFNESS = 1  # initial stiffness, N/m; of a story with elements, their sum
 FIRST_PARAMETER = 2  # first parameter of the law, in SI units
-ELEMENTS = -1e6  # value of CODE of a story with elements; not the index of a law
+# Values of CODE of a story with elements, which are not indices of a law: ELEMENTS if all laws of
+# the elements are piecewise linear, CURVED_ELEMENTS otherwise. With ELEMENTS, the story is on a
+# linear branch until an element leaves its branch. The elements remain at an earlier drift of this
+# branch (row DRIFT of their columns), and `synchronize` (`tdint.kernels.stories.branches`) moves
+# them to the drift of the story.
+ELEMENTS = -1e6
+CURVED_ELEMENTS = -2e6
 FIRST_ELEMENT = 2  # first column of the elements of such a story, and first column after them
 END_ELEMENT = 3
 

@@ -537,7 +537,7 @@ def find_interstep_peaks(
             # `stiffness` times `drift_excursion`.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
-            if scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
+            if scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
                 shear_margin = _margin_of_elements(
                     scene.law_parameters, law_state, i, stiffness, shear_margin
                 )
@@ -591,6 +591,19 @@ def find_interstep_peaks(
     return reversal_count
 
 
+@inline
+def element_force(law_state, i, element):
+    """Return the force of an element of story `i` in the committed state, N.
+
+    The element can be at an earlier drift of its linear branch (`layout.ELEMENTS`).
+    """
+    force = law_state[rows.FORCE, element]
+    step = law_state[rows.DRIFT, i] - law_state[rows.DRIFT, element]
+    if step != 0.0:
+        force += law_state[rows.SLOPE, element] * step
+    return force
+
+
 @outlined
 def _margin_of_elements(law_parameters, law_state, i, stiffness, margin):
     """Return the margin of the shear of story `i` that also respects the peaks of its elements, N.
@@ -603,7 +616,8 @@ def _margin_of_elements(law_parameters, law_state, i, stiffness, margin):
     ):
         element_stiffness = law_parameters[rows.STIFFNESS, element]
         if element_stiffness > 0.0:
-            rest = law_state[rows.PEAK_FORCE, element] - abs(law_state[rows.FORCE, element])
+            force = element_force(law_state, i, element)
+            rest = law_state[rows.PEAK_FORCE, element] - abs(force)
             margin = min(margin, max(rest, 0.0) * stiffness / element_stiffness)
     return margin
 

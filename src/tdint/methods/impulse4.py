@@ -59,6 +59,7 @@ from tdint.kernels.stories.branches import (
     first_event,
     sum_branches,
     switch,
+    synchronize,
 )
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
@@ -559,7 +560,7 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
         Event at the end of the branch: ABOVE, BELOW or REVERSED.
     """
     force = law_state[rows.FORCE, story]
-    if HAS_ELEMENTS and law_parameters[rows.CODE, story] == rows.ELEMENTS:
+    if HAS_ELEMENTS and law_parameters[rows.CODE, story] <= rows.ELEMENTS:
         _change_branches_of_elements(law_parameters, law_state, story, column, event)
     else:
         _leave_branch(law_parameters, law_state, story, event)
@@ -580,6 +581,7 @@ def _change_branches_of_elements(law_parameters, law_state, story, column, event
     together. An element that still has the opposite direction, because the reversal was within the
     tolerances, reverses first.
     """
+    synchronize(law_parameters, law_state, story, 0)
     direction = law_state[rows.RATE_SIGN, story]
     row = rows.UPPER if event == rows.ABOVE else rows.LOWER
     limit = law_state[row, column]
@@ -595,7 +597,7 @@ def _change_branches_of_elements(law_parameters, law_state, story, column, event
             _leave_branch(law_parameters, law_state, element, event)
         elif rate_sign * event < 0.0:
             _leave_branch(law_parameters, law_state, element, rows.REVERSED)
-    sum_branches(law_parameters, law_state, story)
+    sum_branches(law_parameters, law_state, story, 0)
 
 
 @outlined
@@ -803,7 +805,7 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         # The drift of the story is u - LINK u_below. A finite slope marks a linear branch.
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
-        elif HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        elif HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
             drift = u - linear_terms[rows.LINK, i] * u_below
             _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift)
         else:
@@ -843,7 +845,7 @@ def _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift
         else:
             _commit_path(keep_branches, law_parameters, law_state, scratch, i, element)
     law_state[rows.DRIFT, i] = drift
-    sum_branches(law_parameters, law_state, i)
+    sum_branches(law_parameters, law_state, i, 0)
 
 
 @outlined
@@ -977,9 +979,9 @@ def _update_substep_peaks(scene, span, memory):
             raise_peak(
                 scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i]
             )
-            if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
+            if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
                 raise_element_peaks(scene.law_parameters, law_state, i, rows.FIRST_TRIAL, 0.0)
-        if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
             raise_element_peaks(
                 scene.law_parameters, law_state, i, rows.COMMITTED, scratch[ROW.END_EXCESS, i]
             )

@@ -197,7 +197,7 @@ def collapse_limits(building: Building, collapse_drift: float) -> Array:
     # INTERNAL of a story with elements is 1 if all of them have failed.
     codes = building.story_laws[rows.CODE].tolist()
     limits[rows.FAILED] = [
-        1.0 if code == rows.ELEMENTS else LAWS[int(code)].failed for code in codes
+        1.0 if code <= rows.ELEMENTS else LAWS[int(code)].failed for code in codes
     ]
     limits[rows.HIGH_LIMIT] = [_resistance_limit(building, i, 1.0) for i in range(len(codes))]
     limits[rows.LOW_LIMIT] = [-_resistance_limit(building, i, -1.0) for i in range(len(codes))]
@@ -221,7 +221,7 @@ def _resistance_limit(building: Building, i: int, side: float) -> float:
             int(table[rows.FIRST_ELEMENT, i]),
             int(table[rows.END_ELEMENT, i]),
         )
-        if table[rows.CODE, i] == rows.ELEMENTS
+        if table[rows.CODE, i] <= rows.ELEMENTS
         else (i,)
     )
     force, slope, has_falling_line = 0.0, float(building.linear_terms[rows.GEOMETRIC, i]), False

@@ -116,7 +116,7 @@ class Building:
     def law_codes(self) -> set[int]:
         """Numbers of all laws: of the stories with one law, and of the elements of the others."""
         codes = np.delete(self.law_parameters[rows.CODE], self.stories, axis=-1)
-        return {int(code) for code in np.unique(codes) if code != rows.ELEMENTS}
+        return {int(code) for code in np.unique(codes) if code > rows.ELEMENTS}
 
     @property
     def elements(self) -> int:
@@ -476,7 +476,8 @@ def _law_table(stories: Sequence[Story]) -> tuple[Array, Array]:
     yield_drift = np.empty(len(stories))
     for i, (story, columns) in enumerate(zip(stories, columns_of_stories, strict=True)):
         if story.elements:
-            table[rows.CODE, i] = rows.ELEMENTS
+            is_curved = any(LAWS[element.law.name].curved for element in story.elements)
+            table[rows.CODE, i] = rows.CURVED_ELEMENTS if is_curved else rows.ELEMENTS
             table[rows.STIFFNESS, i] = story.stiffness
             table[rows.FIRST_ELEMENT, i], table[rows.END_ELEMENT, i] = columns.start, columns.stop
         for column, spring in zip(columns, story.springs, strict=True):

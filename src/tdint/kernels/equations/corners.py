@@ -378,7 +378,7 @@ def _store_forces(coefficients, scene, h, memory, i, count):
     law_parameters, scratch = scene.law_parameters, memory.scratch
     if (
         HAS_ELEMENTS
-        and law_parameters[rows.CODE, i] == rows.ELEMENTS
+        and law_parameters[rows.CODE, i] <= rows.ELEMENTS
         and scratch[ROW.LEAVES_BRANCH, i] != 0.0
     ):
         for element in range(
@@ -500,7 +500,7 @@ def _raise_peaks_of_sums(scene, memory, count):
     law_parameters, scratch = scene.law_parameters, memory.scratch
     for i in range(scene.linear_terms.shape[1] - 1):
         if (
-            law_parameters[rows.CODE, i] == rows.ELEMENTS
+            law_parameters[rows.CODE, i] <= rows.ELEMENTS
             and scratch[ROW.LEAVES_BRANCH, i] != 0.0
             and path.is_piecewise_linear(law_parameters, i)
         ):
@@ -776,7 +776,7 @@ def _has_corners(scene, memory, i):
     A curved law has no corners. A story with elements has corners if one of its piecewise-linear
     elements leaves its branch.
     """
-    if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS:
+    if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return _elements_have_corners(scene, memory, i)
     return path.is_piecewise_linear(scene.law_parameters, i)
 
@@ -846,7 +846,7 @@ def _may_exceed_peaks(scene, h, load, memory):
             bend = _story_value(linear_terms, scratch, ROW.BEND, i)
             peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
             may_exceed |= _may_exceed_shear_peak(law_state, i, rise, bend, peak)
-            if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+            if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
                 for element in range(
                     int(law_parameters[rows.FIRST_ELEMENT, i]),
                     int(law_parameters[rows.END_ELEMENT, i]),
@@ -956,7 +956,7 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     for i in range(n):
         if (
             HAS_ELEMENTS
-            and scene.law_parameters[rows.CODE, i] == rows.ELEMENTS
+            and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS
             and scratch[ROW.LEAVES_BRANCH, i] != 0.0
         ):
             _find_corners_of_elements(scene, memory, i)

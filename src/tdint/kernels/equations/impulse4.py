@@ -686,7 +686,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         return 0.0, 0.0, False
     if (
         HAS_ELEMENTS
-        and law_parameters[rows.CODE, i] == rows.ELEMENTS
+        and law_parameters[rows.CODE, i] <= rows.ELEMENTS
         and turns_at_reversal(law_parameters, law_state, i)
     ):
         return 0.0, 0.0, False

@@ -348,7 +348,10 @@ def _used_codes(law_parameters: NDArray[np.float64]) -> list[int]:
 
     The column of zeros counts as the linear law; stories with elements have no law.
     """
-    return sorted(set(law_parameters[rows.CODE].astype(int).tolist()) - {int(rows.ELEMENTS)})
+    return sorted(
+        set(law_parameters[rows.CODE].astype(int).tolist())
+        - {int(code) for code in (rows.ELEMENTS, rows.CURVED_ELEMENTS)}
+    )
 
 
 def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -379,7 +382,7 @@ def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     for code in used_codes:
         if LAWS[code].compiled_separately:
             law_state[rows.ADDRESS][codes == code] = _address(code)
-    if np.any(codes == int(rows.ELEMENTS)):
+    if np.any(codes <= int(rows.ELEMENTS)):
         for code in used_codes:
             law_state[rows.FAILED_INTERNAL][codes == code] = LAWS[code].failed
     return law_state

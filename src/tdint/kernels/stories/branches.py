@@ -47,6 +47,11 @@ def advance(law_parameters, law_state, i, block, drift):
     The elements of a story with elements must all be on linear branches.
     """
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        # The elements remain behind (`synchronize`).
+        step = drift - law_state[block + rows.DRIFT, i]
+        law_state[block + rows.FORCE, i] += law_state[block + rows.SLOPE, i] * step
+        law_state[block + rows.DRIFT, i] = drift
+    elif HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
         _advance_elements(law_parameters, law_state, i, block, drift)
     else:
         advance_law(law_parameters, law_state, i, block, drift)
@@ -63,6 +68,21 @@ def _advance_elements(law_parameters, law_state, i, block, drift):
         force += law_state[block + rows.FORCE, element]
     law_state[block + rows.DRIFT, i] = drift
     law_state[block + rows.FORCE, i] = force
+
+
+@outlined
+def synchronize(law_parameters, law_state, i, block):
+    """Move the elements of story `i` in a block to the drift of the story, on their branches.
+
+    Only piecewise-linear elements of a story without curved elements can be at another drift. On a
+    linear branch, the order of the drifts between does not affect force and energy.
+    """
+    drift = law_state[block + rows.DRIFT, i]
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        if law_state[block + rows.DRIFT, element] != drift:
+            advance_law(law_parameters, law_state, element, block, drift)
 
 
 @outlined
@@ -118,12 +138,12 @@ def enter(law_parameters, law_state, i):
     Column `i` of `law_parameters` contains the parameters of the story. The committed state, in the
     first rows of column `i` of `law_state`, is changed.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         for element in range(
             int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
         ):
             enter_law(law_parameters, law_state, element)
-        sum_branches(law_parameters, law_state, i)
+        sum_branches(law_parameters, law_state, i, 0)
     else:
         enter_law(law_parameters, law_state, i)
 
@@ -167,8 +187,8 @@ def switch(law_parameters, law_state, i, block, event):
 
 
 @outlined
-def sum_branches(law_parameters, law_state, i):
-    """Set force and branch of story `i` to the sum of the committed states of its elements.
+def sum_branches(law_parameters, law_state, i, block):
+    """Set force and branch of story `i` in a block to the sum of the states of its elements.
 
     The branch is curved (infinite SLOPE) if an element is on a curved branch. INTERNAL is 1 if all
     elements have failed, otherwise 0. If a movement within the tolerances of a reversal has left
@@ -185,21 +205,26 @@ def sum_branches(law_parameters, law_state, i):
     for element in range(
         int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
     ):
-        force += law_state[rows.FORCE, element]
-        slope += law_state[rows.SLOPE, element]
-        upper = min(upper, law_state[rows.UPPER, element])
-        lower = max(lower, law_state[rows.LOWER, element])
-        rate_sign = law_state[rows.RATE_SIGN, element]
-        if rate_sign != 0.0 and (direction == 0.0 or law_state[rows.SLOPE, element] < math.inf):
+        force += law_state[block + rows.FORCE, element]
+        slope += law_state[block + rows.SLOPE, element]
+        upper = min(upper, law_state[block + rows.UPPER, element])
+        lower = max(lower, law_state[block + rows.LOWER, element])
+        rate_sign = law_state[block + rows.RATE_SIGN, element]
+        is_linear = law_state[block + rows.SLOPE, element] < math.inf
+        if rate_sign != 0.0 and (direction == 0.0 or is_linear):
             direction = rate_sign
-        if law_state[rows.INTERNAL, element] != law_state[rows.FAILED_INTERNAL, element]:
+        has_failed = (
+            law_state[block + rows.INTERNAL, element] == law_state[rows.FAILED_INTERNAL, element]
+        )
+        if not has_failed:
             failed = 0.0
-    law_state[rows.FORCE, i] = force
-    law_state[rows.INTERNAL, i] = failed
-    law_state[rows.SLOPE, i] = slope
-    law_state[rows.UPPER, i] = upper
-    law_state[rows.LOWER, i] = lower
-    law_state[rows.RATE_SIGN, i] = direction
+    law_state[block + rows.FORCE, i] = force
+    law_state[block + rows.INTERNAL, i] = failed
+    law_state[block + rows.SLOPE, i] = slope
+    law_state[block + rows.UPPER, i] = upper
+    law_state[block + rows.LOWER, i] = lower
+    law_state[block + rows.RATE_SIGN, i] = direction
+    law_state[block + rows.BRANCH_OFFSET, i] = 0.0
 
 
 @outlined
@@ -223,7 +248,7 @@ def column_of_event(law_parameters, law_state, i, event):
     of several elements can end, and the result is the story. The branches must not have changed
     since the event was located.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return _element_of_event(law_parameters, law_state, i, event)
     return i
 

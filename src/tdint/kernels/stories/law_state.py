@@ -10,7 +10,12 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import I8, TABLE, VECTOR, inline, kernel, outlined
-from tdint.kernels.laws.branch_following import copy_extra_rows
+from tdint.kernels.laws.branch_following import (
+    add_work,
+    branch_follower,
+    branch_owner,
+    copy_extra_rows,
+)
 from tdint.kernels.laws.selection import (
     BRANCH_STORING_LAWS,
     HAS_ELEMENTS,
@@ -19,11 +24,17 @@ from tdint.kernels.laws.selection import (
     case_with_6_arguments,
     select_function,
 )
-from tdint.kernels.stories.branches import enter, sum_branches
+from tdint.kernels.stories.branches import enter, sum_branches, switch, synchronize
 
 # Each `select_function` returns a function that calls the function with this name of the law of
 # story `i`, or the default (last argument) for a law without such a function.
 _force = select_function("force", case_with_6_arguments)
+
+# Force of an element that follows its branches, in every state. The slope of the branch is the
+# tangent. Laws that a model does not use are not compiled.
+_follow_branches = branch_follower(
+    switch, select_function("advance", case_with_6_arguments, outlined(add_work))
+)
 
 _strain_energy = select_function("strain_energy", case_with_3_arguments)
 
@@ -110,7 +121,8 @@ def strain_energy(law_parameters, law_state, i):
     float
         Strain energy, J.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        synchronize(law_parameters, law_state, i, 0)
         energy = 0.0
         for element in range(
             int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
@@ -136,7 +148,7 @@ def hysteretic_energy(law_parameters, law_state, i):
     float
         Dissipated energy, J.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return _energy_of_elements(law_parameters, law_state, i)
     return _hysteretic_energy(law_parameters, law_state, i)
 
@@ -147,6 +159,7 @@ def _energy_of_elements(law_parameters, law_state, i):
 
     ENERGY_SPENT of each element receives its part, without the energy up to the initial drift.
     """
+    synchronize(law_parameters, law_state, i, 0)
     energy = 0.0
     for element in range(
         int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
@@ -175,11 +188,13 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
     trial : int
         Block of the state at the end of the path, with the result (J) in row DISSIPATED.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
-            _accumulate_dissipation(law_parameters, law_state, element, previous, trial)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        # Elements that follow their branches accumulate their energies on the way.
+        if law_parameters[rows.CODE, i] < rows.ELEMENTS:
+            for element in range(
+                int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+            ):
+                _accumulate_dissipation(law_parameters, law_state, element, previous, trial)
     else:
         _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
 
@@ -211,10 +226,67 @@ def restoring_force(law_parameters, law_state, i, previous, trial, drift):
     float
         Tangent stiffness at the end of the path, N/m.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
-        return _force_of_elements(law_parameters, law_state, i, previous, trial, drift)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        return _force_of_sum(law_parameters, law_state, i, previous, trial, drift)
     law_state[trial + rows.DRIFT, i] = drift
     return _force(law_parameters, law_state, i, previous, trial, drift)
+
+
+@inline
+def _force_of_sum(law_parameters, law_state, i, previous, trial, drift):
+    """Compute the force of story `i` with several elements; return the tangent, N/m.
+
+    If all elements are piecewise linear and the path remains on the linear branch of the story, the
+    elements are not evaluated (as a law in `branch_first`).
+    """
+    law_state[trial + rows.DRIFT, i] = drift
+    if law_parameters[rows.CODE, i] < rows.ELEMENTS:
+        return _force_of_elements(law_parameters, law_state, i, previous, trial, drift)
+    branch_block = branch_owner(law_state, i, previous)  # block that contains the branch
+    drift_change = drift - law_state[previous + rows.DRIFT, i]
+    is_within = (drift <= law_state[branch_block + rows.UPPER, i]) & (
+        drift >= law_state[branch_block + rows.LOWER, i]
+    )
+    if is_within & (law_state[branch_block + rows.RATE_SIGN, i] * drift_change >= 0.0):
+        slope = law_state[branch_block + rows.SLOPE, i]
+        law_state[trial + rows.FORCE, i] = (
+            law_state[previous + rows.FORCE, i] + slope * drift_change
+        )
+        law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
+        return slope
+    return _follow_elements(law_parameters, law_state, i, previous, trial, drift)
+
+
+@outlined
+def _follow_elements(law_parameters, law_state, i, previous, trial, drift):
+    """Move the piecewise-linear elements of story `i` along their branches; return the tangent."""
+    copy_branches_of_elements(law_parameters, law_state, i, previous)
+    synchronize(law_parameters, law_state, i, previous)
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        _follow_branches(law_parameters, law_state, element, previous, trial, drift)
+    sum_branches(law_parameters, law_state, i, trial)
+    return law_state[trial + rows.SLOPE, i]
+
+
+@outlined
+def copy_branches_of_elements(law_parameters, law_state, i, block):
+    """Copy the branch of story `i` and the states of its elements to a block that refers to the
+    branch in another block, so that the other block can be overwritten.
+    """
+    owner = branch_owner(law_state, i, block)
+    if owner != block:
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            for row in range(rows.LAW_STATE_ROWS):
+                law_state[block + row, element] = law_state[owner + row, element]
+            copy_extra_rows(law_state, element, owner, block)
+        law_state[block + rows.INTERNAL, i] = law_state[owner + rows.INTERNAL, i]
+        for row in range(rows.SLOPE, rows.RATE_SIGN + 1):
+            law_state[block + row, i] = law_state[owner + row, i]
+        law_state[block + rows.BRANCH_OFFSET, i] = 0.0
 
 
 @outlined
@@ -230,6 +302,7 @@ def _force_of_elements(law_parameters, law_state, i, previous, trial, drift):
         force += law_state[trial + rows.FORCE, element]
     law_state[trial + rows.DRIFT, i] = drift
     law_state[trial + rows.FORCE, i] = force
+    law_state[trial + rows.BRANCH_OFFSET, i] = 0.0
     return tangent
 
 
@@ -242,7 +315,7 @@ def restoring_force_on_branches(law_parameters, law_state, i, previous, trial, d
     because an element must not change its branch before the change is located. Other laws follow
     their path as in `restoring_force`.
     """
-    if not (HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS):
+    if not (HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS):
         return restoring_force(law_parameters, law_state, i, previous, trial, drift)
     force = 0.0
     tangent = 0.0
@@ -261,6 +334,7 @@ def restoring_force_on_branches(law_parameters, law_state, i, previous, trial, d
         force += law_state[trial + rows.FORCE, element]
     law_state[trial + rows.DRIFT, i] = drift
     law_state[trial + rows.FORCE, i] = force
+    law_state[trial + rows.BRANCH_OFFSET, i] = 0.0
     return tangent
 
 
@@ -311,12 +385,12 @@ def commit(law_parameters, law_state, i, previous, trial):
     trial : int
         First row of the block with the trial state.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
-            commit_law(law_parameters, law_state, element, previous, trial)
-        _commit_sum(law_parameters, law_state, i, trial)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        # If the path has remained on the committed branch, the elements are not moved.
+        if law_state[trial + rows.BRANCH_OFFSET, i] != float(rows.COMMITTED - trial):
+            _commit_elements(law_parameters, law_state, i, previous, trial)
+        law_state[rows.DRIFT, i] = law_state[trial + rows.DRIFT, i]
+        law_state[rows.FORCE, i] = law_state[trial + rows.FORCE, i]
     else:
         commit_law(law_parameters, law_state, i, previous, trial)
 
@@ -333,21 +407,31 @@ def commit_law(law_parameters, law_state, i, previous, trial):
 
 
 @outlined
-def _commit_sum(law_parameters, law_state, i, trial):
-    """Commit drift and force of story `i`, whose elements are committed.
+def _commit_elements(law_parameters, law_state, i, previous, trial):
+    """Commit the elements of story `i`, and the branch of the story if all are piecewise linear.
 
-    INTERNAL is 1 if all elements have failed. The branch is not summed, because most methods do not
-    use it (`sum_branches`).
+    INTERNAL is 1 if all elements have failed. The branch of a story with a curved element is not
+    summed, because most methods do not use it (`sum_branches`).
     """
+    follows_branches = law_parameters[rows.CODE, i] == rows.ELEMENTS
+    if follows_branches:
+        copy_branches_of_elements(law_parameters, law_state, i, trial)
     failed = 1.0
     for element in range(
         int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
     ):
+        if follows_branches:
+            for row in range(rows.LAW_STATE_ROWS):
+                law_state[row, element] = law_state[trial + row, element]
+            copy_extra_rows(law_state, element, trial, 0)
+        else:
+            commit_law(law_parameters, law_state, element, previous, trial)
         if law_state[rows.INTERNAL, element] != law_state[rows.FAILED_INTERNAL, element]:
             failed = 0.0
-    law_state[rows.DRIFT, i] = law_state[trial + rows.DRIFT, i]
-    law_state[rows.FORCE, i] = law_state[trial + rows.FORCE, i]
     law_state[rows.INTERNAL, i] = failed
+    if follows_branches:
+        for row in range(rows.SLOPE, rows.RATE_SIGN + 1):
+            law_state[row, i] = law_state[trial + row, i]
 
 
 @inline
@@ -420,13 +504,15 @@ def resume(law_parameters, law_state, i):
     i : int
         Index of the story.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
-            if law_parameters[rows.CODE, element] not in BRANCH_STORING_LAWS:
-                enter(law_parameters, law_state, element)
-        sum_branches(law_parameters, law_state, i)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        # Piecewise-linear elements without curved elements store their branches.
+        if law_parameters[rows.CODE, i] < rows.ELEMENTS:
+            for element in range(
+                int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+            ):
+                if law_parameters[rows.CODE, element] not in BRANCH_STORING_LAWS:
+                    enter(law_parameters, law_state, element)
+            sum_branches(law_parameters, law_state, i, 0)
     elif law_parameters[rows.CODE, i] not in BRANCH_STORING_LAWS:
         enter(law_parameters, law_state, i)
 
@@ -451,8 +537,8 @@ def start(law_parameters, law_state, i, drift):
     restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
     commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
     resume(law_parameters, law_state, i)
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
-        law_state[rows.DRIFT, i] = drift
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        synchronize(law_parameters, law_state, i, 0)
         for element in range(
             int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
         ):
@@ -469,12 +555,15 @@ def raise_element_peaks(law_parameters, law_state, i, block, excess):
     `excess` is 0, or the distance (m) by which the committed drift is beyond the limit of a branch.
     The forces are then evaluated at the limit, on the present branches.
     """
+    owner = branch_owner(law_state, i, block)
+    drift = law_state[block + rows.DRIFT, i] - excess
     for element in range(
         int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
     ):
-        force = law_state[block + rows.FORCE, element]
-        if excess != 0.0 and law_state[block + rows.SLOPE, element] < math.inf:
-            force -= law_state[block + rows.SLOPE, element] * excess
+        force = law_state[owner + rows.FORCE, element]
+        step = drift - law_state[owner + rows.DRIFT, element]
+        if step != 0.0 and law_state[owner + rows.SLOPE, element] < math.inf:
+            force += law_state[owner + rows.SLOPE, element] * step
         law_state[rows.PEAK_FORCE, element] = max(law_state[rows.PEAK_FORCE, element], abs(force))
 
 

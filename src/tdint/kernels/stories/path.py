@@ -40,7 +40,7 @@ from tdint.kernels.laws.selection import (
     select_function,
 )
 from tdint.kernels.stepping import Integrals, PathSegment
-from tdint.kernels.stories.branches import advance_law, sum_branches, switch
+from tdint.kernels.stories.branches import advance_law, sum_branches, switch, synchronize
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
     commit_without_dissipation,
@@ -361,18 +361,19 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
         First of PATH_ROWS scratch rows; the first six receive the results. For a story with
         elements, they also receive the results of the elements in their columns.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
-        _follow_elements(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        _integrate_elements(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out)
     else:
         _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out)
 
 
 @outlined
-def _follow_elements(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
+def _integrate_elements(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     """Store the results for the elements of story `i` along its path, and their sum.
 
     An element that remains on its linear branch is only moved to the end of the path.
     """
+    synchronize(law_parameters, law_state, i, 0)
     _clear(Integrals(scratch, out), i)
     for element in range(
         int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
@@ -420,13 +421,13 @@ def _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, 
 def commit_path_end(law_parameters, law_state, i, rise):
     """Commit the state at the end of the path of the last call of `follow`, at the committed drift
     plus `rise`."""
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         for element in range(
             int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
         ):
             _commit_law_at_path_end(law_parameters, law_state, element, rise)
         law_state[rows.DRIFT, i] += rise
-        sum_branches(law_parameters, law_state, i)
+        sum_branches(law_parameters, law_state, i, 0)
     else:
         _commit_law_at_path_end(law_parameters, law_state, i, rise)
 
@@ -456,7 +457,7 @@ def is_piecewise_linear(law_parameters, i):
     Its path is integrated like the path of a curved law, because it can end on a curved branch.
     All elements of a story with elements must be piecewise linear.
     """
-    if HAS_CURVED_LAW and HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+    if HAS_CURVED_LAW and HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         for element in range(
             int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
         ):

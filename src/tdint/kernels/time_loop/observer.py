@@ -32,6 +32,7 @@ from tdint.kernels.linear_terms import (
 )
 from tdint.kernels.peaks_between_steps import (
     acceleration_bulge,
+    element_force,
     find_interstep_peaks,
     limit_stiffness,
     may_exceed_acceleration_peak,
@@ -307,7 +308,7 @@ def _observe_elements(span, scene, memory, seen):
     observer_state = seen.observer_state
     may_exceed = False
     for i in range(linear_terms.shape[1] - 1):
-        if law_parameters[rows.CODE, i] == rows.ELEMENTS:
+        if law_parameters[rows.CODE, i] <= rows.ELEMENTS:
             link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
             v_0 = observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, below]
             v_1 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
@@ -322,7 +323,7 @@ def _observe_elements(span, scene, memory, seen):
             for element in range(
                 int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
             ):
-                force = abs(law_state[rows.FORCE, element])
+                force = abs(element_force(law_state, i, element))
                 peak = max(law_state[rows.PEAK_FORCE, element], force)
                 law_state[rows.PEAK_FORCE, element] = peak
                 may_exceed |= force + law_parameters[rows.STIFFNESS, element] * reach > peak
@@ -773,7 +774,8 @@ def store(ground, fitted_ground, memory, seen, row):
         energies += n
     for j in range(rows.ENERGY_TERMS):
         history[row, energies + j] = totals[j]
-    # The forces of the elements follow; their columns are the last columns of the law states.
+    # The forces of the elements follow; their columns are the last columns of the law states. The
+    # sum of the energies of the laws has moved them to the drifts of the stories.
     for j in range(law_state.shape[1] - n - 1):
         history[row, energies + rows.ENERGY_TERMS + j] = law_state[rows.FORCE, n + 1 + j]
 
@@ -953,6 +955,6 @@ def update_shear_peaks(law_parameters, law_state, previous, reversal_drifts, row
                 reversal_drifts[row, i],
             )
             raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
-            if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+            if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
                 raise_element_peaks(law_parameters, law_state, i, rows.FIRST_TRIAL, 0.0)
     return 0
