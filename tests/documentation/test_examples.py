@@ -56,6 +56,14 @@ def test_the_loops_of_a_law(checkout):
     assert (folder / "loops.png").exists()
 
 
+def test_the_multilinear_model():
+    model = load_model(io.StringIO(readmes.block("multilinear-model")))
+    law = model.stories[0].law
+    assert law.name == "multilinear"
+    assert law.values["last_slope"] == 2e5
+    assert len(law.values) == 1 + 2 * 2 * 4
+
+
 @pytest.mark.slow
 def test_the_elastic_spectra(checkout):
     folder, run = checkout

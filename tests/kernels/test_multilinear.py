@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from law_paths import along, follow, law_table, random_path
+from tdint import load_model
+from tdint.analysis.static import follow_path
 from tdint.kernels.laws.multilinear import _RULES
+from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law
 
 POINTS = [(0.02, 80.0), (0.04, 120.0), (0.10, 150.0)]
@@ -249,3 +252,48 @@ def test_bilinear_loop_with_two_strengths_agrees_with_hand_calculation():
 @pytest.mark.parametrize("k", [1000.0])
 def test_yield_drift_of_bilinear_law_is_the_smaller_one(k):
     assert LAWS["bilinear"].yield_drift(k, Law("bilinear", (20.0, 0.1, 5.0)).parameters) == 0.005
+
+
+def test_self_centering_story_of_two_elements():
+    """A hysteretic part of 1/4 and an elastic part of 3/4 of the same curve dissipate a quarter of
+    the energy of the hysteretic law, and the flags return to zero drift."""
+    cycle = np.concatenate(
+        [np.linspace(a, b, 41)[1:] for a, b in ((0, 4), (4, -4), (-4, 4), (4, -4), (-4, 0))]
+    )
+
+    def dissipated(elements):
+        definition = {"stories": [{"mass": 1, "elements": elements}], "damping": "none"}
+        result = follow_path(assemble(load_model(definition)), 1, cycle)
+        return result.hysteretic_energy[159] - result.hysteretic_energy[79], result.shear
+
+    hysteretic = {"type": "bilinear", "stiffness": 0.25, "yield_force": 0.25, "hardening": 0}
+    elastic = {"type": "multilinear", "rule": "elastic", "backbone": [[1, 0.75]]}
+    energy, shear = dissipated([{**hysteretic, "stiffness": 1, "yield_force": 1}])
+    assert energy == pytest.approx(12.0, rel=1e-12)
+    energy, shear = dissipated([hysteretic, elastic])
+    assert energy == pytest.approx(3.0, rel=1e-12)
+    assert shear[39] == pytest.approx(1.0, rel=1e-12)
+    # Back at 1 and at -1, the flag is half as wide as the hysteretic force.
+    assert shear[[54, 64]] == pytest.approx([0.5, -1.0], rel=1e-12)
+
+
+def test_multilinear_curve_of_springs_equals_its_elements():
+    drifts = random_path(11)
+    corners = np.array([(0.0, 0.0), *POINTS])
+    slopes = np.append(np.diff(corners[:, 1]) / np.diff(corners[:, 0]), LAST)
+    elements = [
+        {
+            "type": "bilinear",
+            "stiffness": float(slope - next_slope),
+            "yield_force": float((slope - next_slope) * drift),
+            "hardening": 0,
+        }
+        for slope, next_slope, (drift, _) in zip(slopes, slopes[1:], POINTS, strict=False)
+    ]
+    elements.append({"type": "linear", "stiffness": LAST})
+    definition = {"stories": [{"mass": 1, "elements": elements}], "damping": "none"}
+    expected = follow_path(assemble(load_model(definition)), 1, drifts)
+    found = along(multilinear("kinematic", POINTS), drifts)
+    assert found.shear == pytest.approx(expected.shear, rel=1e-10, abs=1e-9)
+    energies = expected.hysteretic_energy
+    assert found.hysteretic_energy == pytest.approx(energies, rel=1e-9, abs=1e-9)

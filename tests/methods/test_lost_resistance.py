@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from building_cases import Law, model, noise, story
-from tdint import run, run_many
+from tdint import load_model, run, run_many
 
 MASS, K, FY, RATIO = 1e5, 4e6, 1e5, -0.1
 DY = FY / K
@@ -85,3 +85,26 @@ def test_many_runs_and_samples_end_as_single_runs():
     statuses = [response.status for response in singles]
     assert len(set(statuses)) == 2
     assert [str(status) for status in np.ravel(many.status)] == statuses
+
+
+@pytest.mark.parametrize("stiff", [0.0, 0.05 * K, 0.2 * K])
+def test_lines_of_all_elements_are_added(stiff):
+    """A linear element moves the drift without resistance, or keeps the resistance."""
+    elements = [
+        {"type": "bilinear", "stiffness": K, "yield_force": FY, "hardening": RATIO},
+        {"type": "linear", "stiffness": stiff + 1e-3},
+    ]
+    case = load_model(
+        {
+            "stories": [{"mass": MASS, "height": 4, "elements": elements}],
+            "damping": "none",
+            "collapse_drift": 10,
+            "initial": {"displacement": [0], "velocity": [1.2]},
+        }
+    )
+    response = run(case, method="impulse4", dt=0.005, duration=3.0, check=False)
+    fall = -(RATIO * K + stiff)
+    limit = (1.0 - RATIO) * FY / fall if fall > 0.0 else math.inf
+    assert response.status == ("failed-story" if limit < math.inf else "done")
+    if limit < math.inf:
+        assert limit <= response.stories.peak_drift[0] < 1.05 * limit
