@@ -54,7 +54,7 @@ VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if COMPILES else EVERYTHING
 """Variant that this process compiles. In other processes it contains all features, because the
 kernels are selected at run time."""
 
-_LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots", "elements", "braces")
+_LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots", "elements", "braces", "tangent_damping")
 
 
 class Kernel(Compilable):

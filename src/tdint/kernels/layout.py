@@ -98,7 +98,9 @@ BRACED_THRESHOLD = 14  # y0^2, (m/s)^2
 # Cosine of the inclination of the damper: its force along its axis is the force in the direction of
 # the drift divided by this number. It is used for the reported force only.
 DAMPER_FACTOR = 15
-LINEAR_TERM_ROWS = 16
+# Coefficient of Rayleigh damping with the tangent stiffness, s; 0 in stories with a linear law
+TANGENT_DAMPING = 16
+LINEAR_TERM_ROWS = 17
 UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 0
 
 # law_parameters: parameters of the hysteresis models (drift laws), by story. A story with several
@@ -161,14 +163,17 @@ DISPLACEMENT = 0  # relative to the ground, m
 VELOCITY = 1  # m/s
 ACCELERATION = 2  # m/s^2
 FIRST_OLDER = 3  # first row of values of previous steps (multi-step methods)
-# The last rows of the state of a building with braces, counted from the end of the table
+# The last rows of the state of a building with braces or tangent damping, counted from the end of
+# the table
+DAMPING_FORCE = -6  # force of tangent damping at the end of the step, N
+DAMPING_WORK = -5  # work of tangent damping since the start, J
 BRACE_FORCE = -4  # force of brace and damper in the equations of the method, N
 # Force of brace and damper for the results, N: BRACE_FORCE, or another estimate if the damper is
 # too stiff for the step (`tdint.kernels.stories.brace`)
 BRACE_REPORTED = -3
 BRACE_PEAK = -2  # maximum absolute force since the last observed time, N
 BRACE_DISSIPATED = -1  # energy that the damper has dissipated since the start, J
-BRACE_STATE_ROWS = 4
+ADDED_STATE_ROWS = 6
 
 # load: load of a step. The ground acceleration is linear within the step.
 TIME = 0  # start of the step, s
@@ -283,7 +288,8 @@ RATE_DASHPOTS = TOTAL_INERTIA + 4
 DASHPOTS_PER_ACCELERATION = TOTAL_INERTIA + 5  # VISCOUS_PER_ACCELERATION of the dashpots only
 # Energy that the dampers with braces have dissipated until the last observed time, J
 BRACED_DISSIPATION = TOTAL_INERTIA + 6
-TOTALS_SIZE = TOTAL_INERTIA + 7
+TANGENT_WORK = TOTAL_INERTIA + 7  # work of tangent damping until the last observed time, J
+TOTALS_SIZE = TOTAL_INERTIA + 8
 
 # Value of totals[COLLAPSE_STEP] without collapse
 NO_COLLAPSE = -1.0
@@ -303,14 +309,16 @@ LIMIT_ROWS = 6
 # flags: properties that are set before the time integration and remain constant
 LINEAR = 0  # 1 if every law is linear
 BRANCHES = 1  # laws with branches whose changes can be located: one of the values below
-POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot or a damper with a brace
+# 1 if a story has a power-law dashpot, a damper with a brace or tangent damping
+POWER_DAMPERS = 2
 OWN_WORK = 3  # 1 if the step reports the work of the load and of the dampers
 UNRESOLVED_MODES = 4  # 1 if the building has modes with periods that the step does not resolve
 PARABOLIC = 5  # 1 if the displacements follow parabolas within a step
 HAS_DASHPOTS = 6  # 1 if a story has a dashpot, linear or of a power law, with or without a brace
 KEEPS_START = 7  # 1 if the law states at the start of a step are kept in block STEP_START
-HAS_BRACES = 8  # 1 if a story has a damper with a brace
-FLAGS_SIZE = 9
+HAS_BRACES = 8  # 1 if a story has a damper with a brace or tangent damping
+HAS_TANGENT_DAMPING = 9  # 1 if a story has Rayleigh damping with the tangent stiffness
+FLAGS_SIZE = 10
 
 # Values of flags[BRANCHES]
 NO_BRANCHES = 0

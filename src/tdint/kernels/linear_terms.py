@@ -7,12 +7,14 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import VARIANT, inline, outlined
 
-# Features of the compiled variant: modal damping, forces on floors, dashpots, braces of dampers. If
+# Features of the compiled variant: modal damping, forces on floors, dashpots, braces of dampers and
+# Rayleigh damping with the tangent stiffness. If
 # a constant is False, the compiler omits the code that it enables.
 MODAL = VARIANT.modal
 FORCES = VARIANT.forces
 DASHPOTS = VARIANT.dashpots
 BRACES = VARIANT.braces
+TANGENT_DAMPING = VARIANT.tangent_damping
 
 
 @inline

@@ -46,7 +46,13 @@ from tdint.kernels.laws.selection import (
     HAS_ELEMENTS,
     HAS_NONLINEAR_FORCE,
 )
-from tdint.kernels.linear_terms import BRACES, FORCES, finite, force_value
+from tdint.kernels.linear_terms import (
+    BRACES,
+    FORCES,
+    TANGENT_DAMPING,
+    finite,
+    force_value,
+)
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, raise_peak
 from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
 from tdint.kernels.stories.brace import add_reported_accelerations, commit_brace
@@ -183,6 +189,8 @@ def step(
     keep_negligible_kinks(scene, h, memory)
     if BRACES and flags[rows.HAS_BRACES] != 0.0:
         _commit_braces(linear_terms, h, state, scratch)
+    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+        _commit_tangent_damping(linear_terms, state, scratch)
     # False: the laws of all stories move along the path that Newton's method has evaluated.
     _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
     # If the building has branches, the division into substeps failed. Newton's method does not
@@ -480,6 +488,8 @@ def _accept_substep(is_divided, story, event, scene, span, memory):
     else:
         if BRACES and flags[rows.HAS_BRACES] != 0.0:
             _commit_braces(linear_terms, span.h, state, scratch)
+        if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+            _commit_tangent_damping(linear_terms, state, scratch)
         # True: stories on a linear branch remain on this branch (`keep_branches`).
         _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
     if HAS_NONLINEAR_FORCE and is_divided:
@@ -560,11 +570,26 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
         Event at the end of the branch: ABOVE, BELOW or REVERSED.
     """
     force = law_state[rows.FORCE, story]
+    slope = law_state[rows.SLOPE, story]
     if HAS_ELEMENTS and law_parameters[rows.CODE, story] <= rows.ELEMENTS:
         _change_branches_of_elements(law_parameters, law_state, story, column, event)
     else:
         _leave_branch(law_parameters, law_state, story, event)
     jump = law_state[rows.FORCE, story] - force
+    # The force of tangent damping changes with the stiffness. Curved branches have the slope inf;
+    # they change at reversals, where the rate is 0.
+    if (
+        TANGENT_DAMPING
+        and linear_terms[rows.TANGENT_DAMPING, story] != 0.0
+        and max(slope, law_state[rows.SLOPE, story]) < math.inf
+    ):
+        rate = state[rows.VELOCITY, story]
+        if story > 0:
+            rate -= linear_terms[rows.LINK, story] * state[rows.VELOCITY, story - 1]
+        damping_force = linear_terms[rows.TANGENT_DAMPING, story] * rate
+        damping_force *= law_state[rows.SLOPE, story]
+        jump += damping_force - state[rows.DAMPING_FORCE, story]
+        state[rows.DAMPING_FORCE, story] = damping_force
     if jump != 0.0:
         state[rows.ACCELERATION, story] -= jump * linear_terms[rows.INVERSE_MASS, story]
         if story > 0:
@@ -890,6 +915,18 @@ def _store_end_forces(story, event, linear_terms, memory):
 
 
 @outlined
+def _commit_tangent_damping(linear_terms, state, scratch):
+    """Store force and work of tangent damping at the end of a step or substep."""
+    for i in range(linear_terms.shape[1] - 1):
+        coefficient = linear_terms[rows.TANGENT_DAMPING, i]
+        if coefficient != 0.0:
+            rate = scratch[momentum.V1, i]
+            rate -= linear_terms[rows.LINK, i] * scratch[momentum.V1, max(i - 1, 0)]
+            state[rows.DAMPING_FORCE, i] = coefficient * scratch[ROW.TANGENT_1, i] * rate
+            state[rows.DAMPING_WORK, i] += scratch[ROW.TANGENT_WORK, i]
+
+
+@outlined
 def _commit_braces(linear_terms, h, state, scratch):
     """Move all dampers with braces to the end of a step or substep of length `h`.
 
@@ -1012,11 +1049,11 @@ def _save_start(state, law_state, scratch, n):
         for row in range(rows.LAW_STATE_ROWS):
             scratch[ROW.SAVED + 3 + row, i] = law_state[row, i]
         scratch[ROW.SAVED + 3 + rows.LAW_STATE_ROWS, i] = law_state[rows.PEAK_FORCE, i]
-    # Only the state of a building with braces has more than three rows.
-    if BRACES and state.shape[0] > rows.FIRST_OLDER:
-        for row in range(rows.BRACE_STATE_ROWS):
+    # Only the state of a building with braces or tangent damping has more than three rows.
+    if (BRACES or TANGENT_DAMPING) and state.shape[0] > rows.FIRST_OLDER:
+        for row in range(rows.ADDED_STATE_ROWS):
             for i in range(n):
-                scratch[ROW.SAVED_BRACES + row, i] = state[rows.FIRST_OLDER + row, i]
+                scratch[ROW.SAVED_ADDED + row, i] = state[rows.FIRST_OLDER + row, i]
     # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
     # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
@@ -1057,10 +1094,10 @@ def _restore_start(flags, state, law_state, scratch, n):
         for row in range(rows.LAW_STATE_ROWS):
             law_state[row, i] = scratch[ROW.SAVED + 3 + row, i]
         law_state[rows.PEAK_FORCE, i] = scratch[ROW.SAVED + 3 + rows.LAW_STATE_ROWS, i]
-    if BRACES and state.shape[0] > rows.FIRST_OLDER:
-        for row in range(rows.BRACE_STATE_ROWS):
+    if (BRACES or TANGENT_DAMPING) and state.shape[0] > rows.FIRST_OLDER:
+        for row in range(rows.ADDED_STATE_ROWS):
             for i in range(n):
-                state[rows.FIRST_OLDER + row, i] = scratch[ROW.SAVED_BRACES + row, i]
+                state[rows.FIRST_OLDER + row, i] = scratch[ROW.SAVED_ADDED + row, i]
     # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
     # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
@@ -1157,6 +1194,7 @@ METHODS = (
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
         rho_inf=lambda rho_inf: rho_inf,
         braces=True,
+        tangent_damping=True,
         source="tdint: the impulse-momentum method of 2022 with exact impulses; rho_inf = 0 is "
         "Radau IIA (Ehle 1969)",
     ),

@@ -153,6 +153,8 @@ class Method:
         stable. If the method is unstable in a band of omega dt, the lower end of the band.
     braces : bool
         True if the step integrates dampers with braces; default False.
+    tangent_damping : bool
+        True if the step integrates Rayleigh damping with the tangent stiffness; default False.
     estimating_coefficients : callable, optional
         Parameter values -> coefficients of a run that estimates errors of the method in
         buildings for which it is more suitable than the default method
@@ -170,6 +172,7 @@ class Method:
     stability_limit: Callable[..., float] = lambda *values: math.inf
     estimating_coefficients: Callable[..., tuple[float, ...]] | None = None
     braces: bool = False
+    tangent_damping: bool = False
 
 
 @dataclass(frozen=True)

@@ -135,13 +135,15 @@ def workspace(
     flags[rows.LINEAR] = building.linear
     # NO_BRANCHES: no law has branches, and no branch change is located. SOME_BRANCHES: branch
     # changes are located, but a step without branch changes is nonlinear, because some laws are
-    # curved or there are power-law dashpots or braces of dampers. ALL_BRANCHES: a step without
-    # branch changes is linear, and a single linear solution is sufficient.
+    # curved or there are power-law dashpots, braces of dampers or tangent damping. ALL_BRANCHES: a
+    # step without branch changes is linear, and a single linear solution is sufficient.
     flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
-    if building.piecewise_linear and not (building.power_damped or building.braced):
+    is_smooth = building.power_damped or building.braced or building.tangent_damped
+    if building.piecewise_linear and not is_smooth:
         flags[rows.BRANCHES] = rows.ALL_BRANCHES
-    flags[rows.POWER_DAMPERS] = building.power_damped or building.braced
-    flags[rows.HAS_BRACES] = building.braced
+    flags[rows.POWER_DAMPERS] = is_smooth
+    flags[rows.HAS_BRACES] = building.braced or building.tangent_damped
+    flags[rows.HAS_TANGENT_DAMPING] = building.tangent_damped
     flags[rows.OWN_WORK] = family.own_work
     flags[rows.PARABOLIC] = family.parabolic
     flags[rows.HAS_DASHPOTS] = building.damped_by_devices
@@ -160,10 +162,11 @@ def workspace(
                 "write the history to a file, which needs less memory"
             )
     columns = building.law_parameters.shape[1]
+    added_rows = rows.ADDED_STATE_ROWS if building.braced or building.tangent_damped else 0
     totals = np.zeros(rows.TOTALS_SIZE)
     totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
     return Workspace(
-        state=np.zeros((family.state_rows + rows.BRACE_STATE_ROWS * building.braced, n + 1)),
+        state=np.zeros((family.state_rows + added_rows, n + 1)),
         law_state=law_state_table(building.law_parameters),
         # The scratch array also contains the small matrix of the Woodbury formula for modal
         # damping. With two unknowns per floor, its order is two times the number of modes. One

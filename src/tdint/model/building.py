@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
-from tdint.errors import ModelError, UsageError
+from tdint.errors import UsageError
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.kernels.laws import OURS
+from tdint.model.damping import add_damping
 from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import (
     CODES,
@@ -27,10 +28,7 @@ from tdint.model.definition import (
     POWER,
     STIFFNESS,
     Force,
-    ModalDamping,
     Model,
-    RayleighCoefficients,
-    RayleighRatio,
     Story,
     changes_of,
     column_name,
@@ -41,7 +39,6 @@ from tdint.model.definition import (
 )
 from tdint.model.modes import FreeVibration, Modes
 from tdint.number_parsing import abbreviate
-from tdint.system import memory
 from tdint.units import STANDARD_GRAVITY
 
 _BOUND_ITERATIONS = 5  # iterations of the upper bound of the frequencies (`Building.fastest`)
@@ -127,7 +124,8 @@ class Building:
     def linear(self) -> bool:
         """True if every story has a linear law and no story has a power-law dashpot or a damper
         with a brace."""
-        return not self.power_damped | self.braced and self.law_codes <= {CODES["linear"]}
+        is_damped = self.power_damped | self.braced | self.tangent_damped
+        return not is_damped and self.law_codes <= {CODES["linear"]}
 
     @cached_property
     def power_damped(self) -> bool:
@@ -138,6 +136,20 @@ class Building:
     def braced(self) -> bool:
         """True if any story has a damper with a brace."""
         return bool(np.any(self.linear_terms[rows.BRACE, ..., :-1] != 0.0))
+
+    @cached_property
+    def tangent_damped(self) -> bool:
+        """True if any story has Rayleigh damping with the tangent stiffness."""
+        return bool(np.any(self.linear_terms[rows.TANGENT_DAMPING, ..., :-1] != 0.0))
+
+    @property
+    def _story_dampers(self) -> Array:
+        """Coefficients of the dampers of the stories in the initial state, N s/m."""
+        tangent = (
+            self.linear_terms[rows.TANGENT_DAMPING, :-1]
+            * self.law_parameters[rows.STIFFNESS, : self.stories]
+        )
+        return np.asarray(self.linear_terms[rows.STORY_DAMPER, :-1] + tangent)
 
     @cached_property
     def damped_by_devices(self) -> bool:
@@ -241,9 +253,7 @@ class Building:
     def damping_matrix(self) -> Array:
         """Return the damping matrix without power-law dashpots, N s/m, shape (n, n): the sum of the
         dampers in the stories, the dampers from the floors to the ground, and modal damping."""
-        story_matrix = _tridiagonal(
-            self.linear_terms[rows.STORY_DAMPER, :-1], self.linear_terms[rows.LINK, :-1]
-        )
+        story_matrix = _tridiagonal(self._story_dampers, self.linear_terms[rows.LINK, :-1])
         return (
             story_matrix
             + np.diag(self.linear_terms[rows.FLOOR_DAMPER, :-1])
@@ -298,7 +308,7 @@ class Building:
         """
         drift = shape.copy()
         drift[1:] -= shape[:-1]
-        modal_damping = np.add.reduce(self.linear_terms[rows.STORY_DAMPER, :-1] * drift**2)
+        modal_damping = np.add.reduce(self._story_dampers * drift**2)
         modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :-1] * shape**2)
         if len(self.modal):
             modal_damping += np.add.reduce((self.modal[:, :-1] @ shape) ** 2)
@@ -965,6 +975,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         dashpots=building.damped_by_devices,
         elements=building.elements > 0,
         braces=building.braced,
+        tangent_damping=building.tangent_damped,
     )
     # Return the same instance for equal variants. A lookup in a dictionary compares the identity
     # first, so that lookups of variants are fast.
@@ -973,162 +984,3 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
 
 _VARIANTS: dict[Variant, Variant] = {}
 """Results of `variant` in this process, each as key and value."""
-
-
-_MATRICES_OF_ALL_MODES = 4
-"""Number of matrices of shape (stories, stories) in memory while all modes are computed."""
-
-
-def add_damping(
-    linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration
-) -> Array:
-    """Add the damping of a model to the linear terms of the building.
-
-    Dampers of single floors and stories are added to `linear_terms`. Other damping is returned as
-    rows.
-
-    Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from
-    each floor to the ground and a damper parallel to each story. Modal damping is
-    C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes phi.
-
-    Parameters
-    ----------
-    linear_terms : ndarray, shape (LINEAR_TERM_ROWS, n + 1)
-        Table of linear terms; the damper rows are modified.
-    stiffness : ndarray, shape (n,)
-        Initial stiffness of the stories without P-delta, N/m.
-    model : Model
-        The model that specifies the damping.
-    vibration : FreeVibration
-        Undamped vibration of the building.
-
-    Returns
-    -------
-    ndarray, shape (k, n + 1)
-        Rows w, each of which contributes w w^T to the damping matrix: one for each damped mode
-        (modal damping), one for each damper between two floors (Rayleigh damping of a building with
-        isolators), otherwise none. The last column, for the ground, is 0.
-
-    Raises
-    ------
-    ModelError
-        Modal damping of the stories requires more memory than is available.
-    """
-    n = linear_terms.shape[1] - 1
-    damping = model.damping
-    if isinstance(damping, ModalDamping):
-        # All modes are computed at once; check that the memory is sufficient for their matrices of
-        # 8-byte numbers.
-        needed, available = _MATRICES_OF_ALL_MODES * 8 * n**2, memory()
-        if available is not None and needed > available:
-            raise ModelError(
-                f"modal damping of {n} stories requires {needed / 2**30:.0f} GiB of memory, "
-                f"and this machine has {available / 2**30:.0f} GiB; use damping.rayleigh"
-            )
-        modes, ratios = vibration.modes, np.array(damping.ratios)
-        # Compute the rows sqrt(2 xi omega) M phi. The last ratio applies to all further modes.
-        ratios = np.concatenate([ratios, np.full(n - ratios.size, ratios[-1])])
-        damped_modes = np.flatnonzero(ratios)
-        factors = np.sqrt(2.0 * ratios[damped_modes] * modes.omega[damped_modes])
-        modal = np.zeros((damped_modes.size, n + 1))
-        modal[:, :-1] = (
-            linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped_modes] * factors
-        ).T
-        return modal
-    # Convert the damping ratios of two modes to the coefficients a0 and a1 with the frequencies of
-    # this building.
-    if isinstance(damping, RayleighRatio):
-        damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
-    if damping is not None and not all(story.rayleigh for story in model.stories):
-        return _damping_without_isolators(linear_terms, stiffness, model, damping)
-    if damping is not None:
-        linear_terms[rows.FLOOR_DAMPER, :n] += damping.mass * linear_terms[rows.MASS, :n]
-        linear_terms[rows.STORY_DAMPER, :n] += damping.stiffness * stiffness
-    return np.zeros((0, n + 1))
-
-
-def _damping_without_isolators(
-    linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
-) -> Array:
-    """Add Rayleigh damping that excludes isolators.
-
-    Stiffness-proportional dampers act only in the other stories. Mass-proportional dampers act on
-    the velocity of a floor relative to the floor on top of the nearest isolator below. Dampers to
-    the ground would also damp the isolators.
-
-    Parameters
-    ----------
-    linear_terms : array, shape (rows, n + 1)
-        Linear terms of the building; its dampers in stories and to the ground are changed by this
-        function.
-    stiffness : array, shape (n,)
-        Initial stiffness of each story, N/m.
-    model : Model
-        Model, which specifies the stories with Rayleigh damping.
-    damping : RayleighCoefficients
-        Coefficients of the mass and of the stiffness.
-
-    Returns
-    -------
-    ndarray, shape (dampers, n + 1)
-        Rows w, one for each damper between two floors, which contributes w w^T to the damping
-        matrix.
-    """
-    n = linear_terms.shape[1] - 1
-    has_rayleigh = np.array([story.rayleigh for story in model.stories])
-    linear_terms[rows.STORY_DAMPER, :n] += np.where(
-        has_rayleigh, damping.stiffness * stiffness, 0.0
-    )
-    mass = linear_terms[rows.MASS, :n]
-    # The sum counts the isolators from the ground up to each story.
-    is_below_isolators = np.cumsum(~has_rayleigh) == 0
-    linear_terms[rows.FLOOR_DAMPER, :n] += np.where(is_below_isolators, damping.mass * mass, 0.0)
-    dampers = []
-    floor_on_isolator = 0
-    for floor in range(n):
-        if not has_rayleigh[floor]:
-            floor_on_isolator = floor
-        elif not is_below_isolators[floor] and damping.mass > 0.0:
-            # This row w is the difference of the velocities of the two floors, so that w w^T is the
-            # matrix of a damper between them.
-            row = np.zeros(n + 1)
-            row[floor], row[floor_on_isolator] = 1.0, -1.0
-            dampers.append(np.sqrt(damping.mass * mass[floor]) * row)
-    return np.array(dampers).reshape(len(dampers), n + 1)
-
-
-def rayleigh(damping: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
-    """Compute the coefficients a0 and a1 of Rayleigh damping from the ratios of two modes.
-
-    The ratio of a mode is xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8). If both
-    modes are the same, mass and stiffness contribute half of the damping each. This is the limit
-    for equal ratios as the two frequencies approach each other.
-
-    Parameters
-    ----------
-    damping : RayleighRatio
-        Damping ratios and numbers of the two modes.
-    omega_1, omega_2 : float
-        Circular frequencies of the two modes, rad/s.
-
-    Raises
-    ------
-    ModelError
-        The two frequencies are numerically equal, or the difference of their squares exceeds the
-        range of floats.
-    """
-    xi_1, xi_2 = damping.ratios
-    if damping.modes[0] == damping.modes[1]:
-        return RayleighCoefficients(mass=xi_1 * omega_1, stiffness=xi_1 / omega_1)
-    difference = omega_2**2 - omega_1**2
-    if not 0.0 < abs(difference) < math.inf:
-        raise ModelError(
-            "damping: the coefficients of Rayleigh damping cannot be computed from the frequencies "
-            f"of modes {damping.modes[0]} and {damping.modes[1]} ({omega_1:.4g} and {omega_2:.4g} "
-            "rad/s), because masses or stiffnesses differ by too many orders of magnitude; check "
-            "their units"
-        )
-    return RayleighCoefficients(
-        mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,
-        stiffness=2.0 * (xi_2 * omega_2 - xi_1 * omega_1) / difference,
-    )

@@ -382,10 +382,13 @@ class RayleighRatio:
     modes : tuple of int
         Two different modes, counted from 1. For a building with one story, both are 1; its mode
         then has the first ratio, one half from the mass and one half from the stiffness.
+    tangent : bool
+        True if the damping follows the tangent stiffness of the stories.
     """
 
     ratios: tuple[float, float]
     modes: tuple[int, int]
+    tangent: bool = False
 
 
 @dataclass(frozen=True)
@@ -397,11 +400,14 @@ class RayleighCoefficients:
     mass : float
         Coefficient of the mass matrix, 1/s, zero or positive.
     stiffness : float
-        Coefficient of the initial stiffness matrix, s, zero or positive.
+        Coefficient of the stiffness matrix, s, zero or positive.
+    tangent : bool
+        True for the tangent stiffness, False for the initial stiffness.
     """
 
     mass: float
     stiffness: float
+    tangent: bool = False
 
 
 @dataclass(frozen=True)
@@ -1252,8 +1258,8 @@ def damped_by(model: Model, ratio: float) -> Damping:
         The model has no damping, or specifies it by coefficients.
     """
     match model.damping:
-        case RayleighRatio(_, modes):
-            return RayleighRatio((ratio, ratio), modes)
+        case RayleighRatio(_, modes, tangent):
+            return RayleighRatio((ratio, ratio), modes, tangent)
         case ModalDamping(old_ratios):
             return ModalDamping(tuple(ratio if old else 0.0 for old in old_ratios))
     has_no_ratio = "is undamped" if model.damping is None else "specifies damping by coefficients"

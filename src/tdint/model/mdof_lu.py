@@ -18,7 +18,7 @@ from importlib.resources import files
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.model.building import rayleigh
+from tdint.model.damping import rayleigh
 from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story
 from tdint.model.modes import solve_modes
 

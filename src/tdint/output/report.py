@@ -119,15 +119,16 @@ def damping_text(model: Model) -> str:
     if not all(story.rayleigh for story in model.stories):
         exception = ", without the share of the isolators"
     match model.damping:
-        case RayleighRatio(ratios, modes):
+        case RayleighRatio(ratios, modes, tangent):
+            kind = "Rayleigh damping with the tangent stiffness" if tangent else "Rayleigh damping"
             # A dict removes a repeated pair of ratio and mode and keeps the order.
             pairs = dict.fromkeys(zip(ratios, modes, strict=True))
             listed = " and ".join(f"{100.0 * ratio:g} % in mode {mode}" for ratio, mode in pairs)
-            return f"Rayleigh damping of {listed}{exception}"
-        case RayleighCoefficients(mass, stiffness):
+            return f"{kind} of {listed}{exception}"
+        case RayleighCoefficients(mass, stiffness, tangent):
             return (
                 f"Rayleigh damping of {mass:.4g} 1/s times mass and {stiffness:.4g} s times "
-                f"stiffness{exception}"
+                f"{'tangent ' if tangent else ''}stiffness{exception}"
             )
         case ModalDamping(ratios):
             listed = ", ".join(f"{100.0 * ratio:g}" for ratio in ratios)

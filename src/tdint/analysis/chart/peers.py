@@ -315,8 +315,8 @@ def _unsupported(problem: Problem) -> str:
         return "a bilinear story has a different strength in each direction"
     if building.power_damped:
         return "the model has power-law dashpots"
-    if building.braced:
-        return "the model has dampers with braces"
+    if building.braced or building.tangent_damped:
+        return "the model has dampers with braces or damping with the tangent stiffness"
     if len(building.modal):
         return "the model has modal damping"
     if _proportion(building.linear_terms[rows.FLOOR_DAMPER, :-1], building.mass) is None:

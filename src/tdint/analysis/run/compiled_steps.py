@@ -102,6 +102,12 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
 
     Some methods do not support nonlinear stories, power-law dashpots or braces of dampers.
     """
+    if building.tangent_damped and not integrator.method.tangent_damping:
+        names = ", ".join(name for name, method in catalogue().items() if method.tangent_damping)
+        return (
+            f"{integrator.label} does not support Rayleigh damping with the tangent stiffness; use "
+            f"one of {names}, or omit `tangent` from the damping"
+        )
     if building.braced and not integrator.method.braces:
         names = ", ".join(name for name, method in catalogue().items() if method.braces)
         return (
@@ -131,6 +137,7 @@ LINEAR_OSCILLATORS = Variant(
     dashpots=False,
     elements=False,
     braces=False,
+    tangent_damping=False,
 )
 """Variant of the kernels for linear oscillators."""
 

@@ -928,8 +928,8 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
 
     Another process compiles the loops at the same time
     (`tdint.kernels.building.load_or_compile.interpret_while_compiling`). The result is always False
-    with power-law dashpots and braces of dampers, because their iterations take fifteen times as
-    long.
+    with power-law dashpots, braces of dampers and tangent damping, because their iterations take
+    fifteen times as long.
 
     Parameters
     ----------
@@ -945,6 +945,7 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
         steps * (building.stories + 1) > _MAX_INTERPRETED_SIZE
         or building.power_damped
         or building.braced
+        or building.tangent_damped
         or unsupported_reason(methods[0], building)
     ):
         return False

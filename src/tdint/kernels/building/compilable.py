@@ -66,6 +66,8 @@ class Variant:
         Stories with several elements (springs in parallel).
     braces : bool
         Dampers in series with a brace.
+    tangent_damping : bool
+        Rayleigh damping with the tangent stiffness.
     """
 
     laws: tuple[str, ...] = ()
@@ -74,6 +76,7 @@ class Variant:
     dashpots: bool = True
     elements: bool = True
     braces: bool = True
+    tangent_damping: bool = True
 
     @property
     def text(self) -> str:
@@ -106,7 +109,7 @@ class Variant:
         ----------
         parts : tuple of str
             Names of the attributes on which the kernel depends: laws, modal, forces,
-            dashpots, elements or braces.
+            dashpots, elements, braces or tangent_damping.
         """
         # _PARTS contains the names of all attributes.
         unused = {name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}

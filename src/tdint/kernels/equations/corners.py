@@ -20,6 +20,7 @@ from tdint.kernels.laws.selection import HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
     BRACES,
     FORCES,
+    TANGENT_DAMPING,
     add_modal_force,
     force_value,
     power_damper,
@@ -512,6 +513,34 @@ def _raise_peaks_of_sums(scene, memory, count):
                     scratch[ROW.NODE_FORCE + k, i] - scene.linear_terms[rows.GEOMETRIC, i] * drift
                 )
                 raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
+
+
+@outlined
+def _add_tangent_damping(scene, h, memory, count):
+    """Add the forces of tangent damping to the story forces at all nodes, N.
+
+    The tangent stiffness at a node is the slope of the force since the previous node; at a corner,
+    this is the slope before the corner.
+    """
+    linear_terms, scratch = scene.linear_terms, memory.scratch
+    for i in range(linear_terms.shape[1] - 1):
+        coefficient = linear_terms[rows.TANGENT_DAMPING, i]
+        if coefficient != 0.0:
+            for k in range(count - 1, 0, -1):
+                node = ROW.NODE_DISPLACEMENT + k
+                drift_change = _story_value(linear_terms, scratch, node, i)
+                drift_change -= _story_value(linear_terms, scratch, node - 1, i)
+                force_change = (
+                    scratch[ROW.NODE_FORCE + k, i]
+                    - scratch[ROW.NODE_FORCE + k - 1, i]
+                    - linear_terms[rows.GEOMETRIC, i] * drift_change
+                )
+                rate = _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i) / h
+                if drift_change != 0.0:
+                    scratch[ROW.NODE_FORCE + k, i] += (
+                        coefficient * force_change / drift_change * rate
+                    )
+            scratch[ROW.NODE_FORCE, i] += memory.state[rows.DAMPING_FORCE, i]
 
 
 @outlined
@@ -1074,6 +1103,8 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
             _store_forces(coefficients, scene, h, memory, i, count)
         if HAS_ELEMENTS and pass_index == _PASSES - 1:
             _raise_peaks_of_sums(scene, memory, count)
+        if TANGENT_DAMPING and scene.flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+            _add_tangent_damping(scene, h, memory, count)
         if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
             _add_brace_forces(scene, h, memory, count)
         for k in range(count):

@@ -63,6 +63,7 @@ from tdint.kernels.laws.selection import HAS_CURVED_LAW, HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
     BRACES,
     MODAL,
+    TANGENT_DAMPING,
     add_modal_force,
     floor_impulse,
     floor_load,
@@ -120,11 +121,12 @@ class _Rows(NamedTuple):
     # minus its mean over the step, N
     DASHPOT_MISMATCH: int = 1
     BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace`
+    TANGENT_WORK: int = 1  # work of tangent damping in the step, J
     # Real and imaginary part of the right side r1 + l r2, then of the solution w (`solve_linear`)
     COMPLEX: int = 2
     # State and law states at the start of a step that is divided into substeps, for its repetition
     SAVED: int = 4 + rows.LAW_STATE_ROWS
-    SAVED_BRACES: int = rows.BRACE_STATE_ROWS
+    SAVED_ADDED: int = rows.ADDED_STATE_ROWS
     SUBSTEP_START: int = 3  # displacement, velocity and acceleration at the start of a substep
     # Distance of the drift from the limit of the branch (m), story force (N) and floor acceleration
     # (m/s^2) at the end of a substep, for the peaks
@@ -546,6 +548,13 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
                 _add_damper(coefficients, linear_terms, i, h, increment, memory, factors)
                 or is_stale
             )
+        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+            law_mean = mean - geometric * (
+                coefficients[WEIGHT_0] * law_state[rows.DRIFT, i]
+                + coefficients[WEIGHT_C] * drift_c
+                + coefficients[WEIGHT_1] * drift
+            )
+            _add_tangent_damping(linear_terms, i, h, (force, law_mean, tangent), increment, memory)
         if BRACES and linear_terms[rows.BRACE, i] != 0.0:
             bend = h * (scratch[momentum.DV, i] - link * scratch[momentum.DV, max(i - 1, 0)])
             is_stale = _add_brace(scene, i, h, increment, bend, memory, factors) or is_stale
@@ -859,6 +868,35 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 
 
 @outlined
+def _add_tangent_damping(linear_terms, i, h, law, increment, memory):
+    """Add Rayleigh damping with the tangent stiffness to force and impulse of story `i`.
+
+    The force of the damping is a1 f' with the rate f' of the force of the law. Its impulse is
+    a1 (f1 - f0) for every law and every path, and its force at the end a1 k1 d' with the tangent
+    stiffness k1. `law` are the force f1, the mean force and k1.
+    """
+    state, law_state, scratch, _ = memory
+    force_1, mean, tangent = law
+    coefficient = linear_terms[rows.TANGENT_DAMPING, i]
+    link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
+    rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
+    rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, below]
+    force_0 = law_state[rows.FORCE, i]
+    damping_1 = coefficient * tangent * rate_1
+    impulse = coefficient * (force_1 - force_0)
+    scratch[momentum.FORCE_1, i] += damping_1
+    scratch[momentum.FORCE_S, i] += impulse
+    # Work along a parabola of drift, with the first moment of the damping force by parts
+    scratch[ROW.TANGENT_WORK, i] = impulse * increment / h + coefficient * (
+        0.5 * (force_0 + force_1) - mean
+    ) * (rate_1 - rate_0)
+    mismatch = 0.5 * (state[rows.DAMPING_FORCE, i] + damping_1) - impulse / h
+    if linear_terms[rows.POWER_DAMPER, i] != 0.0:
+        mismatch += scratch[ROW.DASHPOT_MISMATCH, i]
+    scratch[ROW.DASHPOT_MISMATCH, i] = mismatch
+
+
+@outlined
 def _add_brace(scene, i, h, rise, bend, memory, factors):
     """Add the damper with its brace to the force at the end and to the impulse of story `i`.
 
@@ -873,7 +911,10 @@ def _add_brace(scene, i, h, rise, bend, memory, factors):
     moment = scratch[ROW.BRACE + path.MOMENT, i]
     scratch[momentum.FORCE_1, i] += force_0 + moment
     scratch[momentum.FORCE_S, i] += h * mean
-    scratch[ROW.DASHPOT_MISMATCH, i] = force_0 + 0.5 * moment - mean
+    mismatch = force_0 + 0.5 * moment - mean
+    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        mismatch += scratch[ROW.DASHPOT_MISMATCH, i]
+    scratch[ROW.DASHPOT_MISMATCH, i] = mismatch
     # The force of the brace depends on the change of drift in the step only.
     rounding = ROUNDING / RESIDUAL_TOLERANCE * linear_terms[rows.BRACE, i]
     du = scratch[momentum.DU, i]
@@ -934,6 +975,8 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         tangent_c += linear_terms[rows.GEOMETRIC, i]
         tangent_1 += linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
+        if TANGENT_DAMPING:
+            damper += linear_terms[rows.TANGENT_DAMPING, i] * scratch[ROW.TANGENT_1, i]
         slope_c = coefficients[WEIGHT_C] * scratch[ROW.SLOPE_C, i]
         slope_1 = scratch[ROW.SLOPE_1, i]
         scratch[factors + _BLOCK.FACTORED_SLOPE, i] = slope_1

@@ -38,7 +38,14 @@ from tdint.kernels.equations.tridiagonal import (
     solve_blocks_damped,
 )
 from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
-from tdint.kernels.linear_terms import BRACES, DASHPOTS, MODAL, add_modal_force, power_damper
+from tdint.kernels.linear_terms import (
+    BRACES,
+    DASHPOTS,
+    MODAL,
+    TANGENT_DAMPING,
+    add_modal_force,
+    power_damper,
+)
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, commit_brace, follow_brace
@@ -88,6 +95,9 @@ class _Rows(NamedTuple):
     # Mean and first moment of the force of the power-law dashpot or of the damper with a brace, N
     DASHPOT: int = 2
     BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace`
+    # Mean and first moment of the force of tangent damping, N, and the tangent stiffness of the law
+    # at the end of the step, N/m
+    TANGENT: int = 3
     # Derivatives of means and moments for which the matrix was factorized, N/m; the last column
     # contains the length of the step, s
     FACTORED: int = 4
@@ -423,6 +433,8 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         # Compute the integrals of the restoring force, and add the integrals of the force of a
         # power-law dashpot.
         _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding)
+        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+            _add_tangent_damping(scene, i, h, rise, bend, memory)
         if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
         if BRACES and linear_terms[rows.BRACE, i] != 0.0:
@@ -465,6 +477,64 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
             )
         displacement_scale_below = displacement_scale
     return is_stale
+
+
+@outlined
+def _add_tangent_damping(scene, i, h, rise, bend, memory):
+    """Add Rayleigh damping with the tangent stiffness to the rows PATH of story `i`.
+
+    Its force is a1 f', with the rate f' of the force of the law. Over the step, the force has the
+    mean a1 (f1 - f0) / h and, by partial integration, the first moment
+    12 a1 ((f0 + f1) / 2 - mean f) / h. Both are exact for every law and every path.
+    """
+    law_parameters = scene.law_parameters
+    _, law_state, scratch, _ = memory
+    by_h = scene.linear_terms[rows.TANGENT_DAMPING, i] / h
+    force_0 = law_state[rows.FORCE, i]
+    first_slope = law_state[rows.SLOPE, i]
+    if scratch[ROW.LEAVES_BRANCH, i] == 0.0:
+        slope = first_slope
+        force_1 = force_0 + slope * rise
+    else:
+        force_1, slope = path.force_at_path_end(law_parameters, law_state, i, rise)
+    mean, mean_by_rise = scratch[ROW.PATH + path.MEAN, i], scratch[ROW.PATH + path.MEAN_BY_RISE, i]
+    mean_by_bend = scratch[ROW.PATH + path.MEAN_BY_BEND, i]
+    # After a reversal, f1 also depends on the drift at the reversal, d0 + rise t + bend (t^2 - t) /
+    # 2, where the stiffness changes. For a curved law, whose slope is infinite, this is neglected.
+    by_rise, by_bend = slope, 0.0
+    if 2.0 * abs(rise) < abs(bend) and first_slope < math.inf:
+        t = 0.5 - rise / bend
+        by_rise += (first_slope - slope) * t
+        by_bend = 0.5 * (first_slope - slope) * (t * t - t)
+    scratch[ROW.TANGENT, i] = by_h * (force_1 - force_0)
+    scratch[ROW.TANGENT + 1, i] = 12.0 * by_h * (0.5 * (force_0 + force_1) - mean)
+    scratch[ROW.TANGENT + 2, i] = slope
+    scratch[ROW.PATH + path.MEAN, i] += scratch[ROW.TANGENT, i]
+    scratch[ROW.PATH + path.MOMENT, i] += scratch[ROW.TANGENT + 1, i]
+    scratch[ROW.PATH + path.MEAN_BY_RISE, i] += by_h * by_rise
+    scratch[ROW.PATH + path.MEAN_BY_BEND, i] += by_h * by_bend
+    scratch[ROW.PATH + path.MOMENT_BY_RISE, i] += 12.0 * by_h * (0.5 * by_rise - mean_by_rise)
+    scratch[ROW.PATH + path.MOMENT_BY_BEND, i] += 12.0 * by_h * (0.5 * by_bend - mean_by_bend)
+
+
+@outlined
+def _commit_tangent_damping(linear_terms, h, state, scratch):
+    """Store force and work of tangent damping at the end of the step; `state` contains the new
+    velocities."""
+    v_below = rise_below = bend_below = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        link = linear_terms[rows.LINK, i]
+        rise = scratch[ROW.RISE, i] - link * rise_below
+        bend = scratch[ROW.BEND, i] - link * bend_below
+        rise_below, bend_below = scratch[ROW.RISE, i], scratch[ROW.BEND, i]
+        rate = state[rows.VELOCITY, i] - link * v_below
+        v_below = state[rows.VELOCITY, i]
+        coefficient = linear_terms[rows.TANGENT_DAMPING, i]
+        if coefficient != 0.0:
+            state[rows.DAMPING_FORCE, i] = coefficient * scratch[ROW.TANGENT + 2, i] * rate
+            state[rows.DAMPING_WORK, i] += (
+                rise * scratch[ROW.TANGENT, i] + bend * scratch[ROW.TANGENT + 1, i] / 12.0
+            )
 
 
 @outlined
@@ -663,6 +733,8 @@ def _acceleration(scene, memory, i):
             )
             if BRACES and linear_terms[rows.BRACE, j] != 0.0:
                 story_force += state[rows.BRACE_REPORTED, j]
+            if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, j] != 0.0:
+                story_force += state[rows.DAMPING_FORCE, j]
             force += story_force * link if above else -story_force
     return linear_terms[rows.INVERSE_MASS, i] * force
 
@@ -1080,6 +1152,8 @@ def update_state(coefficients, scene, h, memory):
         viscous_work += _dashpot_work(linear_terms, scratch, n)
     if BRACES and flags[rows.HAS_BRACES] != 0.0:
         _commit_braces(linear_terms, h, state, scratch)
+    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+        _commit_tangent_damping(linear_terms, h, state, scratch)
     step_status[rows.WORK_INPUT] = work_of_mean + work_of_moment / 12.0
     step_status[rows.WORK_VISCOUS] = viscous_work
 

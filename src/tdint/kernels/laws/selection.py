@@ -76,9 +76,9 @@ CURVED_LAWS = _codes(lambda law: law.curved)
 HAS_CURVED_LAW = not COMPILES or any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
 
-HAS_CURVED_FORCE = VARIANT.dashpots or HAS_CURVED_LAW
-"""True if a story can have a force that is not piecewise linear: a curved law or a power-law
-dashpot."""
+HAS_CURVED_FORCE = VARIANT.dashpots or VARIANT.tangent_damping or HAS_CURVED_LAW
+"""True if a story can have a force that is not piecewise linear: a curved law, a power-law
+dashpot or tangent damping."""
 
 HAS_NONLINEAR_FORCE = HAS_CURVED_FORCE or any(LAWS[code].kinked for code in COMPILED)
 """True if a story can have a force that is not linear in its motion."""

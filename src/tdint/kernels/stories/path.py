@@ -433,6 +433,35 @@ def commit_path_end(law_parameters, law_state, i, rise):
 
 
 @outlined
+def force_at_path_end(law_parameters, law_state, i, rise):
+    """Return force (N) and tangent stiffness (N/m) of story `i` at the end of the path of the last
+    call of `follow`, at the committed drift plus `rise`."""
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        force = tangent = 0.0
+        for element in range(
+            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+        ):
+            part, slope = _law_at_path_end(law_parameters, law_state, element, rise)
+            force += part
+            tangent += slope
+        return force, tangent
+    return _law_at_path_end(law_parameters, law_state, i, rise)
+
+
+@outlined
+def _law_at_path_end(law_parameters, law_state, i, rise):
+    """Return force and tangent stiffness of the law in column `i` (`force_at_path_end`)."""
+    if is_piecewise_linear(law_parameters, i):
+        first = rows.FIRST_TRIAL
+        return law_state[first + rows.FORCE, i], law_state[first + rows.SLOPE, i]
+    previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING_LAWS else 0
+    tangent = restoring_force_outlined(
+        law_parameters, law_state, i, previous, rows.SECOND_TRIAL, law_state[rows.DRIFT, i] + rise
+    )
+    return law_state[rows.SECOND_TRIAL + rows.FORCE, i], tangent
+
+
+@outlined
 def _commit_law_at_path_end(law_parameters, law_state, i, rise):
     """Commit the state of the law in column `i`, a story with one element or an element."""
     if is_piecewise_linear(law_parameters, i):

@@ -435,8 +435,8 @@ def _observe_dashpots(span, linear_terms, state, seen):
 
 @outlined
 def _store_brace_forces(scene, state, observer_state):
-    """Add the forces of dampers with braces on all floors to the rows FLOOR_FORCE (with the
-    opposite sign) and MODAL_FORCE, N.
+    """Add the forces of dampers with braces and of tangent damping on all floors to the rows
+    FLOOR_FORCE (with the opposite sign) and MODAL_FORCE, N.
 
     The sum of the forces on all floors that a story supports is the force of its brace. Both rows
     are set to zero before if `_store_additional_forces` has not set them.
@@ -444,8 +444,10 @@ def _store_brace_forces(scene, state, observer_state):
     linear_terms, modal, _, forces, _ = scene
     has_other_forces = forces.shape[0] + modal.shape[0] > 0
     for i in range(linear_terms.shape[1] - 1):
-        force = state[rows.BRACE_REPORTED, i]
-        force -= linear_terms[rows.LINK, i + 1] * state[rows.BRACE_REPORTED, i + 1]
+        force = state[rows.BRACE_REPORTED, i] + state[rows.DAMPING_FORCE, i]
+        force -= linear_terms[rows.LINK, i + 1] * (
+            state[rows.BRACE_REPORTED, i + 1] + state[rows.DAMPING_FORCE, i + 1]
+        )
         if not has_other_forces:
             observer_state[rows.FLOOR_FORCE, i] = observer_state[rows.MODAL_FORCE, i] = 0.0
         observer_state[rows.FLOOR_FORCE, i] -= force
@@ -454,16 +456,20 @@ def _store_brace_forces(scene, state, observer_state):
 
 @outlined
 def _observe_braces(linear_terms, state, seen):
-    """Update the work of the dampers with braces and the peaks of their forces.
+    """Update the work of the dampers with braces and of tangent damping, and the peak forces.
 
-    Their dissipated energy is added to the work of the dashpots (ENERGY_DASHPOTS).
+    The dissipated energy of the dampers is added to the work of the dashpots (ENERGY_DASHPOTS), the
+    work of tangent damping to that of viscous damping (ENERGY_VISCOUS).
     """
     totals = seen.totals
-    dissipated = 0.0
+    dissipated = work = 0.0
     for i in range(linear_terms.shape[1] - 1):
         raise_peak(seen.peaks, rows.PEAK_BRACE_FORCE, i, state[rows.BRACE_PEAK, i])
         state[rows.BRACE_PEAK, i] = 0.0
         dissipated += state[rows.BRACE_DISSIPATED, i]
+        work += state[rows.DAMPING_WORK, i]
+    totals[rows.ENERGY_VISCOUS] += work - totals[rows.TANGENT_WORK]
+    totals[rows.TANGENT_WORK] = work
     totals[rows.ENERGY_DASHPOTS] += dissipated - totals[rows.BRACED_DISSIPATION]
     totals[rows.BRACED_DISSIPATION] = dissipated
 
@@ -887,13 +893,19 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
     """Move the hysteretic laws of all stories from zero drift to their initial drifts; return 0."""
     displacement_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
+        link = linear_terms[rows.LINK, i]
         start(
             law_parameters,
             law_state,
             i,
-            state[rows.DISPLACEMENT, i] - linear_terms[rows.LINK, i] * displacement_below,
+            state[rows.DISPLACEMENT, i] - link * displacement_below,
         )
         displacement_below = state[rows.DISPLACEMENT, i]
+        if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+            # A curved branch has the slope inf; its initial stiffness is used.
+            stiffness = min(law_state[rows.SLOPE, i], law_parameters[rows.STIFFNESS, i])
+            rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, max(i - 1, 0)]
+            state[rows.DAMPING_FORCE, i] = linear_terms[rows.TANGENT_DAMPING, i] * stiffness * rate
     return 0
 
 

@@ -898,11 +898,14 @@ def _damping_text(damping: Damping) -> str:
         return f"[{', '.join(texts)}]" if len(texts) > 1 else texts[0]
 
     match damping:
-        case RayleighRatio(ratios, modes):
+        case RayleighRatio(ratios, modes, tangent):
             values = f"ratio: {format_numbers(ratios)}, modes: {format_numbers(modes)}"
+            values += ", tangent: true" if tangent else ""
             return f"{{rayleigh: {{{values}}}}}"
-        case RayleighCoefficients(mass, stiffness):
-            return f"{{rayleigh: {{mass: {mass:.12g}, stiffness: {stiffness:.12g}}}}}"
+        case RayleighCoefficients(mass, stiffness, tangent):
+            values = f"mass: {mass:.12g}, stiffness: {stiffness:.12g}"
+            values += ", tangent: true" if tangent else ""
+            return f"{{rayleigh: {{{values}}}}}"
         case ModalDamping(ratios):
             return f"{{modal: {format_numbers(ratios)}}}"
     return "none"

@@ -17,6 +17,7 @@ from tdint.model.keys.fields import (
     Choice,
     Either,
     EntriesOf,
+    Flag,
     Key,
     Keys,
     Section,
@@ -202,6 +203,12 @@ def _damping_type(count: int | None) -> Either:
             ),
             Key("mass", NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
             Key("stiffness", NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"),
+            Key(
+                "tangent",
+                Flag(),
+                "true for damping with the tangent stiffness of the stories instead of the initial "
+                "stiffness",
+            ),
         ),
         alternative_groups=(("ratio", "modes"), ("mass", "stiffness")),
         description="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
@@ -242,7 +249,13 @@ def _damping_type(count: int | None) -> Either:
 
 
 def _rayleigh(
-    value: Value, count: int | None, ratio: Any, modes: Any, mass: Any, stiffness: Any
+    value: Value,
+    count: int | None,
+    ratio: Any,
+    modes: Any,
+    mass: Any,
+    stiffness: Any,
+    tangent: bool | None,
 ) -> Damping:
     """Return the Rayleigh damping of the key `rayleigh`.
 
@@ -251,10 +264,11 @@ def _rayleigh(
     the coefficients of the mass and stiffness matrix, 1/s and s; None if ratio and modes are given.
     """
     if mass is not None:
-        return RayleighCoefficients(mass, stiffness)
+        return RayleighCoefficients(mass, stiffness, bool(tangent))
     if count == 1:
         value.fault(_ONE_STORY_ERROR)
-    return RayleighRatio(ratio if isinstance(ratio, tuple) else (ratio, ratio), modes)
+    ratios = ratio if isinstance(ratio, tuple) else (ratio, ratio)
+    return RayleighRatio(ratios, modes, bool(tangent))
 
 
 DAMPING = _damping_type(None)

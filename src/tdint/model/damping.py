@@ -1,0 +1,195 @@
+"""Damping of a building: modal damping and Rayleigh damping, with or without isolators."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.errors import ModelError
+from tdint.kernels import layout as rows
+from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.modes import FreeVibration
+from tdint.system import memory
+
+_MATRICES_OF_ALL_MODES = 4
+"""Number of matrices of shape (stories, stories) in memory while all modes are computed."""
+
+
+def add_damping(
+    linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration
+) -> Array:
+    """Add the damping of a model to the linear terms of the building.
+
+    Dampers of single floors and stories are added to `linear_terms`. Other damping is returned as
+    rows.
+
+    Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from
+    each floor to the ground and a damper parallel to each story. Modal damping is
+    C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes phi.
+
+    Parameters
+    ----------
+    linear_terms : ndarray, shape (LINEAR_TERM_ROWS, n + 1)
+        Table of linear terms; the damper rows are modified.
+    stiffness : ndarray, shape (n,)
+        Initial stiffness of the stories without P-delta, N/m.
+    model : Model
+        The model that specifies the damping.
+    vibration : FreeVibration
+        Undamped vibration of the building.
+
+    Returns
+    -------
+    ndarray, shape (k, n + 1)
+        Rows w, each of which contributes w w^T to the damping matrix: one for each damped mode
+        (modal damping), one for each damper between two floors (Rayleigh damping of a building with
+        isolators), otherwise none. The last column, for the ground, is 0.
+
+    Raises
+    ------
+    ModelError
+        Modal damping of the stories requires more memory than is available.
+    """
+    n = linear_terms.shape[1] - 1
+    damping = model.damping
+    if isinstance(damping, ModalDamping):
+        # All modes are computed at once; check that the memory is sufficient for their matrices of
+        # 8-byte numbers.
+        needed, available = _MATRICES_OF_ALL_MODES * 8 * n**2, memory()
+        if available is not None and needed > available:
+            raise ModelError(
+                f"modal damping of {n} stories requires {needed / 2**30:.0f} GiB of memory, "
+                f"and this machine has {available / 2**30:.0f} GiB; use damping.rayleigh"
+            )
+        modes, ratios = vibration.modes, np.array(damping.ratios)
+        # Compute the rows sqrt(2 xi omega) M phi. The last ratio applies to all further modes.
+        ratios = np.concatenate([ratios, np.full(n - ratios.size, ratios[-1])])
+        damped_modes = np.flatnonzero(ratios)
+        factors = np.sqrt(2.0 * ratios[damped_modes] * modes.omega[damped_modes])
+        modal = np.zeros((damped_modes.size, n + 1))
+        modal[:, :-1] = (
+            linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped_modes] * factors
+        ).T
+        return modal
+    # Convert the damping ratios of two modes to the coefficients a0 and a1 with the frequencies of
+    # this building.
+    if isinstance(damping, RayleighRatio):
+        damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
+    if damping is not None and not all(story.rayleigh for story in model.stories):
+        return _damping_without_isolators(linear_terms, stiffness, model, damping)
+    if damping is not None:
+        linear_terms[rows.FLOOR_DAMPER, :n] += damping.mass * linear_terms[rows.MASS, :n]
+        _add_stiffness_part(linear_terms, stiffness, model, damping)
+    return np.zeros((0, n + 1))
+
+
+def _add_stiffness_part(
+    linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
+) -> None:
+    """Add the dampers in proportion to the stiffness of the stories, which is 0 for isolators.
+
+    With the tangent stiffness, the row TANGENT_DAMPING receives the coefficient of stories with a
+    nonlinear law. The tangent stiffness of a linear law is its stiffness.
+    """
+    n = stiffness.size
+    dampers = damping.stiffness * stiffness
+    linear_terms[rows.TANGENT_DAMPING] = 0.0
+    if damping.tangent:
+        is_nonlinear = np.array(
+            [
+                any(spring.law.name != "linear" for spring in story.springs)
+                for story in model.stories
+            ]
+        )
+        has_tangent = is_nonlinear & (dampers > 0.0)
+        linear_terms[rows.TANGENT_DAMPING, :n] = np.where(has_tangent, damping.stiffness, 0.0)
+        dampers = np.where(has_tangent, 0.0, dampers)
+    linear_terms[rows.STORY_DAMPER, :n] += dampers
+
+
+def _damping_without_isolators(
+    linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
+) -> Array:
+    """Add Rayleigh damping that excludes isolators.
+
+    Stiffness-proportional dampers act only in the other stories. Mass-proportional dampers act on
+    the velocity of a floor relative to the floor on top of the nearest isolator below. Dampers to
+    the ground would also damp the isolators.
+
+    Parameters
+    ----------
+    linear_terms : array, shape (rows, n + 1)
+        Linear terms of the building; its dampers in stories and to the ground are changed by this
+        function.
+    stiffness : array, shape (n,)
+        Initial stiffness of each story, N/m.
+    model : Model
+        Model, which specifies the stories with Rayleigh damping.
+    damping : RayleighCoefficients
+        Coefficients of the mass and of the stiffness.
+
+    Returns
+    -------
+    ndarray, shape (dampers, n + 1)
+        Rows w, one for each damper between two floors, which contributes w w^T to the damping
+        matrix.
+    """
+    n = linear_terms.shape[1] - 1
+    has_rayleigh = np.array([story.rayleigh for story in model.stories])
+    _add_stiffness_part(linear_terms, np.where(has_rayleigh, stiffness, 0.0), model, damping)
+    mass = linear_terms[rows.MASS, :n]
+    # The sum counts the isolators from the ground up to each story.
+    is_below_isolators = np.cumsum(~has_rayleigh) == 0
+    linear_terms[rows.FLOOR_DAMPER, :n] += np.where(is_below_isolators, damping.mass * mass, 0.0)
+    dampers = []
+    floor_on_isolator = 0
+    for floor in range(n):
+        if not has_rayleigh[floor]:
+            floor_on_isolator = floor
+        elif not is_below_isolators[floor] and damping.mass > 0.0:
+            # This row w is the difference of the velocities of the two floors, so that w w^T is the
+            # matrix of a damper between them.
+            row = np.zeros(n + 1)
+            row[floor], row[floor_on_isolator] = 1.0, -1.0
+            dampers.append(np.sqrt(damping.mass * mass[floor]) * row)
+    return np.array(dampers).reshape(len(dampers), n + 1)
+
+
+def rayleigh(damping: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
+    """Compute the coefficients a0 and a1 of Rayleigh damping from the ratios of two modes.
+
+    The ratio of a mode is xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8). If both
+    modes are the same, mass and stiffness contribute half of the damping each. This is the limit
+    for equal ratios as the two frequencies approach each other.
+
+    Parameters
+    ----------
+    damping : RayleighRatio
+        Damping ratios and numbers of the two modes.
+    omega_1, omega_2 : float
+        Circular frequencies of the two modes, rad/s.
+
+    Raises
+    ------
+    ModelError
+        The two frequencies are numerically equal, or the difference of their squares exceeds the
+        range of floats.
+    """
+    xi_1, xi_2 = damping.ratios
+    if damping.modes[0] == damping.modes[1]:
+        return RayleighCoefficients(xi_1 * omega_1, xi_1 / omega_1, damping.tangent)
+    difference = omega_2**2 - omega_1**2
+    if not 0.0 < abs(difference) < math.inf:
+        raise ModelError(
+            "damping: the coefficients of Rayleigh damping cannot be computed from the frequencies "
+            f"of modes {damping.modes[0]} and {damping.modes[1]} ({omega_1:.4g} and {omega_2:.4g} "
+            "rad/s), because masses or stiffnesses differ by too many orders of magnitude; check "
+            "their units"
+        )
+    return RayleighCoefficients(
+        mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,
+        stiffness=2.0 * (xi_2 * omega_2 - xi_1 * omega_1) / difference,
+        tangent=damping.tangent,
+    )
