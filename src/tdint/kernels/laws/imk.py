@@ -935,5 +935,6 @@ LAW = DriftLaw(
     yield_drift=yields_at_its_strength,
     stiffness_after_yield=_slope_to_capping,
     fault=_fault,
+    falls=lambda stiffness, values: True,
     failed=_FAILED,
 )

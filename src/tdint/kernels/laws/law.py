@@ -197,6 +197,9 @@ class DriftLaw:
     warning : callable
         (initial stiffness, parameter values) -> warning about allowed but unusual parameters,
         otherwise None.
+    falls : callable
+        (initial stiffness, parameter values) -> True if the tangent stiffness can be negative
+        before `last_line`. The stiffness after yield and the last line are considered in any case.
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
@@ -222,10 +225,31 @@ class DriftLaw:
     fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     stiffness_after_yield: Callable[[float, Sequence[float]], float] | None = None
     warning: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
+    falls: Callable[[float, Sequence[float]], bool] = lambda stiffness, values: False
     failed: float = math.nan
     last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (
         lambda stiffness, values, side: None
     )
+
+
+def can_fall(law: DriftLaw, stiffness: float, values: Sequence[float]) -> bool:
+    """Return True if the tangent stiffness of a law can be negative.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        The law.
+    stiffness : float
+        Initial stiffness, N/m.
+    values : sequence of float
+        Parameter values.
+    """
+    if law.falls(stiffness, values):
+        return True
+    after_yield = law.stiffness_after_yield
+    slopes = [after_yield(stiffness, values)] if after_yield else []
+    lines = [law.last_line(stiffness, values, side) for side in (1.0, -1.0)]
+    return min([*slopes, *(line[1] for line in lines if line)], default=0.0) < 0.0
 
 
 def yields_at_its_strength(stiffness: float, values: Sequence[float]) -> float:

@@ -616,6 +616,12 @@ def _last_line(
 
 _CURVE = LawParameter("backbone", points=MAX_POINTS, least_points=1, open_ended=True)
 
+
+def _falls(stiffness: float, values: Sequence[float]) -> bool:
+    """Return True if a segment of a curve falls."""
+    return min(slope for points in _sides(values) for slope in _slopes(points, 0.0)) < 0.0
+
+
 LAW = DriftLaw(
     "multilinear",
     "backbone through any number of points, and the rule of unloading: kinematic (Iwan, Masing), "
@@ -636,6 +642,7 @@ LAW = DriftLaw(
     yield_drift=_yield_drift,
     fault=_fault,
     warning=_warning,
+    falls=_falls,
     failed=_FAILED,
     last_line=_last_line,
 )

@@ -1180,5 +1180,6 @@ LAW = DriftLaw(
     yield_drift=lambda stiffness, values: values[0],  # the first point of the positive side
     stiffens=_stiffens,
     fault=_fault,
+    falls=lambda stiffness, values: True,  # lines of reloading and unloading can fall
     failed=_FAILED,
 )

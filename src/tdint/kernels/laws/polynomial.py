@@ -102,5 +102,6 @@ LAW = DriftLaw(
         c > 0.0 or (j % 2 == 1 and c < 0.0) for j, c in enumerate(values[1:], start=1)
     ),
     symmetric=lambda values: not any(values[1::2]),  # no even powers
+    falls=lambda stiffness, values: any(values[1::2]) or min(values) < 0.0,
     initial_stiffness=lambda values: values[0],
 )

@@ -30,6 +30,7 @@ from tdint.ground_motion.choice import (
     parse_pad,
     parse_trim,
 )
+from tdint.kernels.laws.law import can_fall
 from tdint.model.config.sections import (
     DAMPING,
     UNITS,
@@ -41,6 +42,7 @@ from tdint.model.config.sections import (
 )
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.definition import (
+    LAWS,
     MAX_STORIES,
     Analysis,
     Damping,
@@ -653,7 +655,7 @@ def _read_stories(
         else:
             entries = section.need("stories", advice)
         stories, count = read_stories(entries, unit, p_delta)
-        return stories, count, read_damping(damping, count)
+        return stories, count, _damping_of(damping, stories, count)
     # Imported here because it loads numpy, which is not needed to read other models.
     from tdint.model.config.building_facts import read_building
 
@@ -666,7 +668,24 @@ def _read_stories(
         read_damping(damping, None)
         return (), None, None
     count = len(derived.stories)
-    return derived.stories, count, read_damping(damping, count) if damping else derived.damping
+    stories = derived.stories
+    return stories, count, _damping_of(damping, stories, count) if damping else derived.damping
+
+
+def _damping_of(value: Value | None, stories: Sequence[Story], count: int | None) -> Damping:
+    """Return the damping of a building; report a tangent stiffness that can be negative."""
+    damping = read_damping(value, count)
+    if value and isinstance(damping, RayleighRatio | RayleighCoefficients) and damping.tangent:
+        for number, story in enumerate(stories, start=1):
+            for spring in story.springs:
+                law = LAWS.get(spring.law.name)
+                if law and can_fall(law, spring.stiffness, spring.law.parameters):
+                    value.fault(
+                        f"tangent: the stiffness of the {spring.law.name} law of story {number} "
+                        "can be negative, which would be negative damping; omit `tangent`"
+                    )
+                    return damping
+    return damping
 
 
 def model_schema() -> Schema:
