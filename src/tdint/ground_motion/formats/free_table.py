@@ -69,6 +69,7 @@ from tdint.ground_motion.formats.table_evidence import (
     unexplained_first_line,
 )
 from tdint.ground_motion.formats.text import table_series
+from tdint.ground_motion.messages import caught_messages
 from tdint.ground_motion.miniseed_checks import last_place
 from tdint.number_parsing import pluralize
 
@@ -309,7 +310,9 @@ def _read_table(
 
     names = _column_names(blocks[main].above, numbers.width, layout)
     kind, reason = _layout_of(block, numbers, stated, names, layout)
-    if not reason and not first.lines and _is_text_table(header, kind, names, stated):
+    is_bare = not header and layout.step is not None and not layout.skip_lines
+    is_left = not (reason or first.lines or is_bare)
+    if is_left and _is_text_table(header, kind, names, stated):
         return None
     if not is_confirmed and named_spectra(header):
         return None
@@ -324,7 +327,7 @@ def _read_table(
     has_times = bool(names and names[0].quantity == TIME) or kind == "pairs"
     if kind == "columns" and not names:
         has_times = are_times(columns[0]) and not counts_rows(columns[0])
-    if kind == "columns" and not (names or has_times or layout.column):
+    if kind == "columns" and not (names or has_times or layout.column or is_bare):
         raise _LayoutError(
             f"each of the {numbers.width} columns is a separate ground motion of {len(columns[0])} "
             "samples; select columns by `column`"
@@ -335,8 +338,10 @@ def _read_table(
             "sampling interval; specify it by `step`"
         )
     notes = (f"each line continues the ground motion: {reason}",) if reason else ()
-    series, unit_notes = _components(columns, names, stated, layout, has_times=has_times)
-    return FreeTable(tuple(series), (*notes, *unit_notes))
+    # `read` repeats the warnings, which are ignored while formats are tried.
+    with caught_messages() as messages:
+        series, unit_notes = _components(columns, names, stated, layout, has_times=has_times)
+    return FreeTable(tuple(series), (*notes, *unit_notes, *messages))
 
 
 _FIRST_LINES = 50  # lines that are compared with the form of the first line

@@ -526,7 +526,11 @@ def _decode(data: bytes) -> str:
         # numbers have the same bytes in all of these encodings.
         text = data.decode("latin-1")
     # DOS programs mark the end of a text with Ctrl-Z, and some editors add a line end to it.
-    return re.sub(r"[\x1a\0][\x1a\0\s]*\Z", "", text).replace("\r\n", "\n").replace("\r", "\n")
+    tail = text[len(text.rstrip("\x1a\0 \t\r\n")) :]
+    marks = [tail.index(mark) for mark in "\x1a\0" if mark in tail]
+    if marks:
+        text = text[: len(text) - len(tail) + min(marks)]
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _to_float(number: str) -> float:
