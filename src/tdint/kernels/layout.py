@@ -212,19 +212,21 @@ ACCELERATION_JUMP = 11  # jump of the acceleration between two steps by the line
 # Sum of the deviations of the tables from their lines at the end of the step, divided by the mass
 # of the floor, m/s^2
 ACCELERATION_DEVIATION = 12
+DEVIATION_BOUND = 13  # sum of the maximum absolute deviations in the step / mass, m/s^2
 # Half of the increase of the rate of the power of all dampers except modal damping (W/s) per unit
 # increase of the acceleration of the floor (m/s^2)
-VISCOUS_FACTOR = 13
+VISCOUS_FACTOR = 14
 # Half of the increase of the rate of the power of the dashpot of the story (W/s) per unit increase
 # of the drift acceleration (m/s^2)
-DASHPOT_FACTOR = 14
-OBSERVER_ROWS = 15
+DASHPOT_FACTOR = 15
+OBSERVER_ROWS = 16
 
 # forces: forces on floors; one row for each force, with the following columns. A row is a harmonic
 # force COSINE cos(OMEGA t) + SINE sin(OMEGA t) if POINTS is 0. Otherwise it is a table, linear
 # between its points and zero before the first and after the last point. All methods integrate the
 # straight line with the impulse and the first moment of the table over the step or substep
 # (`tdint.kernels.time_loop.force_tables`). The columns from LINE_TIME on change from step to step.
+# Harmonic forces are first, then tables in the order of their floors.
 FLOOR = 0  # index of the floor
 COSINE = 1  # N
 SINE = 2  # N

@@ -517,6 +517,7 @@ def find_interstep_peaks(
     # i: mass times motion, mass, and forces on floors.
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
+    next_row = scene.forces.shape[0]
     # `_floor_ends` returns the motion of a floor as `Ends`, including velocity and acceleration one
     # step before the start if `span.fast` is True.
     floor = _floor_ends(span.fast, passage, n - 1)
@@ -584,7 +585,9 @@ def find_interstep_peaks(
             inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
-                floor_forces = _add_floor_forces(span, scene.forces, link, i, floor_forces)
+                floor_forces, next_row = _add_floor_forces(
+                    span, scene.forces, link, i, floor_forces, next_row
+                )
             row = first_peak + rows.PEAK_TOTAL_SHEAR
             _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
         floor = floor_below
@@ -972,6 +975,19 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
         raise_peak(peaks, row, i, extremum)
 
 
+@inline
+def may_exceed_acceleration(span, passage, bound, peaks, i):
+    """Return True if the absolute acceleration of floor `i` may exceed its peak in a step in which
+    it deviates from the acceleration under lines of the forces by at most `bound`, m/s^2."""
+    ends = _floor_ends(span.fast, passage, i)
+    return may_exceed_acceleration_peak(
+        ends.a0 + span.ground_0,
+        ends.a1 + span.ground_1,
+        acceleration_bulge(1.0 / span.h, ends),
+        peaks[rows.PEAK_ACCELERATION, i] - bound,
+    )
+
+
 @outlined
 def raise_acceleration_in_part(span, passage, part, peaks, i):
     """Raise the peak of the absolute acceleration of floor `i` in a part of a kinked step.
@@ -1013,7 +1029,7 @@ def raise_acceleration_in_part(span, passage, part, peaks, i):
 
 
 @outlined
-def _add_floor_forces(span, forces, link, i, sums_above):
+def _add_floor_forces(span, forces, link, i, sums_above, next_row):
     """Add the forces on floor `i` to the sums over the floors above.
 
     A force is a known function of time. With s from 0 to 1 over the step, its deviation from the
@@ -1036,18 +1052,34 @@ def _add_floor_forces(span, forces, link, i, sums_above):
         Floor.
     sums_above : tuple of float
         Result of this function for floor `i + 1`.
+    next_row : int
+        First row of the tables on floors above. The tables are in the order of their floors.
 
     Returns
     -------
     tuple of float
         Sum of the forces at the start and at the end of the step, its bulge and its tilt, N.
+    int
+        First row of the tables on this floor and on floors above.
     """
     t, h = span.t, span.h
     sum_0 = link * sums_above[0]
     sum_1 = link * sums_above[1]
     bulge = link * sums_above[2]
     tilt = link * sums_above[3]
+    # Add the tables, which are lines within the step.
+    while (
+        next_row > 0
+        and forces[next_row - 1, rows.POINTS] > 0.0
+        and forces[next_row - 1, rows.FLOOR] >= i
+    ):
+        next_row -= 1
+        sum_0 += force_value(forces, next_row, t - h)
+        sum_1 += force_value(forces, next_row, t)
+    # Add the harmonic forces, which precede the tables.
     for j in range(forces.shape[0]):
+        if forces[j, rows.POINTS] > 0.0:
+            break
         if forces[j, rows.FLOOR] == i:
             force_0 = force_value(forces, j, t - h)
             force_1 = force_value(forces, j, t)
@@ -1058,7 +1090,7 @@ def _add_floor_forces(span, forces, link, i, sums_above):
             sum_1 += force_1
             bulge += 8.0 / 3.0 * (early + late)
             tilt += 16.0 / 3.0 * (early - late)
-    return sum_0, sum_1, bulge, tilt
+    return (sum_0, sum_1, bulge, tilt), next_row
 
 
 @inline

@@ -16,15 +16,16 @@ _TIME_ROUNDING = 1e-12
 def load_arrays(excitation: Excitation) -> tuple[Array, Array]:
     """Return the forces on floors as the arrays `forces` and `points` of the kernels.
 
-    The rows of harmonic forces precede the rows of tables. The points of a single table are not
-    copied; several tables are joined.
+    The rows of harmonic forces precede the rows of tables, in the order of the floors. The points
+    of a single table are not copied; several tables are joined.
     """
     harmonic = force_table(excitation.forces)
-    tables = list(dict.fromkeys(force.table for force in excitation.tables))
+    table_forces = sorted(excitation.tables, key=lambda force: force.floor)
+    tables = list(dict.fromkeys(force.table for force in table_forces))
     firsts = np.cumsum([0, *(table.data.size for table in tables)])
     first_of = dict(zip(tables, firsts.tolist(), strict=False))
-    forces = np.zeros((len(excitation.tables), rows.FORCE_COLUMNS))
-    for row, force in zip(forces, excitation.tables, strict=True):
+    forces = np.zeros((len(table_forces), rows.FORCE_COLUMNS))
+    for row, force in zip(forces, table_forces, strict=True):
         count, first = force.table.times.size, first_of[force.table]
         row[rows.FLOOR] = force.floor - 1
         row[rows.POINTS], row[rows.TIMES] = count, first

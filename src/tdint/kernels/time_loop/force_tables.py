@@ -17,7 +17,11 @@ from __future__ import annotations
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import force_value
-from tdint.kernels.peaks_between_steps import raise_acceleration_in_part, raise_peak
+from tdint.kernels.peaks_between_steps import (
+    may_exceed_acceleration,
+    raise_acceleration_in_part,
+    raise_peak,
+)
 from tdint.kernels.stepping import Passage
 
 # Points nearer to an endpoint of the step than these fractions of the step and of the time are at
@@ -87,31 +91,58 @@ def initialize_lines(forces, points):
             forces[j, rows.DEVIATION] = 0.0
 
 
+@inline
+def _locate_step(forces, points, j, t, h):
+    """Return the position of the step [t, t + h] in table `j`.
+
+    Returns
+    -------
+    int, bool, float, float
+        Number of points until the start of the step. True if no point is inside the step. Start and
+        end of the step as fractions of the interval that contains the start; 0 outside the table.
+    """
+    tolerance = _tolerance(t + h, h)
+    count = int(forces[j, rows.POINTS])
+    k = _points_until(forces, points, j, int(forces[j, rows.NEXT_POINT]), t + tolerance)
+    is_linear = k == count or _time(forces, points, j, k) >= t + h - tolerance
+    if k == 0 or k == count:
+        return k, is_linear, 0.0, 0.0
+    begin = _time(forces, points, j, k - 1)
+    length = _time(forces, points, j, k) - begin
+    return k, is_linear, (t - begin) / length, (t + h - begin) / length
+
+
+@inline
+def _copy_line(forces, points, j, h, k, share_0, share_1):
+    """Set the line of table `j` to the table in a step of length `h` (s) without points inside;
+    `k`, `share_0` and `share_1` are the position of the step from `_locate_step`."""
+    start = rate = 0.0
+    if 0 < k < int(forces[j, rows.POINTS]):
+        value = _value(forces, points, j, k - 1)
+        rise = _value(forces, points, j, k) - value
+        start = value + rise * share_0
+        rate = rise * (share_1 - share_0) / h
+    forces[j, rows.LINE_VALUE] = start
+    forces[j, rows.LINE_RATE] = rate
+    for column in range(rows.FORCE_COLUMNS, forces.shape[1]):
+        forces[j, column] = 0.0
+
+
 @outlined
 def _fit_line(forces, points, j, t, h):
-    """Fit the line of table `j` over the step [t, t + h], and store its largest deviation.
+    """Fit the line of table `j` over the step [t, t + h] with points inside, and store its largest
+    deviation. NEXT_POINT is the number of points until the start of the step.
 
-    Without points inside the step, the line is the table. The sums over the pieces between points
-    have no cancellation, unlike differences of sums from the start of the table.
+    The sums over the pieces between points have no cancellation, unlike differences of sums from
+    the start of the table.
     """
     count = int(forces[j, rows.POINTS])
-    tolerance = _tolerance(t + h, h)
-    k = _points_until(forces, points, j, int(forces[j, rows.NEXT_POINT]), t + tolerance)
-    start = _before(forces, points, j, k, t)
-    last = t + h - tolerance  # points from this time on are not inside the step
-    forces[j, rows.NEXT_POINT] = k
-    forces[j, rows.LINE_TIME] = t
-    forces[j, rows.LINE_VALUE] = start
-    forces[j, rows.DEVIATION] = 0.0
-    if k == count or _time(forces, points, j, k) >= last:
-        forces[j, rows.LINE_RATE] = (_before(forces, points, j, k, t + h) - start) / h
-        for column in range(rows.FORCE_COLUMNS, forces.shape[1]):
-            forces[j, column] = 0.0
-        return
+    k = int(forces[j, rows.NEXT_POINT])
+    last = t + h - _tolerance(t + h, h)  # points from this time on are not inside the step
     # Sum the impulse and the first moment about the middle over the pieces. Times of this loop are
     # relative to the start of the step.
     impulse = moment = largest = begin = 0.0
-    value = start
+    value = _before(forces, points, j, k, t)
     while True:
         at_end = k == count or _time(forces, points, j, k) >= last
         if at_end:
@@ -200,6 +231,16 @@ def _add_moments(forces, j, x, jump, kink):
         p_4 = ((2.0 * k + 5.0) * x * p_3 - (k + 2.0) * p_2) / (k + 3.0)
 
 
+@inline
+def _has_equal_times(forces, j, other):
+    """Return True if tables `j` and `other` have the same times."""
+    return (
+        forces[j, rows.TIMES] == forces[other, rows.TIMES]
+        and forces[j, rows.POINTS] == forces[other, rows.POINTS]
+        and forces[j, rows.DELAY] == forces[other, rows.DELAY]
+    )
+
+
 @outlined
 def start_step(scene, points, h, load, shifts, memory, seen):
     """Fit the lines of all tables over a step and shift the state to their values at its start.
@@ -222,14 +263,27 @@ def start_step(scene, points, h, load, shifts, memory, seen):
         observer_state[rows.START_FORCE, i] = 0.0
         observer_state[rows.ACCELERATION_JUMP, i] = 0.0
         observer_state[rows.ACCELERATION_DEVIATION, i] = 0.0
+        observer_state[rows.DEVIATION_BOUND, i] = 0.0
     is_kinked = has_jumps = False
     power = rate = 0.0
+    # Forces from the same file share their times, and therefore the position of the step.
+    shared = -1
+    k, is_linear, share_0, share_1 = 0, True, 0.0, 0.0
     for j in range(forces.shape[0]):
-        i = int(forces[j, rows.FLOOR])
-        old_value, old_rate = force_value(forces, j, t), forces[j, rows.LINE_RATE]
         if forces[j, rows.POINTS] == 0.0:
             continue
-        _fit_line(forces, points, j, t, h)
+        i = int(forces[j, rows.FLOOR])
+        old_value, old_rate = force_value(forces, j, t), forces[j, rows.LINE_RATE]
+        if shared < 0 or not _has_equal_times(forces, j, shared):
+            shared = j
+            k, is_linear, share_0, share_1 = _locate_step(forces, points, j, t, h)
+        forces[j, rows.NEXT_POINT] = k
+        forces[j, rows.LINE_TIME] = t
+        forces[j, rows.DEVIATION] = 0.0
+        if is_linear:
+            _copy_line(forces, points, j, h, k, share_0, share_1)
+        else:
+            _fit_line(forces, points, j, t, h)
         value = forces[j, rows.LINE_VALUE]
         observer_state[rows.START_FORCE, i] += value
         jump = value - old_value
@@ -243,12 +297,11 @@ def start_step(scene, points, h, load, shifts, memory, seen):
         rate += jump * observer_state[rows.A_PREVIOUS, i]
         if forces[j, rows.DEVIATION] > 0.0:
             is_kinked = True
-            k = _points_until(
-                forces, points, j, int(forces[j, rows.NEXT_POINT]), t + h - _tolerance(t + h, h)
-            )
-            observer_state[rows.ACCELERATION_DEVIATION, i] += scene.linear_terms[
-                rows.INVERSE_MASS, i
-            ] * (_before(forces, points, j, k, t + h) - force_value(forces, j, t + h))
+            inverse_mass = scene.linear_terms[rows.INVERSE_MASS, i]
+            last = _points_until(forces, points, j, k, t + h - _tolerance(t + h, h))
+            end = _before(forces, points, j, last, t + h) - force_value(forces, j, t + h)
+            observer_state[rows.ACCELERATION_DEVIATION, i] += inverse_mass * end
+            observer_state[rows.DEVIATION_BOUND, i] += inverse_mass * forces[j, rows.DEVIATION]
     totals[rows.POWER_INPUT] += power
     totals[rows.RATE_INPUT] += rate
     if has_jumps:
@@ -318,25 +371,35 @@ def raise_accelerations(scene, points, span, memory, seen):
         rows.OBSERVED_ACCELERATION,
     )
     start, last = span.t - span.h, span.t - _tolerance(span.t, span.h)
+    # The tables are in the order of their floors. Rows `first` to `after` - 1 are on floor `i`.
+    first = after = 0
     for i in range(linear_terms.shape[1] - 1):
+        while first < forces.shape[0] and (
+            forces[first, rows.POINTS] == 0.0 or forces[first, rows.FLOOR] < i
+        ):
+            first += 1
+        after = first
+        while after < forces.shape[0] and forces[after, rows.FLOOR] == i:
+            after += 1
+        bound = seen.observer_state[rows.DEVIATION_BOUND, i]
+        if not may_exceed_acceleration(span, passage, bound, seen.peaks, i):
+            continue
         begin = start
         while begin < last:
             # The part ends at the next point of a table on the floor, or at the end of the step.
             end = span.t
-            for j in range(forces.shape[0]):
-                if forces[j, rows.DEVIATION] > 0.0 and forces[j, rows.FLOOR] == i:
-                    k = _next_point(forces, points, j, begin, span)
-                    if k < int(forces[j, rows.POINTS]):
-                        time = _time(forces, points, j, k)
-                        end = min(end, time) if time < last else end
+            for j in range(first, after):
+                k = _next_point(forces, points, j, begin, span)
+                if k < int(forces[j, rows.POINTS]):
+                    time = _time(forces, points, j, k)
+                    end = min(end, time) if time < last else end
             deviation_0 = deviation_1 = 0.0
-            for j in range(forces.shape[0]):
-                if forces[j, rows.DEVIATION] > 0.0 and forces[j, rows.FLOOR] == i:
-                    k = _next_point(forces, points, j, begin, span)
-                    deviation_0 += _before(forces, points, j, k, begin)
-                    deviation_0 -= force_value(forces, j, begin)
-                    deviation_1 += _before(forces, points, j, k, end)
-                    deviation_1 -= force_value(forces, j, end)
+            for j in range(first, after):
+                k = _next_point(forces, points, j, begin, span)
+                deviation_0 += _before(forces, points, j, k, begin)
+                deviation_0 -= force_value(forces, j, begin)
+                deviation_1 += _before(forces, points, j, k, end)
+                deviation_1 -= force_value(forces, j, end)
             part = (
                 (begin - start) / span.h,
                 (end - start) / span.h,

@@ -162,7 +162,7 @@ def observe_span(update_shear_peaks, scene, points, span, slope, memory, seen):
     # `observe` processes the end of the span. It returns True if a peak may be exceeded at the end
     # or within the span.
     may_exceed = observe(scene, span, slope, memory, seen)
-    if span.kinked:
+    if span.kinked and may_exceed:
         raise_accelerations(scene, points, span, memory, seen)
     # `observe_within_step` processes the interior. It returns the number of stories with a reversal
     # of the drift that may cause a new peak shear. Only then are the laws evaluated at the

@@ -143,11 +143,10 @@ def observe(scene, span, slope, memory, seen):
     if BRACES and flags[rows.HAS_BRACES] != 0.0:
         _store_brace_forces(scene, state, observer_state)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
-    # The bounds include the lines of tables (row START_FORCE), but not harmonic forces within the
-    # step, nor the deviations of tables from their lines. Such steps are always searched. The first
-    # row of `forces` is a harmonic force if there is one.
+    # The bounds include tables (rows START_FORCE and DEVIATION_BOUND), but not harmonic forces
+    # within the step; with these, all steps are searched. Harmonic forces precede tables.
     has_forces = FORCES and forces.shape[0] > 0
-    may_exceed = has_forces and (forces[0, rows.POINTS] == 0.0 or span.kinked)
+    may_exceed = has_forces and forces[0, rows.POINTS] == 0.0
     # Sums over all floors and stories (`_FloorSums`); `viscous_rate` is half of the rate
     momentum = 0.0
     total_inertia = 0.0
@@ -241,12 +240,14 @@ def observe(scene, span, slope, memory, seen):
         # acceleration from a straight line in the step. The bound that follows from `bulge` also
         # covers the tilt, the antisymmetric deviation (`may_exceed_acceleration_peak`).
         bulge = acceleration_bulge(by_h, floor_ends)
-        may_exceed |= may_exceed_acceleration_peak(
-            a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
-        )
         inertia_above += mass * (a_0 + span.ground_0)
+        acceleration_peak = peaks[rows.PEAK_ACCELERATION, i]
         if has_forces:
             inertia_above -= observer_state[rows.START_FORCE, i]
+            acceleration_peak -= observer_state[rows.DEVIATION_BOUND, i]
+        may_exceed |= may_exceed_acceleration_peak(
+            a_0 + span.ground_0, a + ground, bulge, acceleration_peak
+        )
         bulge_above += mass * bulge
         may_exceed |= may_exceed_acceleration_peak(
             inertia_above, -total_shear, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
