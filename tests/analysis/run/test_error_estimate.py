@@ -21,9 +21,9 @@ from facts import states
 from random_buildings import checked_building
 from step_checks import broken
 from tdint import make_record, prepare, run, run_sequence
-from tdint.analysis.run import step_choice
+from tdint.analysis.run import error_estimate, step_choice
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import common, finer, story_errors
+from tdint.analysis.run.error_estimate import common, finer, start_peaks, story_errors
 from tdint.analysis.run.outcome import StoryErrors
 from tdint.analysis.time_steps import Steps
 from tdint.model.definition import PowerDashpot
@@ -497,3 +497,42 @@ def test_history_has_error_at_each_step():
     pieces = [piece.error.drift for piece in response.history_chunks(1)]
     assert np.array_equal(np.concatenate(pieces), response.history.error.drift)
     assert run(ten_bilinear(), record, history=True).history.error is None
+
+
+@pytest.mark.parametrize("law", [LINEAR, Law("gap", (0.012, 6e8))])
+def test_later_peaks_are_compared_if_a_building_moves_at_the_start(law):
+    """Three undamped stories in free vibration: `start_peaks` covers the true peaks at all times,
+    although both runs can report the maximum at the start. The peaks of the first steps alone do
+    not cover them."""
+    dt, duration = 0.02, 1.6
+    building = model(
+        [story(1e5, k, law, height=3.0) for k in (2.2e8, 1.8e8, 1.5e8)],
+        displacement=(0.014, 0.004, 0.016),
+    )
+    case = prepare(building, method="park")
+    true = run(building, method="impulse4", dt=dt / 32, duration=duration, check=False).stories
+    steps = Steps(dt, round(duration / dt), 1, 1)
+    first, found = start_peaks(case, replace(steps, count=2)), start_peaks(case, steps)
+    names = [name for name in NAMES if name != "residual_drift"]
+    assert any(np.any(getattr(first, name) < 0.9 * getattr(true, name)) for name in names)
+    for name in names:
+        upper, peak = getattr(found, name), getattr(true, name)
+        known = np.isfinite(peak) & (peak > 0.0)
+        assert np.all(upper[known] >= peak[known] * (1.0 - 1e-4)), name
+        assert np.all(upper[known] <= 2.0 * peak[known]), name
+
+
+def test_later_peaks_far_below_the_start_need_no_second_run(monkeypatch):
+    """With 20 % damping, the second maximum is half of the first, and one run is sufficient."""
+    runs = []
+    peaks_after = error_estimate._peaks_after
+
+    def counted(case, steps, first):
+        runs.append(steps.h)
+        return peaks_after(case, steps, first)
+
+    monkeypatch.setattr(error_estimate, "_peaks_after", counted)
+    for xi, count in ((0.2, 1), (0.0, 2)):
+        runs.clear()
+        run(oscillator(20.0, xi, displacement=(0.01,)), method="impulse4", dt=0.1, duration=2.0)
+        assert len(runs) == count

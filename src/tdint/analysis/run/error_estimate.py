@@ -20,10 +20,14 @@ which P and P1 agree by accident. It is limited by 8 |P - P1|, because the diffe
 that yields or is protected by other stories is small without an accident, and its error is small as
 well.
 
-P2 is the peak in the first two steps, by the method of the additional run with sixteen times
-shorter steps. An initial motion starts with all modes at once, also with those that the step does
-not resolve. An acceleration can have its maximum between the start and the end of the first step.
-Both runs then report the value at the start, and their difference is zero.
+P2 is the larger of two values. The first is the peak in the first two steps, by the method of the
+additional run with sixteen times shorter steps. An initial motion starts with all modes at once,
+also with those that the step does not resolve. An acceleration can have its maximum between the
+start and the end of the first step. Both runs then report the value at the start, and their
+difference is zero. The second value is an upper estimate of the peak after the first step, from two
+runs of the same method with the time steps of the run and of the additional run: the peak of the
+second run plus twice the difference of both. A maximum at the start is exact in all runs and hides
+a later maximum that both runs find too small.
 
 B and B1 are the possible excesses of the peaks between time steps which do not resolve the motion
 (`Response.interstep_bound`), of the run and of the additional run. P1 + B1 is the largest peak that
@@ -49,7 +53,7 @@ from functools import partial
 
 import numpy as np
 
-from tdint.analysis.run.case import Case
+from tdint.analysis.run.case import Case, story_peaks
 from tdint.analysis.run.outcome import (
     ElementValues,
     ErrorEstimate,
@@ -156,6 +160,16 @@ _START, _START_HALVINGS = 2, 4
 """Number of time steps at the start of a building in motion that are repeated with shorter steps,
 and number of times that the step of the additional run is halved for this. Two steps find as many
 errors as sixteen steps (325 random buildings).
+"""
+
+_LATER_FACTOR = 2.0
+"""Dimensionless. Error of a run at order 3 and more divided by its difference from a run with twice
+the time step: `_HIGH_ORDER` is the same error ratio for the longer step, minus 1.
+"""
+
+_NEAR_START = 0.7
+"""Dimensionless. Later peaks that are smaller than this part of the peaks at the start are not
+hidden by them, and a second run for the later peaks is not needed.
 """
 
 _SLOW_RUN = 2.0
@@ -341,10 +355,10 @@ def factors(method: Integrator) -> EstimateFactors:
     return _HIGH_ORDER if method.order >= _MIN_HIGH_ORDER else _LOW_ORDER
 
 
-def start_peaks(case: Case, steps: Steps) -> StoryPeaks | None:
-    """Return the peaks in the first steps of a building that moves at the start.
+def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks | None:
+    """Return the peaks of a building that moves at the start which two runs can both miss.
 
-    The peaks are computed by the method of the additional run with sixteen times shorter steps.
+    They are the values P2 of the module docstring.
 
     Parameters
     ----------
@@ -352,6 +366,8 @@ def start_peaks(case: Case, steps: Steps) -> StoryPeaks | None:
         Building, ground motion and method of the run.
     steps : Steps
         Time steps of the run.
+    last : int, optional
+        Number of steps of the first event of a sequence; the default is the complete run.
 
     Returns
     -------
@@ -365,7 +381,42 @@ def start_peaks(case: Case, steps: Steps) -> StoryPeaks | None:
     for _ in range(_START_HALVINGS):
         short = finer(short)
     start = attempt(reference(case), short)
-    return None if isinstance(start, FailedRun) else start.stories
+    if isinstance(start, FailedRun):
+        return None
+    later = _later_peaks(case, replace(steps, count=last or steps.count), start.stories)
+    if later is None:
+        return start.stories
+    names = [field.name for field in fields(StoryErrors)]
+    return replace(
+        start.stories,
+        **{name: np.maximum(getattr(start.stories, name), getattr(later, name)) for name in names},
+    )
+
+
+def _later_peaks(case: Case, steps: Steps, start: StoryPeaks) -> StoryErrors | None:
+    """Return upper estimates of the peaks after the first step, by two runs of the method of the
+    additional run; None if all are far below the peaks `start` or a run fails."""
+    names = [field.name for field in fields(StoryErrors) if field.name != "residual_drift"]
+    other, shorter = reference(case), reference_steps(case, steps)
+    coarse = _peaks_after(other, steps, 1)
+    if coarse is None or not any(
+        np.any(getattr(coarse, name) > _NEAR_START * getattr(start, name)) for name in names
+    ):
+        return None
+    fine = _peaks_after(other, shorter, round(steps.h / shorter.h))
+    if fine is None:
+        return None
+    by = EstimateFactors(_LATER_FACTOR, _MOST)
+    peaks = {name: (getattr(fine, name), getattr(coarse, name)) for name in names}
+    later = {name: f + _extrapolated(f, c, f, by) for name, (f, c) in peaks.items()}
+    return StoryErrors(**later, residual_drift=np.zeros_like(start.residual_drift))
+
+
+def _peaks_after(case: Case, steps: Steps, first: int) -> StoryPeaks | None:
+    """Return the peaks after step number `first`; None if the run ends before."""
+    parts = case.prepared.integrate_in_parts(case.method, steps, case.ground, [0, first])
+    peaks = [story_peaks(case.building, space) for space in parts]
+    return peaks[1] if len(peaks) == 2 else None
 
 
 def story_errors(

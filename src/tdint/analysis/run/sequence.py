@@ -197,7 +197,9 @@ def event_responses(
         return events
     others = _parts(reference(joined), sequence, reference_steps(joined, steps))
     # A motion of the building at the start affects the error estimate of the first event only.
-    starts = (start_peaks(joined, steps), *(None for _ in events[1:]))
+    end_of_first = (*_first_steps(sequence, steps), steps.count)[1]
+    start = start_peaks(joined, steps, min(end_of_first, steps.count))
+    starts = (start, *(None for _ in events[1:]))
     # The additional run may end earlier and contain fewer events (`strict=False`).
     return tuple(
         replace(event, errors=story_errors(event, other, factors(joined.method), start=start))
@@ -211,8 +213,7 @@ def _parts(joined: Case, sequence: EventSequence, steps: Steps) -> tuple[EventRe
     `steps` contains the time steps of the complete run. Events that start after its end are
     omitted.
     """
-    # The ground acceleration of an event starts to change at the sample before its first sample.
-    firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
+    firsts = _first_steps(sequence, steps)
     building, dt = joined.building, sequence.records[0].dt
     parts = joined.prepared.integrate_in_parts(joined.method, steps, joined.ground, firsts)
     events = []
@@ -222,6 +223,14 @@ def _parts(joined: Case, sequence: EventSequence, steps: Steps) -> tuple[EventRe
         bound = run_totals.interstep_peak_errors(building, space, 0.0, stories)
         events.append(EventResponse(record, start * dt, stories, bound))
     return tuple(events)
+
+
+def _first_steps(sequence: EventSequence, steps: Steps) -> list[int]:
+    """Return the number of steps before each event.
+
+    The ground acceleration of an event starts to change at the sample before its first sample.
+    """
+    return [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
 
 
 def _steps(case: Case, record: Record, dt: float | None) -> Steps:
