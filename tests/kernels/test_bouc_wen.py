@@ -104,7 +104,15 @@ def forces_by_path_integration(law_parameters, turn, drifts, go=forces_behind.fu
 
 def compiled_forces_by_path_integration(law_parameters, turn, drifts):
     """Return the forces of `gone_along`, compiled only for this law."""
-    alone = Variant(("bouc-wen",), modal=False, forces=False, dashpots=False, elements=False)
+    alone = Variant(
+        ("bouc-wen",),
+        modal=False,
+        forces=False,
+        dashpots=False,
+        elements=False,
+        braces=False,
+        tangent_damping=False,
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compilable, "WHOLE", False)
         return forces_by_path_integration(

@@ -411,11 +411,25 @@ def test_constants_specialize_only_marked_functions(decorate, times):
 def test_text_of_variant_is_parsed_to_same_variant():
     for variant in (
         EVERYTHING,
-        Variant(("linear", "bilinear"), modal=False, forces=True, dashpots=False, elements=False),
+        Variant(
+            ("linear", "bilinear"),
+            modal=False,
+            forces=True,
+            dashpots=False,
+            elements=False,
+            braces=False,
+            tangent_damping=False,
+        ),
     ):
         assert parse(variant.text) == variant
     assert parse("linear") == Variant(
-        ("linear",), modal=False, forces=False, dashpots=False, elements=False
+        ("linear",),
+        modal=False,
+        forces=False,
+        dashpots=False,
+        elements=False,
+        braces=False,
+        tangent_damping=False,
     )
     assert parse("linear+modal").only(("laws",)) == Variant(("linear",))
     with pytest.raises(ValueError, match="unknown"):

@@ -200,11 +200,23 @@ def test_collapse_time_is_first_step_beyond_collapse_drift():
 def test_compiled_variant_follows_from_building():
     plain = PreparedBuilding.of(ten_bilinear()).variant
     assert plain == Variant(
-        ("linear", "bilinear"), modal=False, forces=False, dashpots=False, elements=False
+        ("linear", "bilinear"),
+        modal=False,
+        forces=False,
+        dashpots=False,
+        elements=False,
+        braces=False,
+        tangent_damping=False,
     )
     forced = PreparedBuilding.of(
         model([story(2e5, 3e8)], forces=[Force(1, 1e3, 0.0, 5.0)], damping=ModalDamping((0.05,)))
     )
     assert forced.variant == Variant(
-        ("linear",), modal=True, forces=True, dashpots=False, elements=False
+        ("linear",),
+        modal=True,
+        forces=True,
+        dashpots=False,
+        elements=False,
+        braces=False,
+        tangent_damping=False,
     )
