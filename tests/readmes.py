@@ -230,6 +230,7 @@ def columns():
     """Return the columns of every table, by command."""
     return {
         "tdint run": responses.STORY_COLUMNS,
+        "elements.csv of tdint run": (*responses.ELEMENT_COLUMNS, *responses.ELEMENT_ERROR),
         "history.csv of tdint run": responses.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,

@@ -110,9 +110,13 @@ def element_peaks(model: Model, space: Workspace, stories: StoryPeaks) -> Elemen
     columns = slice(len(model.stories) + 1, None)
     yield_drift = np.array([element_yield_drifts(story)[j] for _, story, j in elements])
     indices = np.array([i for i, _, _ in elements])
+    peak_force = space.law_state[rows.PEAK_FORCE, columns].copy()
+    energy = space.law_state[rows.ENERGY_SPENT, columns].copy()
+    # The difference of work and stored energy of an elastic element is a rounding error.
+    energy[np.abs(energy) <= _ROUNDING * peak_force * stories.peak_drift[indices]] = 0.0
     return ElementPeaks(
-        peak_force=space.law_state[rows.PEAK_FORCE, columns].copy(),
-        dissipated_energy=space.law_state[rows.ENERGY_SPENT, columns].copy(),
+        peak_force=peak_force,
+        dissipated_energy=energy,
         ductility=stories.peak_drift[indices] / yield_drift,
         story=indices + 1,
         element=np.array([story.elements[j].name for _, story, j in elements]),
@@ -346,6 +350,8 @@ HISTORIES: dict[str, FieldFunction] = {
 
 # ---- Case: building, ground motion and method of a run
 
+_ROUNDING = 1e-12
+"""Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
 _LARGE_IMBALANCE = 0.01
 """Dimensionless. Energy error above which the result of a run includes a warning."""
 

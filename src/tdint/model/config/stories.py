@@ -654,9 +654,11 @@ def _read_element(entry: Value, unit: ModelUnits) -> Element:
     has_unknown = any(map(math.isnan, parameters))
     stiffness_of_law = law.initial_stiffness(parameters) if law.initial_stiffness else None
     # An element that stiffens, such as a stop, may have no stiffness before it stiffens.
+    factor = unit.factor(force=1, length=-1)
     if stiffness_of_law is None and (has_unknown or law.stiffens(parameters)):
-        factor = unit.factor(force=1, length=-1)
         stiffness = section.number("stiffness", NOT_NEGATIVE, factor, default=0.0)
+    elif stiffness_of_law is None:
+        stiffness = section.number("stiffness", POSITIVE, factor)
     else:
         stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
     if has_unknown:

@@ -1,0 +1,139 @@
+"""Elements of a story on the command line: tables, parameters, messages, tests of one element."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tdint import load_model
+from tdint.errors import ModelError
+from tdint.model.building import stiffness_after_yield
+
+MODEL = """
+units: {length: m, force: kN, mass: t}
+stories:
+  - mass: 500
+    height: 3.0
+    elements:
+      - {name: bearings, type: bilinear, stiffness: 5.0e4, yield_force: 250, hardening: 0.1}
+      - {name: moat wall, type: gap, gap: 0.02, stop_stiffness: 1.0e5}
+damping: 3%
+excitation: {forces: [{floor: 1, amplitude: 400, omega: 8, phase: sin}]}
+analysis: {dt: 0.02, duration: 2}
+"""
+
+
+@pytest.fixture
+def model(folder):
+    Path("m.yaml").write_text(MODEL)
+    return "m.yaml"
+
+
+def test_run_writes_a_table_of_elements(model, tdint):
+    result = tdint("run", model, "-o", "out", "--history")
+    assert result.exit_code == 0, result.output
+    with Path("out/elements.csv").open() as file:
+        bearings, wall = csv.DictReader(file)
+    assert (bearings["story"], bearings["element"], bearings["law"]) == (
+        "1",
+        "bearings",
+        "bilinear",
+    )
+    assert wall["element"] == "moat wall" and wall["yield_drift_m"] == wall["ductility"] == ""
+    with Path("out/stories.csv").open() as file:
+        (story,) = csv.DictReader(file)
+    drift = float(story["peak_drift_m"])
+    assert float(bearings["ductility"]) == pytest.approx(drift / 0.005, rel=1e-9)
+    assert float(wall["peak_force_N"]) == pytest.approx(1e8 * (drift - 0.02), rel=1e-6)
+    summary = json.loads(Path("out/summary.json").read_text())
+    assert [row["element"] for row in summary["elements"]] == ["bearings", "moat wall"]
+    assert summary["meanings"]["peak_force_N"]["unit"] == "N"
+    assert any("element that yields first" in note for note in summary["notes"])
+    # The forces of the elements in the history add up to the story shear.
+    with Path("out/history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        parts = [float(row[f"story_1_{name}_force_N"]) for name in ("bearings", "moat_wall")]
+        assert sum(parts) == pytest.approx(float(row["story_1_shear_N"]), rel=1e-9, abs=1e-3)
+
+
+def test_law_tests_one_element(model, tdint):
+    story = tdint("law", model, "--drift", "50mm", "--points", "5")
+    bearings = tdint("law", model, "--drift", "50mm", "--points", "5", "--element", "bearings")
+    assert "bilinear + gap" in story.stderr and "element bearings" in bearings.stderr
+    peaks = [
+        max(float(row["shear_N"]) for row in csv.DictReader(result.stdout.splitlines()))
+        for result in (story, bearings)
+    ]
+    assert peaks == pytest.approx([250e3 + 5e6 * 0.045 + 1e8 * 0.03, 250e3 + 5e6 * 0.045])
+    result = tdint("law", model, "--drift", "50mm", "--element", "wall")
+    assert result.exit_code == 2 and "did you mean 'moat wall'?" in result.stderr
+
+
+def test_pushover_lists_yielding_and_contact(model, tdint):
+    result = tdint("pushover", model, "--drift", "2%", "-o", "curve.csv")
+    assert result.exit_code == 0, result.output
+    events = json.loads(Path("curve.json").read_text())["element_events"]["events"]
+    assert [(event["element"], round(event["drift_m"], 9)) for event in events] == [
+        ("bearings", 0.005),
+        ("moat wall", 0.02),
+    ]
+    assert "moat wall: stiffness 0 to 1e+08 N/m at a drift of 0.02 m" in result.stderr
+
+
+ERRORS = {
+    "elements: []": "stories[1].elements: must contain at least one element",
+    "elements: [{type: gap, gap: 1, stop_stiffness: 1}]": "stories[1].elements: the sum of the "
+    "initial stiffnesses of the elements must be positive; add the stiffness of an element",
+    "elements: [{type: bilinear, yield_force: 1, hardening: 0}]": "stories[1].elements[1].stiffness"
+    ": is missing; give a positive number",
+    "law: linear, elements: [{type: linear, stiffness: 1}]": "stories[1]: give either `law` or "
+    "`elements`, not both; move the law into an element",
+    "stiffness: 1, elements: [{type: linear, stiffness: 1}]": "stories[1]: give either `stiffness` "
+    "or `elements`, not both; move the stiffness into an element",
+    "elements: [{type: linear, name: a, stiffness: 1}, {type: linear, name: a, stiffness: 1}]": (
+        "stories[1].elements[2].name: 'a' is already the name of element 1; names must be unique "
+        "within the story"
+    ),
+    "elements: [{type: linear, name: '1', stiffness: 1}]": "stories[1].elements[1].name: must "
+    "contain a letter and none of [ ] , = and quotation marks, got '1'",
+    "elements: [3]": "stories[1].elements[1]: must be a mapping with `type`, `stiffness` and the "
+    "parameters of the law",
+}
+
+
+@pytest.mark.parametrize("story", ERRORS)
+def test_errors_of_elements(story):
+    with pytest.raises(ModelError) as error:
+        load_model(_mapping(story))
+    assert str(error.value).partition(": ")[2] == ERRORS[story]
+
+
+def _mapping(story):
+    import yaml
+
+    return {"stories": [yaml.safe_load(f"{{mass: 1, {story}}}")]}
+
+
+def test_one_element_is_the_law_of_the_story():
+    spring = {"type": "bilinear", "yield_force": 1.0, "hardening": 0.1}
+    one = load_model({"stories": [{"mass": 1, "elements": [{**spring, "stiffness": 2.0}]}]})
+    law = load_model({"stories": [{"mass": 1, "stiffness": 2.0, "law": spring}]})
+    assert one.stories == law.stories
+
+
+def test_names_of_elements_without_a_name():
+    linear = {"type": "linear", "stiffness": 1.0}
+    model = load_model({"stories": [{"mass": 1, "elements": [linear, linear]}]})
+    assert [element.name for element in model.stories[0].elements] == ["linear", "linear 2"]
+
+
+def test_stiffness_after_yield_is_the_sum_after_all_have_yielded():
+    springs = [
+        {"type": "bilinear", "stiffness": 1000.0, "yield_force": 60.0, "hardening": 0.1},
+        {"type": "linear", "stiffness": 30.0},
+        {"type": "gap", "gap": 1.0, "stop_stiffness": 1e6},
+    ]
+    story = load_model({"stories": [{"mass": 1, "elements": springs}]}).stories[0]
+    assert stiffness_after_yield(story) == pytest.approx(130.0)
