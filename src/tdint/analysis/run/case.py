@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.run.elements import element_peaks
 from tdint.analysis.run.outcome import (
     DIVERGED,
     ENERGY_TERMS,
@@ -23,7 +24,6 @@ from tdint.analysis.run.outcome import (
     STORY_QUANTITIES,
     UNSTABLE,
     Collapse,
-    ElementPeaks,
     Energy,
     EnergyHistory,
     FailedRun,
@@ -48,7 +48,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
-from tdint.model.building import Building, element_yield_drifts
+from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model
 from tdint.model.force_arrays import add_force_history
 from tdint.model.plausibility import (
@@ -97,32 +97,6 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
         Arrays of shape (n,) or (runs, n) with one attribute for each quantity, in SI units.
     """
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
-
-
-def element_peaks(model: Model, space: Workspace, stories: StoryPeaks) -> ElementPeaks | None:
-    """Return the results of the elements of all stories with several elements; None without such
-    stories."""
-    elements = [
-        (i, story, j) for i, story in enumerate(model.stories) for j in range(len(story.elements))
-    ]
-    if not elements:
-        return None
-    columns = slice(len(model.stories) + 1, None)
-    yield_drift = np.array([element_yield_drifts(story)[j] for _, story, j in elements])
-    indices = np.array([i for i, _, _ in elements])
-    peak_force = space.law_state[rows.PEAK_FORCE, columns].copy()
-    energy = space.law_state[rows.ENERGY_SPENT, columns].copy()
-    # The difference of work and stored energy of an elastic element is a rounding error.
-    energy[np.abs(energy) <= _ROUNDING * peak_force * stories.peak_drift[indices]] = 0.0
-    return ElementPeaks(
-        peak_force=peak_force,
-        dissipated_energy=energy,
-        ductility=stories.peak_drift[indices] / yield_drift,
-        story=indices + 1,
-        element=np.array([story.elements[j].name for _, story, j in elements]),
-        law=np.array([story.elements[j].law.name for _, story, j in elements]),
-        yield_drift=yield_drift,
-    )
 
 
 def residual_oscillation(building: Building, space: Workspace) -> Array:
@@ -350,8 +324,6 @@ HISTORIES: dict[str, FieldFunction] = {
 
 # ---- Case: building, ground motion and method of a run
 
-_ROUNDING = 1e-12
-"""Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
 _LARGE_IMBALANCE = 0.01
 """Dimensionless. Energy error above which the result of a run includes a warning."""
 
