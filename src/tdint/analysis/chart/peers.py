@@ -317,6 +317,8 @@ def _unsupported(problem: Problem) -> str:
         return "the model has power-law dashpots"
     if building.braced or building.tangent_damped:
         return "the model has dampers with braces or damping with the tangent stiffness"
+    if problem.model.excitation.tables:
+        return "forces on floors are from tables"
     if len(building.modal):
         return "the model has modal damping"
     if _proportion(building.linear_terms[rows.FLOOR_DAMPER, :-1], building.mass) is None:
@@ -553,6 +555,8 @@ def solve_ivp_points(
     notes : list of str
         Notes on omitted points.
     """
+    if problem.model.excitation.tables:
+        return [], ["scipy's solve_ivp is omitted: forces on floors are from tables"]
     law = _bilinear_parts(problem)
     if law is None:
         return [], [

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -36,13 +36,17 @@ from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
 from tdint.model.definition import (
     CODES,
+    Force,
     Initial,
     ModalDamping,
     Model,
     RayleighCoefficients,
     RayleighRatio,
+    TableForce,
 )
 from tdint.system import cache_subfolder
+
+_Moved = TypeVar("_Moved", Force, TableForce)
 
 
 @dataclass(frozen=True)
@@ -128,8 +132,8 @@ class Problem:
     def forces(self) -> Array:
         """Forces on floors, one row per force.
 
-        A force is cosine cos(omega t) + sine sin(omega t). The columns are `layout.FLOOR` (number
-        of the floor from 0), `COSINE` (N), `SINE` (N) and `OMEGA` (rad/s).
+        The columns are those of `tdint.kernels.layout`, for harmonic forces `FLOOR` (number of the
+        floor from 0), `COSINE` (N), `SINE` (N) and `OMEGA` (rad/s).
         """
         return self.prepared.forces
 
@@ -285,7 +289,7 @@ def pose(
     problem = Problem(model, record, interval_steps.h, interval_steps.count)
     excitations = (
         problem.ground[: problem.samples + 1],
-        problem.forces[:, 1:3],  # the columns COSINE and SINE
+        problem.forces[:, [rows.COSINE, rows.SINE, rows.FACTOR]],
         problem.displacement,
         problem.velocity,
     )
@@ -346,15 +350,18 @@ def stretched(model: Model, count: int) -> Model:
         )
     elif isinstance(damping, ModalDamping):
         damping = ModalDamping(damping.ratios[:count])
-    forces = tuple(
-        replace(force, floor=max(1, math.ceil(force.floor * count / old_count)))
-        for force in model.excitation.forces
-    )
+
+    def moved(force: _Moved) -> _Moved:
+        """Return a force on the floor of the new building."""
+        return replace(force, floor=max(1, math.ceil(force.floor * count / old_count)))
+
+    forces = tuple(map(moved, model.excitation.forces))
+    tables = tuple(map(moved, model.excitation.tables))
     return replace(
         model,
         stories=tuple(model.stories[i] for i in old_stories),
         damping=damping,
-        excitation=replace(model.excitation, forces=forces),
+        excitation=replace(model.excitation, forces=forces, tables=tables),
         initial=Initial(
             tuple(model.initial.displacement[i] for i in old_stories),
             tuple(model.initial.velocity[i] for i in old_stories),
@@ -539,7 +546,9 @@ def _solve(problem: Problem, samples: int) -> Reference:
     # Select the methods and the target of the gap, which is larger for kinked force curves, because
     # kinks increase the difference between two solutions.
     building = problem.building
-    if building.linear and not len(problem.forces) and building.stories <= EXACT_UP_TO:
+    # `exact` integrates forces from tables exactly, but approximates harmonic forces.
+    has_harmonic_forces = bool(problem.model.excitation.forces)
+    if building.linear and not has_harmonic_forces and building.stories <= EXACT_UP_TO:
         method, confirming_method, target_gap = "exact", "impulse4", _EXACT_GOAL
     else:
         method, confirming_method = "impulse4", "newmark-average"
@@ -655,6 +664,7 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
         building.modal,
         problem.ground,
         problem.forces,
+        problem.prepared.points,
     )
     for table in (*tables, problem.displacement, problem.velocity):
         digest.update(repr(table.shape).encode())
