@@ -22,6 +22,15 @@ def force_value(forces, j, t):
     """Return floor force `j` at time `t` (s), N.
 
     It is COSINE cos(OMEGA t) + SINE sin(OMEGA t), or the line of a table in the current step.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Forces on floors: one row per force (see `tdint.kernels.layout`).
+    j : int
+        Row of the force.
+    t : float
+        Time, s; for a table, within the current step.
     """
     if forces[j, rows.POINTS] > 0.0:
         return forces[j, rows.LINE_VALUE] + forces[j, rows.LINE_RATE] * (
@@ -33,7 +42,17 @@ def force_value(forces, j, t):
 
 @inline
 def force_rate(forces, j, t):
-    """Return the rate of floor force `j` at time `t` (s), N/s: the derivative of `force_value`."""
+    """Return the rate of floor force `j` at time `t` (s), N/s: the derivative of `force_value`.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Forces on floors: one row per force (see `tdint.kernels.layout`).
+    j : int
+        Row of the force.
+    t : float
+        Time, s; for a table, within the current step.
+    """
     if forces[j, rows.POINTS] > 0.0:
         return forces[j, rows.LINE_RATE]
     omega = forces[j, rows.OMEGA]

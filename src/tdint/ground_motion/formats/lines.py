@@ -277,7 +277,10 @@ class Lines:
     def following_rows(self, width: int | None = None) -> list[list[float]]:
         """Read the successive rows of numbers, and return the numbers of each row.
 
-        `width` is the number of characters per number, as for `numbers`.
+        Parameters
+        ----------
+        width : int, optional
+            Number of characters per number, as for `numbers`.
 
         Raises
         ------
@@ -292,8 +295,18 @@ class Lines:
         return rows
 
     def expect_no_numbers(self, count: float) -> None:
-        """Skip the text to the end of the file; raise RecordError at a row of numbers, because the
-        header states only `count` values."""
+        """Skip the text to the end of the file.
+
+        Parameters
+        ----------
+        count : float
+            Number of values that the header states.
+
+        Raises
+        ------
+        RecordError
+            A row of numbers follows.
+        """
         while self.peek() is not None:
             if self.at_numbers():
                 raise RecordError(
@@ -308,6 +321,11 @@ class Lines:
         The numbers of a row are right-aligned in fields of `width` characters, so that the last row
         ends at the end of a number of the row before it. A file that ends with a newline is
         complete.
+
+        Parameters
+        ----------
+        width : int
+            Number of characters of a number.
         """
         if self._ends_with_newline or self._next < len(self._lines) or self._next < 2:
             return
