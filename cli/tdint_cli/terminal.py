@@ -130,7 +130,7 @@ def _combine_equal(texts: Sequence[str]) -> list[str]:
     """
     files_of_message: dict[str, list[str]] = {}
     for text in texts:
-        file, _, message = text.rpartition(": ")
+        file, message = _file_and_message(text)
         files_of_message.setdefault(message, []).append(file)
     # A message without a file has an empty file name and is not combined.
     common_messages = {
@@ -138,11 +138,18 @@ def _combine_equal(texts: Sequence[str]) -> list[str]:
         for message, files in files_of_message.items()
         if len(files) > _SINGLE and all(files)
     }
-    single_lines = [text for text in texts if text.rpartition(": ")[2] not in common_messages]
+    single_lines = [text for text in texts if _file_and_message(text)[1] not in common_messages]
     return single_lines + [
         f"{files[0]} and {len(files) - 1} more: {message}"
         for message, files in common_messages.items()
     ]
+
+
+def _file_and_message(text: str) -> tuple[str, str]:
+    """Return the file and the message of a text `FILE: MESSAGE`; the message may contain colons.
+    The file is empty if the text names none."""
+    file, separator, message = text.partition(": ")
+    return (file, message) if separator else ("", text)
 
 
 def complain(text: str, settings: Settings | None = None) -> None:

@@ -197,6 +197,9 @@ def test_the_mean_of_one_ground_motion_has_no_scatter(folder, tdint):
         warnings.simplefilter("error")
         messages = tdint("match", "motion.mseed", *arguments, *target, code=0).stderr
     assert "mean spectrum of 1 ground motion" in messages
+    # The displacement of the record ends at its peak, also after matching.
+    assert "note: motion.mseed HNE: the displacement at the end is" in messages
+    assert "Warning: motion.mseed HNE, matched: the displacement at the end is" in messages
     assert "scatter" not in messages
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from csv_rows import rows
 from facts import each_states
-from ground_motion import format_files
+from ground_motion import format_files, network_files
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.measures import spectrum_intensity
 from tdint.ground_motion.reading.read import read_record
@@ -41,6 +41,14 @@ def test_each_component_has_a_row_in_order(folder, tdint):
     periods = np.linspace(0.1, 2.5, 4801)
     fine = spectrum_intensity(periods, spectrum(read_record("other.mseed"), periods, 0.05).psv)
     assert float(row["housner_intensity_m"]) == pytest.approx(fine, rel=1e-4)
+
+
+def test_notes_keep_their_commas_and_are_listed_once_for_a_file(folder, tdint):
+    """The note about repeated rows applies to all three components, the others to one of them."""
+    (folder / "a.012").write_text(network_files.unam(repeated=2))
+    notes = [row["notes"] for row in rows(tdint("info", "a.012").stdout)]
+    assert [text.count("2 rows omitted that repeat the last row") for text in notes] == [1, 0, 0]
+    assert all("m/s^2, 21% of the peak; check whether" in text for text in notes)
 
 
 def test_units_and_their_source(folder, tdint, make_record):

@@ -480,3 +480,17 @@ def test_a_figure_of_a_long_run_is_thinned(folder, tdint, monkeypatch):
     (response,) = shown
     assert response.steps == 100
     assert response.history.time == pytest.approx(np.arange(0.0, 2.0 + 1e-9, 0.08))
+
+
+def test_a_drift_of_the_baseline_is_reported(folder, tdint):
+    """Without its mean, the motion has no drift."""
+    samples = 0.2 + np.sin(0.3 * np.arange(400))
+    lines = ["# dt = 0.01, units = m/s^2", *(f"{value:.6f}" for value in samples)]
+    (folder / "drift.txt").write_text("\n".join(lines) + "\n")
+    result = tdint("run", "shaken.yaml", "--record", "drift.txt", "-o", "out", code=0)
+    expected = "the velocity at the end is 0.8"
+    assert f"note: {expected}" in result.stderr
+    notes = json.loads((folder / "out" / "summary.json").read_text())["notes"]
+    assert any(note.startswith(expected) for note in notes)
+    result = tdint("run", "shaken.yaml", "drift.txt", "--highpass", "0.5", "--pad", "5", code=0)
+    assert "at the end is" not in result.stderr

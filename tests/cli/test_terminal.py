@@ -91,6 +91,18 @@ def test_partial_writes_are_repeated_until_complete_or_refused(monkeypatch):
     assert complete.taken == data
 
 
+def test_equal_messages_about_files_are_combined(capsys):
+    """The part after a colon belongs to the message."""
+    with click.Context(click.Command("some"), obj=Settings()):
+        terminal.note(*(f"{name}.V2: vertical component omitted: V" for name in "abc"))
+        terminal.note(*(f"{name}.V2: vertical component omitted: {name}" for name in "ab"))
+    assert capsys.readouterr().err.splitlines() == [
+        "note: a.V2 and 2 more: vertical component omitted: V",
+        "note: a.V2: vertical component omitted: a",
+        "note: b.V2: vertical component omitted: b",
+    ]
+
+
 class Screen(io.StringIO):
     """Terminal as standard error."""
 

@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facts import each_states
+from facts import each_states, states
 from tdint.ground_motion.measures import (
+    baseline_notes,
+    baseline_notes_of_suite,
     cumulative_absolute_velocity,
     cumulative_energy,
     cut_off,
@@ -191,6 +193,36 @@ class TestUnusualRecords:
     )
     def test_suspect_samples_are_noted(self, samples, notes):
         assert each_states(measure(record(samples)).notes, notes)
+
+
+class TestBaseline:
+    """A constant acceleration is a drift of the baseline: the velocity ends at its peak."""
+
+    drift, sound = [0, 0.1] + [0.1] * 40 + [0], [0, 1, -2, 1, 0]
+
+    def test_notes_are_those_of_measures(self):
+        for samples in (self.drift, self.sound, [1, -0.5, 0, 1, -2, 1, 0]):
+            assert baseline_notes(record(samples)) == measure(record(samples)).notes
+        # Zeros at the ends do not change the response of a building.
+        assert baseline_notes(record([0] * 30 + self.sound)) == ()
+
+    def test_displacement_at_the_end(self):
+        """After 1 and -1 m/s^2 for 1 s each, the ground rests 1 m from its start."""
+        samples = [0, 1, 1, 0, -1, -1, 0]
+        (note,) = baseline_notes(record(samples, 0.4))
+        assert note.startswith("the displacement at the end is ")
+        assert "100% of its peak" in note
+        stored = replace(record(samples, 0.4), peaks=(None, 2.0))
+        assert baseline_notes(stored) == ()
+
+    def test_suite_has_one_note_for_each_property(self):
+        suite = [replace(record(self.drift), source=f"{name}.csv") for name in "abcdefgh"]
+        suite.insert(3, replace(record(self.sound), source="sound.csv"))
+        (note,) = baseline_notes_of_suite(suite)
+        assert states(note, "velocity at the end ... a.csv (2.05 m/s, 100%), b.csv ... baseline")
+        assert "sound" not in note and "more" in note
+        (note,) = baseline_notes_of_suite(suite[2:4])
+        assert note == f"c.csv: {baseline_notes(suite[2])[0]}"
 
 
 class TestMeasuresOfFrequencyAndLevel:

@@ -4,6 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tdint.analysis.chart.profiles import METHODS
@@ -68,6 +69,23 @@ def test_a_legend_lists_some_lines_and_counts_the_others():
         1,
     ]
     assert legend_columns([], 4) == 1 and legend_columns(["x"] * 3, 5) == 3
+
+
+@pytest.mark.parametrize("size", [20, 60, 110, 300])
+def test_a_legend_is_not_wider_than_its_figure(size):
+    """The ends of long labels remain visible, because they distinguish the lines."""
+    figure = Figure(figsize=(7.5, 4.0))
+    axes = figure.subplots()
+    labels = [f"{'a_file_name ' * (size // 12)}, RotD{number}" for number in range(9)]
+    lines = [axes.plot([0, 1], [number, 1])[0] for number in range(9)]
+    add_legend(figure, axes, lines, labels)
+    (legend,) = figure.legends
+    extent = legend.get_window_extent(FigureCanvasAgg(figure).get_renderer())
+    assert extent.width <= figure.bbox.width
+    shown = [" ".join(text.get_text().split()) for text in legend.get_texts()]
+    assert shown == [" ".join(label.split()) for label in labels]
+    # The height of the figure increases by the height of the legend.
+    assert figure.get_figheight() - 4.0 == pytest.approx(extent.height / figure.dpi, abs=0.5)
 
 
 @pytest.mark.parametrize(

@@ -302,7 +302,10 @@ def _misfit_warning(matched: Match, max_misfit: float) -> list[str]:
 
 
 def _change_warnings(matched: Match) -> list[str]:
-    """Return the warnings about a large change or a large ground displacement of a match."""
+    """Return the warnings about a large change, a large ground displacement or a doubtful baseline
+    of a match."""
+    from tdint.ground_motion.measures import baseline_notes
+
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
     warnings = []
     if matched.change > _MAX_CHANGE:
@@ -319,4 +322,8 @@ def _change_warnings(matched: Match) -> list[str]:
                 f"{subject}: matching increases the peak ground displacement to "
                 f"{matched_measures.pgd / seed_measures.pgd:.2g} times its initial value"
             )
+        warnings += [
+            f"{component.after.source} {component.after.component}, matched: {text}"
+            for text in baseline_notes(component.after)
+        ]
     return warnings

@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -149,7 +150,7 @@ def measure(record: Record) -> Measures:
     with np.errstate(over="ignore", invalid="ignore"):
         motion = integrate(record)
         leading, trailing = zeros_at_ends(record.acceleration)
-        warnings = _plausibility_notes(record, motion, leading, trailing)
+        doubts = _doubts(record, motion)
     # Peaks that are stored in the file are used instead of the integrated peaks, because they are
     # more accurate. The notes state the integrated peaks for comparison.
     peaks = (
@@ -170,7 +171,11 @@ def measure(record: Record) -> Measures:
         mean=float(np.mean(record.acceleration)),
         leading_zeros=leading,
         trailing_zeros=trailing,
-        notes=(*peak_notes, *warnings),
+        notes=(
+            *peak_notes,
+            *_zero_notes(record.acceleration.size, leading, trailing),
+            *map(str, doubts),
+        ),
     )
 
 
@@ -661,53 +666,103 @@ def _largest(values: Array) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def _plausibility_notes(
-    record: Record, motion: Motion, leading: int, trailing: int
-) -> tuple[str, ...]:
-    """Return notes about properties that a complete and corrected ground motion does not have: many
-    zeros at an end, a large first sample, or a baseline drift.
+def baseline_notes(record: Record) -> tuple[str, ...]:
+    """Return notes if the start of a motion may be missing, or if its baseline may drift.
 
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
-    motion : Motion
-        Velocity and displacement of the same ground motion.
-    leading, trailing : int
-        Number of zeros at the start and at the end.
-
-    Returns
-    -------
-    tuple of str
-        One note for each such property; otherwise empty.
+    These are the notes of `measure` about a large first sample, and about a velocity or a
+    displacement that ends far from zero.
     """
-    samples, size = record.acceleration, record.acceleration.size
-    first_sample = float(samples[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        return tuple(map(str, _doubts(record, integrate(record))))
+
+
+def baseline_notes_of_suite(records: Iterable[Record]) -> list[str]:
+    """Return the notes of `baseline_notes` for a suite, with one note for each property that names
+    the first records with this property."""
+    doubts_by_subject: dict[str, list[tuple[Record, _Doubt]]] = {}
+    for record in records:
+        with np.errstate(over="ignore", invalid="ignore"):
+            doubts = _doubts(record, integrate(record))
+        for doubt in doubts:
+            doubts_by_subject.setdefault(doubt.subject, []).append((record, doubt))
+    notes = []
+    for subject, members in doubts_by_subject.items():
+        first_record, first = members[0]
+        listed = [f"{record.name} ({doubt.value}, {doubt.share:.0%})" for record, doubt in members]
+        notes.append(
+            f"{first_record.name}: {first}"
+            if len(members) == 1
+            else f"{subject} is a large part of {first.reference}: "
+            f"{abbreviate(listed, _MAX_LISTED_RECORDS)}; {first.remedy}"
+        )
+    return notes
+
+
+class _Doubt(NamedTuple):
+    """Property that a complete and corrected ground motion does not have.
+
+    `share` is the fraction of `reference` that `value`, with its unit, amounts to.
+    """
+
+    subject: str
+    value: str
+    share: float
+    reference: str
+    remedy: str
+
+    def __str__(self) -> str:
+        """Return the note about one record."""
+        return (
+            f"{self.subject} is {self.value}, {self.share:.0%} of {self.reference}; {self.remedy}"
+        )
+
+
+def _doubts(record: Record, motion: Motion) -> list[_Doubt]:
+    """Return the properties of a record that indicate a missing start or a baseline drift; `motion`
+    is the velocity and displacement of the same ground motion."""
+    first_sample = float(record.acceleration[0])
     final_velocity = float(motion.velocity[-1])
     final_displacement = float(motion.displacement[-1])
-    notes = [
-        f"the {position} {zeros} of {size} samples are zero; check whether zeros were added"
-        for position, zeros in (("first", leading), ("last", trailing))
-        if max(_ZERO_FRACTION * size, _MIN_REPORTED_ZEROS) < zeros < size
-    ]
+    doubts = []
     if abs(first_sample) > _MAX_FIRST_SAMPLE * record.pga:
-        share = abs(first_sample) / record.pga
-        notes.append(
-            f"the first sample is {first_sample:.3g} m/s^2, {share:.0%} of the peak; check "
-            "whether the start of the motion is missing"
+        doubts.append(
+            _Doubt(
+                "the first sample",
+                f"{first_sample:.3g} m/s^2",
+                abs(first_sample) / record.pga,
+                "the peak",
+                "check whether the start of the motion is missing",
+            )
         )
     # A baseline drift is visible in the velocity first. The displacement is checked only if the
     # velocity is not suspicious.
     if abs(final_velocity) > _MAX_FINAL_VELOCITY * motion.pgv:
-        share = abs(final_velocity) / motion.pgv
-        notes.append(
-            f"the velocity at the end is {final_velocity:.3g} m/s, {share:.0%} of its peak; check "
-            "for baseline drift"
+        doubts.append(
+            _Doubt(
+                "the velocity at the end",
+                f"{final_velocity:.3g} m/s",
+                abs(final_velocity) / motion.pgv,
+                "its peak",
+                "check for baseline drift",
+            )
         )
     elif abs(final_displacement) > _MAX_FINAL_DISPLACEMENT * motion.pgd and record.peaks[1] is None:
-        share = abs(final_displacement) / motion.pgd
-        notes.append(
-            f"the displacement at the end is {abs(final_displacement):.3g} m, {share:.0%} of its "
-            "peak; check for baseline drift (permanent ground displacement is also possible)"
+        doubts.append(
+            _Doubt(
+                "the displacement at the end",
+                f"{abs(final_displacement):.3g} m",
+                abs(final_displacement) / motion.pgd,
+                "its peak",
+                "check for baseline drift (permanent ground displacement is also possible)",
+            )
         )
-    return tuple(notes)
+    return doubts
+
+
+def _zero_notes(size: int, leading: int, trailing: int) -> list[str]:
+    """Return notes about many zeros at the start or at the end of `size` samples."""
+    return [
+        f"the {position} {zeros} of {size} samples are zero; check whether zeros were added"
+        for position, zeros in (("first", leading), ("last", trailing))
+        if max(_ZERO_FRACTION * size, _MIN_REPORTED_ZEROS) < zeros < size
+    ]

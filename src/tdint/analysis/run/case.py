@@ -43,6 +43,7 @@ from tdint.analysis.run.prepared import (
 from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
+from tdint.ground_motion.measures import baseline_notes, cut_off
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import CODE
@@ -819,15 +820,14 @@ class Case:
         record, end = self.record, response.steps * response.dt
         ended_by_collapse = response.collapse is not None and response.collapse.ended
         notes = [*model_notes(self.model), *self.remarks, *(record.notes if record else ())]
+        if record:
+            notes += baseline_notes(record)
         # The tolerance 1e-9 excludes the rounding of a number of steps times their length.
         if record and end > record.duration * (1.0 + 1e-9):
             notes.append(
                 f"the record ends at {record.duration:.6g} s; the ground is at rest after it"
             )
         elif record and not ended_by_collapse and end < record.duration:
-            # Imported here, because most runs continue until the end of the record.
-            from tdint.ground_motion.measures import cut_off
-
             notes += cut_off([record], end)
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact interpolates harmonic forces linearly between time steps")

@@ -23,6 +23,7 @@ from tdint.ground_motion.horizontals import (
     is_vertical,
     with_component,
 )
+from tdint.ground_motion.measures import baseline_notes_of_suite
 from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.contents import is_record, record_formats
 from tdint.ground_motion.reading.read import read_records
@@ -210,8 +211,8 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
     Returns
     -------
     Suite
-        Ground motions, errors of files that could not be read, and notes. A note also reports
-        ground motions that are included more than once.
+        Ground motions, errors of files that could not be read, and notes. Notes also report ground
+        motions that are included more than once, and motions with a doubtful start or baseline.
 
     Raises
     ------
@@ -228,7 +229,12 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
     return Suite(
         suite.motions,
         (*sources.failures, *suite.failures),
-        (*sources.notes, *suite.notes, *_duplicate_notes(suite.records)),
+        (
+            *sources.notes,
+            *suite.notes,
+            *_duplicate_notes(suite.records),
+            *baseline_notes_of_suite(suite.records),
+        ),
     )
 
 

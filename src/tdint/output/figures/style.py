@@ -824,14 +824,46 @@ def add_legend(
         labels = [*labels[: _MAX_ENTRIES - 1], f"... and {len(labels) - _MAX_ENTRIES + 1} more"]
         lines = [*lines[: _MAX_ENTRIES - 1], axes.plot([], [], linestyle="none")[0]]
     columns = legend_columns(labels, 2 if max(map(len, labels)) > narrow else 3)
-    # A row of the legend is 0.17 inches high.
-    figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
     labels = [" " + label for label in labels]  # matplotlib ignores labels that start with _
+    legend = _legend_below(figure, lines, labels, columns)
+    # A legend that is wider than the figure is cut off at both sides. Use fewer columns, and break
+    # the labels if one column is still too wide.
+    unbroken, longest = labels, max(map(len, labels))
+    while (excess := _extent(figure, legend)[0] / figure.get_figwidth()) > 1.0 and (
+        columns > 1 or longest > narrow
+    ):
+        legend.remove()
+        if columns > 1:
+            columns -= 1
+        else:
+            longest = min(int(longest / excess), longest - 1)
+            labels = [" " + "\n ".join(wrap(label.strip(), longest)) for label in unbroken]
+        legend = _legend_below(figure, lines, labels, columns)
+    # A row of the legend is 0.17 inches high, if its labels are not broken.
+    height = 0.17 * math.ceil(len(labels) / columns)
+    if labels is not unbroken:
+        height = _extent(figure, legend)[1]
+    figure.set_figheight(figure.get_figheight() + height)
+
+
+def _legend_below(figure: Figure, lines: list[Any], labels: list[str], columns: int) -> Any:
+    """Add a legend below the panels of a figure and return it; labels are no formulas."""
     legend = figure.legend(
         lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6
     )
     for text in legend.get_texts():
         text.set_parse_math(False)
+    return legend
+
+
+def _extent(figure: Figure, legend: Any) -> tuple[float, float]:
+    """Return the width and height of a legend, inches; zeros for a printed width, because the
+    number of columns is then determined by `legend_columns`."""
+    if PRINTED.get().width:
+        return 0.0, 0.0
+    renderer = FigureCanvasAgg(figure).get_renderer()  # a plain figure has no renderer
+    extent = legend.get_window_extent(renderer)
+    return float(extent.width / figure.dpi), float(extent.height / figure.dpi)
 
 
 def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str]:

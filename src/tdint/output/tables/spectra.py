@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -101,10 +101,8 @@ INFO = (
     Column(
         "notes",
         "text",
-        lambda info: "; ".join(
-            (*info.record.warnings, *info.record.notes, *info.measures.notes)
-        ).replace(",", ";"),
-        "notes and warnings",
+        lambda info: "; ".join(info.notes),
+        "notes and warnings; a note about all components of a file is in the row of the first",
     ),
 )
 
@@ -244,6 +242,11 @@ class RecordInfo(Tabular):
     measures: Measures
     housner_intensity: float = math.nan
     predominant_period: float = math.nan
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes and warnings about the record."""
+        return (*self.record.warnings, *self.record.notes, *self.measures.notes)
 
     def _headline(self) -> str:
         """Return source, component, duration and PGA of the record, for the text of a notebook."""
@@ -386,8 +389,24 @@ def match_table(matches: Sequence[Match]) -> Table:
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:
-    """Return the table of the properties and intensity measures of records, one row per record."""
-    return Table.of_results(INFO, infos)
+    """Return the table of the properties and intensity measures of records, one row per record.
+
+    A note about all components of a file is listed only with the first component.
+    """
+    rows = list(infos)
+    by_file: dict[str, list[RecordInfo]] = {}
+    for info in rows:
+        by_file.setdefault(info.record.source, []).append(info)
+    listed = []
+    for info in rows:
+        first, *others = by_file[info.record.source]
+        common = {text for text in first.notes if all(text in other.notes for other in others)}
+        listed.append([text for text in info.notes if info is first or text not in common])
+    table = Table.of_results(INFO, rows)
+    return replace(
+        table,
+        rows=[(*row[:-1], "; ".join(texts)) for row, texts in zip(table.rows, listed, strict=True)],
+    )
 
 
 def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
