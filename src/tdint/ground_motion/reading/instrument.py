@@ -373,49 +373,39 @@ def _compare_with_sensitivity(
     stated = response.instrument_sensitivity
     if stated is None or not stated.value:
         return (*remarks, "the response states no sensitivity; its stages are used unchecked")
-
-    # Convert the sensitivity to the unit of the first stage. If a file labels it by another
-    # quantity, its number may be per unit of either quantity.
-    frequency = float(stated.frequency or 0.0)
     labeled = parse_input_unit(stated.input_units) or unit
-    order = labeled.derivatives - unit.derivatives
-    value = abs(float(stated.value))
-    candidates = (
-        []
-        if order and frequency == 0.0
-        else [value * unit.value / labeled.value * (2.0 * math.pi * frequency) ** order]
-    )
-    if order:
-        candidates.append(value)
+    has_other_quantity = labeled.derivatives != unit.derivatives
+    if has_other_quantity:
         remarks.append(
             f"the sensitivity is stated per {labeled.text}, but the response starts with "
             f"{unit.text}; the stages are used"
         )
 
+    frequency = float(stated.frequency or 0.0)
     gains = math.prod(
         abs(stage.stage_gain) for stage in response.response_stages if stage.stage_gain
     )
     with caught_messages():
-        (total,) = response.get_evalresp_response_for_frequencies(
+        (value,) = response.get_evalresp_response_for_frequencies(
             [frequency], output="DEF", hide_sensitivity_mismatch_warning=True
         )
-    total = abs(complex(total))
-
-    # Decide whether the response at this frequency can be expected to equal the sensitivity.
+    total = abs(complex(value))
+    # The response at this frequency is not comparable if filters stop it.
     is_stopped = frequency > _STOPPED * 0.5 / dt or (frequency == 0.0 and total == 0.0)
-    largest = math.inf if is_stopped else 1.0 + _MAX_CONTRADICTION
-    if not is_stopped and unit.derivatives < 2:
-        largest = _CORNER_FACTOR
-
-    def agrees(candidate: float) -> bool:
-        """Return True if the response, or the gains and roughly the response, equal a value."""
-        if abs(total / candidate - 1.0) <= _MAX_CONTRADICTION:
-            return True
-        is_possible = is_stopped or 1.0 / largest <= total / candidate <= largest
-        return is_possible and abs(gains / candidate - 1.0) <= _MAX_CONTRADICTION
-
-    if not any(map(agrees, candidates)):
-        units = "" if order else _units_of_sensitivity(stated)
+    least, most = 1.0 - _MAX_CONTRADICTION, 1.0 + _MAX_CONTRADICTION
+    if is_stopped:
+        least, most = 0.0, math.inf
+    elif unit.derivatives < 2:
+        least, most = 1.0 / _CORNER_FACTOR, _CORNER_FACTOR
+    if not any(
+        abs(total / candidate - 1.0) <= _MAX_CONTRADICTION
+        or (
+            abs(gains / candidate - 1.0) <= _MAX_CONTRADICTION
+            and least <= total / candidate <= most
+        )
+        for candidate in _sensitivities(abs(float(stated.value)), frequency, labeled, unit)
+    ):
+        units = "" if has_other_quantity else _units_of_sensitivity(stated)
         alternative = (
             f", or, if the sensitivity is right and the response is flat, specify `units={units}`"
             if units
@@ -428,6 +418,22 @@ def _compare_with_sensitivity(
             f"{gains:.6g}; correct the file{alternative}"
         )
     return tuple(remarks)
+
+
+def _sensitivities(
+    value: float, frequency: float, labeled: InputUnit, unit: InputUnit
+) -> list[float]:
+    """Return the possible values of a sensitivity in the unit of the first stage, `unit`.
+
+    `labeled` is the unit that the file states for the sensitivity. If it is of another quantity,
+    the number may be per unit of either quantity, because some files label it wrongly.
+    """
+    order = labeled.derivatives - unit.derivatives
+    if not order:
+        return [value * unit.value / labeled.value]
+    if frequency == 0.0:
+        return [value]
+    return [value, value * unit.value / labeled.value * (2.0 * math.pi * frequency) ** order]
 
 
 def _transition_band(response: Any, dt: float) -> tuple[float, float] | None:
