@@ -9,10 +9,9 @@ from matplotlib.figure import Figure
 
 from tdint.analysis.chart.profiles import METHODS
 from tdint.methods.catalogue import catalogue
+from tdint.output.figures.legends import add_legend, legend_columns
 from tdint.output.figures.style import (
-    add_legend,
     add_ratio_axis,
-    legend_columns,
     method_styles,
     scaled_unit,
     write_labels,

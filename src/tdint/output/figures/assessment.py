@@ -15,14 +15,13 @@ from tdint.analysis.defaults import QUANTITIES
 from tdint.arrays import Array
 from tdint.number_parsing import pluralize
 from tdint.output.figures.chart_notes import BAND_RULE, footnote, short_footnote
+from tdint.output.figures.legends import add_legend, legend_columns
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
     LIGHT,
     NARROW,
-    add_legend,
     is_narrow,
-    legend_columns,
     method_styles,
     plain_minor_numbers,
     plain_numbers,

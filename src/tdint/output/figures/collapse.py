@@ -21,6 +21,7 @@ from tdint.campaign.scaling import MIN_AVERAGE_RATIO, Scaling, suite_spectra
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import number_text, pluralize
+from tdint.output.figures.legends import legend_columns
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -28,7 +29,6 @@ from tdint.output.figures.style import (
     FirstPeriods,
     changed,
     is_narrow,
-    legend_columns,
     line_style,
     mark_first_periods,
     minor_ticks,

@@ -18,6 +18,7 @@ from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_e
 from tdint.ground_motion.record import Record, component_names
 from tdint.model.building import assemble
 from tdint.number_parsing import pluralize
+from tdint.output.figures.legends import add_legend
 from tdint.output.figures.spectrum_curves import log_periods
 from tdint.output.figures.style import (
     COLORS,
@@ -26,7 +27,6 @@ from tdint.output.figures.style import (
     MARK,
     MARKERS,
     NARROW,
-    add_legend,
     add_ratio_axis,
     changed,
     is_narrow,

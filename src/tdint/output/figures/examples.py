@@ -12,7 +12,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from tdint.output.figures.assessment import line_styles
-from tdint.output.figures.style import NARROW, add_legend, titled
+from tdint.output.figures.legends import add_legend
+from tdint.output.figures.style import NARROW, titled
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun

@@ -135,7 +135,6 @@ NARROW = 31
 
 # Maximum number of legend entries. If the figure has more lines, the last entry states the number
 # of lines without an entry.
-_MAX_ENTRIES = 24
 
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": "tdint"},
@@ -149,7 +148,7 @@ _MAX_PLAIN_NUMBER = 1e5
 
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LABEL_SIZE = 6.5  # points
-_LETTER = 0.6  # estimated width of a character divided by the font size
+LETTER = 0.6  # estimated width of a character divided by the font size
 _COLUMN = 0.12
 """Figure width, m, below which a figure occupies one of two columns: columns are 80 to 95 mm wide,
 pages 160 to 190 mm."""
@@ -487,7 +486,7 @@ def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
         width *= ratio
     title = figure.get_suptitle()
     if title:
-        max_letters = int(width * 72.0 / (_MAX_FONT_SIZE * _LETTER))
+        max_letters = int(width * 72.0 / (_MAX_FONT_SIZE * LETTER))
         lines: list[str] = []
         for line in title.splitlines():
             lines += wrap(line, max_letters, break_on_hyphens=False)
@@ -691,7 +690,7 @@ def titled(figure: Figure, title: str) -> Figure:
     """
     # The number of characters is the width of the figure in points (72 per inch) divided by the
     # width of a character.
-    max_letters = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
+    max_letters = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * LETTER))
     lines: list[str] = []
     for title_line in title.splitlines():
         line = shorten(title_line, 2 * max_letters, placeholder=" ...")
@@ -779,91 +778,6 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
             label += f" and {len(names) - 1} more"
         plot_style = {"color": color, "linewidth": 0.8, "linestyle": DASHES[number % len(DASHES)]}
         axes.axvline(group[0][1], label=f"{label} = {text} s", **plot_style)
-
-
-def legend_columns(labels: Sequence[str], most: int, width: float | None = None) -> int:
-    """Return the number of columns of a legend below the panels.
-
-    Parameters
-    ----------
-    most : int
-        Maximum number of columns.
-    width : float, optional
-        Available width, inches; the printed width has precedence.
-    """
-    columns = max(1, min(len(labels), most))
-    font_size = 8.0  # points
-    if printed_width := PRINTED.get().width:
-        width, font_size = printed_width / INCH, 7.0
-    if labels and width:
-        # The line in front of a label needs the space of about 11 characters.
-        letters = width * 72.0 / (font_size * _LETTER)
-        columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 11))))
-    return columns
-
-
-def add_legend(
-    figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24
-) -> None:
-    """Add a legend below the panels, and increase the height of the figure accordingly.
-
-    A figure with a single line has no legend. If there are more than `_MAX_ENTRIES` lines, the last
-    entry states the number of lines without an entry.
-
-    Parameters
-    ----------
-    axes : Axes
-        Any panel of the figure.
-    narrow : int
-        Maximum number of characters of the labels for three columns; otherwise there are two. The
-        available width can require fewer columns.
-    """
-    if len(lines) == 1:
-        return
-    if len(labels) > _MAX_ENTRIES:
-        labels = [*labels[: _MAX_ENTRIES - 1], f"... and {len(labels) - _MAX_ENTRIES + 1} more"]
-        lines = [*lines[: _MAX_ENTRIES - 1], axes.plot([], [], linestyle="none")[0]]
-    columns = legend_columns(labels, 2 if max(map(len, labels)) > narrow else 3)
-    labels = [" " + label for label in labels]  # matplotlib ignores labels that start with _
-    legend = _legend_below(figure, lines, labels, columns)
-    # A legend that is wider than the figure is cut off at both sides. Use fewer columns, and break
-    # the labels if one column is still too wide.
-    unbroken, longest = labels, max(map(len, labels))
-    while (excess := _extent(figure, legend)[0] / figure.get_figwidth()) > 1.0 and (
-        columns > 1 or longest > narrow
-    ):
-        legend.remove()
-        if columns > 1:
-            columns -= 1
-        else:
-            longest = min(int(longest / excess), longest - 1)
-            labels = [" " + "\n ".join(wrap(label.strip(), longest)) for label in unbroken]
-        legend = _legend_below(figure, lines, labels, columns)
-    # A row of the legend is 0.17 inches high, if its labels are not broken.
-    height = 0.17 * math.ceil(len(labels) / columns)
-    if labels is not unbroken:
-        height = _extent(figure, legend)[1]
-    figure.set_figheight(figure.get_figheight() + height)
-
-
-def _legend_below(figure: Figure, lines: list[Any], labels: list[str], columns: int) -> Any:
-    """Add a legend below the panels of a figure and return it; labels are no formulas."""
-    legend = figure.legend(
-        lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6
-    )
-    for text in legend.get_texts():
-        text.set_parse_math(False)
-    return legend
-
-
-def _extent(figure: Figure, legend: Any) -> tuple[float, float]:
-    """Return the width and height of a legend, inches; zeros for a printed width, because the
-    number of columns is then determined by `legend_columns`."""
-    if PRINTED.get().width:
-        return 0.0, 0.0
-    renderer = FigureCanvasAgg(figure).get_renderer()  # a plain figure has no renderer
-    extent = legend.get_window_extent(renderer)
-    return float(extent.width / figure.dpi), float(extent.height / figure.dpi)
 
 
 def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str]:
@@ -1061,7 +975,7 @@ def write_labels(
         ]
     for x, y, text in labels:
         x_pixel, y_pixel = axes.transData.transform((x, y))
-        width, height = _LETTER * _LABEL_SIZE * point * len(text), _LABEL_SIZE * point
+        width, height = LETTER * _LABEL_SIZE * point * len(text), _LABEL_SIZE * point
         for dx, dy, horizontal, vertical in _LABEL_POSITIONS:
             left = x_pixel + dx * point - _ALIGNMENT[horizontal] * width
             bottom = y_pixel + dy * point - _ALIGNMENT[vertical] * height

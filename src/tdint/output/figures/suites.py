@@ -21,13 +21,13 @@ from tdint.campaign.pairs import MEAN
 from tdint.campaign.profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
 from tdint.number_parsing import pluralize
 from tdint.output.figures.collapse import GRAY
+from tdint.output.figures.legends import legend_columns
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
     INK,
     MARK,
     FirstPeriods,
-    legend_columns,
     line_style,
     mark_first_periods,
     plain_logarithmic,
