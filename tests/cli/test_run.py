@@ -66,6 +66,7 @@ def test_the_files_of_a_run(folder, tdint, drawn):
         "energy_dampers_J",
         "energy_strain_J",
         "energy_hysteretic_J",
+        "energy_braces_J",
         "energy_error",
     ]
     for name in energy.keys() - {"initial_J"}:
@@ -129,6 +130,7 @@ def test_the_summary(folder, tdint):
         "dampers_J",
         "strain_J",
         "hysteretic_J",
+        "braces_J",
         "initial_J",
         "error",
     }
@@ -455,12 +457,12 @@ def test_a_history_larger_than_the_free_disk_space_is_refused_before_the_run(
     folder, tdint, monkeypatch, file, bytes_
 ):
     """The minimum size is computed from the bytes per number for 101 steps with time, ground
-    motion, 2 floors, 2 stories and 7 energies."""
+    motion, 2 floors, 2 stories and 8 energies."""
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000.0))
     monkeypatch.setattr(
         "tdint.analysis.run.run.run_case", lambda *_, **__: pytest.fail("it was run")
     )
-    size = 101 * (2 + 2 * 3 + 2 * 4 + 7) * bytes_ / 1e9
+    size = 101 * (2 + 2 * 3 + 2 * 4 + 8) * bytes_ / 1e9
     message = f"{file}: requires at least {size:.3g} GB, but 1e-06 GB are free"
     tdint.refused(message, "run", "forced.yaml", f"--history={file}", code=6)
 
