@@ -15,10 +15,10 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined, specialized
 from tdint.kernels.laws.law import LawFunctions
 
-_MAX_BRANCHES = 100
-"""Maximum number of changes of branch on a monotonic path. The laws of tdint have fewer branches
-between two reversals (`multilinear` up to two for each of its points). The force of a plug-in law
-with more is nan."""
+_MAX_BRANCHES = 16
+"""Maximum number of changes of branch on a monotonic path, unless a law declares `max_branches`.
+The laws of tdint have fewer branches between two reversals. The force of a plug-in law with more
+is nan."""
 
 
 @inline
@@ -384,7 +384,7 @@ def advancing(move: Any) -> Any:
     return advance
 
 
-def branch_follower(switch: Any, move: Any = None) -> Any:
+def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRANCHES) -> Any:
     """Return the force function of a piecewise-linear law, which follows the branches of the law.
 
     Parameters
@@ -397,6 +397,8 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         (law_parameters, law_state, i, block, step, mean_force). Updates the rows other than drift
         and force after a change of drift `step` (m) on a branch with the mean force (N). Default:
         `add_work`.
+    max_branches : int
+        Maximum number of changes of branch on a path.
 
     Returns
     -------
@@ -414,7 +416,7 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         The state in block `previous` is copied to block `trial`. If the path starts with a
         reversal, the branch changes immediately. At each limit of a branch on the path, the state
         is moved to the limit and the branch changes. The result is the stiffness of the last
-        branch. If the path has more than _MAX_BRANCHES changes of branch, force and tangent are
+        branch. If the path has more than `max_branches` changes of branch, force and tangent are
         nan, so that the step fails.
 
         Parameters
@@ -439,7 +441,7 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
         # Advance to each limit that the path exceeds, and change the branch at the limit. The
         # maximum number prevents an endless loop. The laws of tdint do not reach it.
-        for _ in range(_MAX_BRANCHES + 1):
+        for _ in range(max_branches + 1):
             if drift > law_state[trial + rows.UPPER, i]:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.UPPER, i])
                 switch(law_parameters, law_state, i, trial, rows.ABOVE)
@@ -456,7 +458,9 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
     return follow
 
 
-def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions:
+def follow_branches(
+    switch: Any, strain_energy: Any, enter: Any, max_branches: int = _MAX_BRANCHES
+) -> LawFunctions:
     """Return the functions of a piecewise-linear law that stores its branch in its state.
 
     The dissipated energy is the work done on the story (row WORK) minus the strain energy. It is
@@ -519,7 +523,7 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
         copy_extra_rows(law_state, i, trial, 0)
 
     return LawFunctions(
-        force=branch_follower(switch),
+        force=branch_follower(switch, max_branches=max_branches),
         strain_energy=strain_energy,
         hysteretic_energy=hysteretic_energy,
         keep=keep,

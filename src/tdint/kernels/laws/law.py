@@ -203,6 +203,8 @@ class DriftLaw:
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
+    max_branches : int
+        Maximum number of changes of branch on a monotonic path.
     last_line : callable
         (initial stiffness, parameter values, side 1 or -1) -> force at zero drift, N, and slope,
         N/m, of the line that limits the force of a side at large drifts; positive in the direction
@@ -227,6 +229,7 @@ class DriftLaw:
     warning: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     falls: Callable[[float, Sequence[float]], bool] = lambda stiffness, values: False
     failed: float = math.nan
+    max_branches: int = 16
     last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (
         lambda stiffness, values, side: None
     )

@@ -87,6 +87,9 @@ HAS_SEPARATE_LAW = not COMPILES or any(LAWS[code].compiled_separately for code i
 """True if a law of the variant is compiled separately. The stiffness of its branches can depend on
 the response history."""
 
+MAX_BRANCHES = 100 if not COMPILES else max(LAWS[code].max_branches for code in COMPILED)
+"""Maximum number of changes of branch of a story on a monotonic path."""
+
 HAS_ELEMENTS = VARIANT.elements
 """True if a story can have several elements (`tdint.kernels.layout.ELEMENTS`)."""
 

@@ -35,6 +35,7 @@ from tdint.kernels.laws.selection import (
     DISSIPATING_LAWS,
     HAS_CURVED_LAW,
     HAS_ELEMENTS,
+    MAX_BRANCHES,
     case_with_4_arguments,
     case_with_5_arguments,
     select_function,
@@ -61,8 +62,6 @@ _AFTER_REVERSAL = 6  # first row of the same results for the part of the path af
 _SHIFTED = 12  # first row of the same results after a reversal at a slightly shifted drift
 PATH_ROWS = 18
 
-# Maximum number of changes of branch up to a reversal; the laws of tdint have fewer
-_MAX_BRANCHES = 100
 # Fraction of the step. Tolerance of the time of a reversal; rounding errors are about 1e-15.
 _ROOT = 1e-12
 _MAX_ROOT_ITERATIONS = 60  # bisection alone would need 40 iterations
@@ -678,13 +677,13 @@ def along_branches(add_part, process_end):
         if law_state[block + rows.RATE_SIGN, i] * side < 0.0:
             switch(law_parameters, law_state, i, block, rows.REVERSED)
         t_now = segment.begin
-        for branch_count in range(_MAX_BRANCHES + 1):
+        for branch_count in range(MAX_BRANCHES + 1):
             limit = (
                 law_state[block + rows.UPPER, i] if side > 0.0 else law_state[block + rows.LOWER, i]
             )
             leaves_branch = side * (target - limit) > 0.0
-            if leaves_branch and branch_count == _MAX_BRANCHES:
-                # The state has already left _MAX_BRANCHES branches, which is only possible for the
+            if leaves_branch and branch_count == MAX_BRANCHES:
+                # The state has already left MAX_BRANCHES branches, which is only possible for the
                 # law of a plug-in. The loop must end: a force nan makes all results nan, so that
                 # the step fails.
                 law_state[block + rows.FORCE, i] = math.nan
