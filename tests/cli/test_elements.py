@@ -2,13 +2,19 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
 
-from tdint import load_model
+from building_cases import noise
+from tdint import load_model, run, run_many
 from tdint.errors import ModelError
 from tdint.model.building import stiffness_after_yield
+from tdint.model.definition import LAWS
+from tdint.model.law_checks import tangent_at
 
 MODEL = """
 units: {length: m, force: kN, mass: t}
@@ -16,8 +22,8 @@ stories:
   - mass: 500
     height: 3.0
     elements:
-      - {name: bearings, type: bilinear, stiffness: 5.0e4, yield_force: 250, hardening: 0.1}
-      - {name: moat wall, type: gap, gap: 0.02, stop_stiffness: 1.0e5}
+      - {name: bearings, type: bilinear, stiffness: 5.0e+4, yield_force: 250, hardening: 0.1}
+      - {name: moat wall, type: gap, gap: 0.02, stop_stiffness: 1.0e+5}
 damping: 3%
 excitation: {forces: [{floor: 1, amplitude: 400, omega: 8, phase: sin}]}
 analysis: {dt: 0.02, duration: 2}
@@ -111,8 +117,6 @@ def test_errors_of_elements(story):
 
 
 def _mapping(story):
-    import yaml
-
     return {"stories": [yaml.safe_load(f"{{mass: 1, {story}}}")]}
 
 
@@ -137,3 +141,40 @@ def test_stiffness_after_yield_is_the_sum_after_all_have_yielded():
     ]
     story = load_model({"stories": [{"mass": 1, "elements": springs}]}).stories[0]
     assert stiffness_after_yield(story) == pytest.approx(130.0)
+
+
+def test_the_stability_check_includes_the_stiffness_of_a_stop_in_contact(model, tdint):
+    """The limit of central differences is 2 / omega, with the stop (1e8 N/m) in contact."""
+    limit = 2.0 / ((5e7 + 1e8) / 5e5) ** 0.5
+    for dt, code in ((0.98 * limit, 0), (1.02 * limit, 5)):
+        method = ("--method", "central-difference", "--dt", f"{dt:.6f}", "--duration", f"{dt:.6f}")
+        result = tdint("run", model, *method, "--no-check")
+        assert result.exit_code == code, result.output
+    assert "unstable" in result.stderr
+
+
+def test_samples_vary_the_elements():
+    """A sample of `run_many` is the run of the changed model."""
+    values = {
+        "stories[1].elements[bearings].yield_force": np.array([200e3, 300e3]),
+        "stories.elements[2].gap": np.array([0.015, 0.03]),
+        "stiffness_factor": np.array([1.1, 0.9]),
+        "strength_factor": np.array([0.9, 1.2]),
+    }
+    text = yaml.safe_load(MODEL)
+    del text["excitation"], text["analysis"]
+    model, motion = load_model(text), noise(samples=101, dt=0.02, peak=8.0)
+    runs = run_many(model, [motion], vary=values, check=False)
+    for number in range(2):
+        changed = model.replace(**{name: array[number] for name, array in values.items()})
+        alone = run(changed, motion, check=False).stories
+        assert runs.stories.peak_drift[number] == pytest.approx(alone.peak_drift, rel=1e-12)
+        assert runs.stories.ductility[number] == pytest.approx(alone.ductility, rel=1e-12)
+
+
+def test_a_law_of_a_plugin_counts_in_the_warning_of_p_delta():
+    """The stiffness after yield of a law that declares only its yield drift is measured."""
+    declared = LAWS["bilinear"]
+    measured = replace(declared, stiffness_after_yield=None)
+    column = np.array([0.0, 1000.0, 60.0, 0.1, 60.0])
+    assert tangent_at(measured, column, 1.1 * 60.0 / 1000.0) == pytest.approx(100.0)

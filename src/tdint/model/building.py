@@ -319,18 +319,32 @@ class Building:
         return self.vibration.modes
 
     @cached_property
-    def modes_with_braces(self) -> Modes:
-        """Undamped modes with the braces of dampers as springs: the dampers are locked.
+    def stiffest_modes(self) -> Modes:
+        """Undamped modes that limit the time step of conditionally stable methods.
 
-        They limit the time step of conditionally stable methods.
+        The braces of dampers are springs: the dampers are locked. Elements of stories with several
+        elements have the largest stiffness of their laws, for example after the contact of a stop.
         """
-        if not self.braced:
+        stiffness = self.initial_stiffness
+        if self.elements:
+            stiffness = stiffness + self._additional_stiffness()
+        if self.braced:
+            stiffness = stiffness + self.linear_terms[rows.BRACE, :-1]
+        if not (self.braced or self.elements):
             return self.modes()
-        return FreeVibration(
-            self.mass,
-            self.initial_stiffness + self.linear_terms[rows.BRACE, :-1],
-            self.linear_terms[rows.LINK, :-1],
-        ).modes
+        return FreeVibration(self.mass, stiffness, self.linear_terms[rows.LINK, :-1]).modes
+
+    def _additional_stiffness(self) -> Array:
+        """Return the sum over the elements of each story of their largest stiffness minus their
+        initial stiffness, N/m."""
+        table, result = self.law_parameters, np.zeros(self.stories)
+        for i in np.flatnonzero(self.story_laws[rows.CODE] <= rows.ELEMENTS).tolist():
+            for column in range(int(table[rows.FIRST_ELEMENT, i]), int(table[rows.END_ELEMENT, i])):
+                code, stiffness, *values = table[:, column].tolist()
+                law = NUMBERED_LAWS[int(code)]
+                if law.largest_stiffness is not None:
+                    result[i] += law.largest_stiffness(stiffness, values) - stiffness
+        return result
 
 
 def _frequency_bound(

@@ -542,7 +542,7 @@ class Case:
         if instability is None:
             return
         stable = instability.largest_stable
-        omega = self.building.modes_with_braces.omega[instability.index]
+        omega = self.building.stiffest_modes.omega[instability.index]
         remedy = (
             f"the largest stable step is {stable:.6g} s"
             if stable > 0.0

@@ -331,9 +331,9 @@ class PreparedBuilding:
         return coefficients
 
     def instability(self, integrator: Integrator, h: float) -> Instability | None:
-        """Return the stiffest mode of the initial state for which the time step h (s) is above the
-        stability limit of the method; None if there is no such mode. The modes include the braces
-        of dampers (`Building.modes_with_braces`).
+        """Return the stiffest mode for which the time step h (s) is above the stability limit of
+        the method; None if there is no such mode. The modes include the braces of dampers and stops
+        in contact (`Building.stiffest_modes`).
 
         Only methods that declare a finite stability limit are measured (`find_instability`); the
         measurement is cached. For all other methods the result is None. Tests confirm the
@@ -343,7 +343,7 @@ class PreparedBuilding:
             return None
         key = (integrator.label, h)
         if key not in self._instability:
-            modes = self.building.modes_with_braces
+            modes = self.building.stiffest_modes
             damping = np.diagonal(modes.modal_damping(self.building.damping_matrix())) / (
                 2.0 * modes.omega
             )

@@ -165,4 +165,5 @@ LAW = DriftLaw(
     kinked=True,
     stiffens=lambda values: values[1] > 0.0,
     symmetric=lambda values: True,
+    largest_stiffness=lambda stiffness, values: stiffness + values[1],
 )

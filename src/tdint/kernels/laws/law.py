@@ -200,6 +200,9 @@ class DriftLaw:
     falls : callable
         (initial stiffness, parameter values) -> True if the tangent stiffness can be negative
         before `last_line`. The stiffness after yield and the last line are considered in any case.
+    largest_stiffness : callable, optional
+        (initial stiffness, parameter values) -> largest stiffness that can occur, N/m. Default: the
+        initial stiffness.
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
@@ -226,6 +229,7 @@ class DriftLaw:
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
     fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     stiffness_after_yield: Callable[[float, Sequence[float]], float] | None = None
+    largest_stiffness: Callable[[float, Sequence[float]], float] | None = None
     warning: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     falls: Callable[[float, Sequence[float]], bool] = lambda stiffness, values: False
     failed: float = math.nan
