@@ -1,0 +1,520 @@
+"""Axes of the grid: properties of a building and its loads, each with several values.
+
+A value of an axis is a function that changes a `Case` under construction, declared with `value`.
+A case is built by one value of each axis, in the order of the axes. A new law is declared in
+`grid.springs`; a new damper, damping, load or other property is one more function here. The array
+(`grid.covering`), the references and the tests follow these declarations.
+"""
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import eigh
+
+from grid.solver import GRAVITY, chain_matrix
+from grid.springs import LAWS
+
+AXES = {
+    name: {}
+    for name in (
+        *("stories", "profile", "isolator", "p-delta", "law", "elements", "damper", "damping"),
+        *("record", "scale", "duration", "load", "initial"),
+    )
+}
+"""Functions by the name of the value and the name of the axis."""
+
+RULES = []
+"""Functions of a row that return False if it has values that exclude each other. A row maps the
+names of axes to names of values; some axes may be missing."""
+
+
+@dataclass
+class Case:
+    """Building and load under construction, in SI units.
+
+    Attributes
+    ----------
+    row : dict of str to str
+        Values of all axes.
+    seed : int
+        Seed of the random numbers.
+    mass, height, stiffness, strength : ndarray
+        Masses, kg, heights, m, stiffnesses, N/m, and approximate yield forces, N, of the stories.
+    isolator : int or None
+        Index of an isolator.
+    model : dict
+        Content of the model file.
+    ground : ndarray
+        Ground acceleration at the samples, m/s^2; empty without a record.
+    interval, duration : float
+        Sampling interval and duration, s.
+    """
+
+    row: dict
+    seed: int
+    mass: np.ndarray = field(default=None)
+    height: np.ndarray = field(default=None)
+    stiffness: np.ndarray = field(default=None)
+    strength: np.ndarray = field(default=None)
+    isolator: int | None = None
+    model: dict = field(default_factory=lambda: {"stories": [], "collapse_drift": 0.9})
+    ground: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    interval: float = 0.01
+    duration: float = 2.0
+
+    def __post_init__(self):
+        self.rng = np.random.default_rng(self.seed)
+
+    @property
+    def n(self):
+        """Number of stories."""
+        return len(self.mass)
+
+    @property
+    def weight(self):
+        """Weight above each story, N."""
+        return GRAVITY * np.cumsum(self.mass[::-1])[::-1]
+
+    def omega(self, p_delta=False):
+        """Return the circular frequencies, rad/s, with P-delta on request."""
+        geometric = self.weight / self.height if p_delta else 0.0
+        squares = eigh(
+            chain_matrix(self.stiffness - geometric), np.diag(self.mass), eigvals_only=True
+        )
+        return np.sqrt(np.maximum(squares, 0.0))
+
+    @property
+    def digest(self):
+        """Hash of the model and the ground motion, to detect references of another case."""
+        text = json.dumps([self.model, self.ground.tolist(), self.interval, self.duration])
+        return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
+def value(axis, name):
+    """Return the decorator that declares a value of an axis."""
+
+    def declare(function):
+        AXES[axis][name] = function
+        return function
+
+    return declare
+
+
+def rule(function):
+    """Declare a rule; see `RULES`."""
+    RULES.append(function)
+    return function
+
+
+def is_allowed(row):
+    """Return True if no values of a row exclude each other."""
+    return all(allows(row) for allows in RULES)
+
+
+def build(row, seed):
+    """Return the case with the values of a row."""
+    case = Case(row, seed)
+    for axis, values in AXES.items():
+        values[row[axis]](case)
+    # Round all numbers, so that they do not depend on the linear algebra of the machine.
+    case.model = _rounded(case.model)
+    case.ground = np.array(_rounded(case.ground.tolist()))
+    case.duration = case.interval * round(case.duration / case.interval)
+    return case
+
+
+def _rounded(content):
+    """Return nested content with six significant digits."""
+    if isinstance(content, dict):
+        return {key: _rounded(item) for key, item in content.items()}
+    if isinstance(content, list | tuple):
+        return [_rounded(item) for item in content]
+    return float(f"{content:.6g}") if isinstance(content, float) else content
+
+
+# ---- Masses, heights, stiffnesses and strengths
+
+
+def _stories(n, period):
+    def stories(case):
+        case.mass = 1.5e5 * case.rng.uniform(0.9, 1.1, n)
+        case.height = case.rng.uniform(3.0, 4.0, n)
+        case.stiffness = np.linspace(1.0, 0.6, n) * case.rng.uniform(0.85, 1.15, n)
+        case.period = period
+
+    return stories
+
+
+for _n, _period in ((1, 0.35), (2, 0.45), (3, 0.55)):
+    value("stories", str(_n))(_stories(_n, _period))
+
+
+def _finish_profile(case):
+    """Scale the stiffnesses to the period, and choose strengths that the motions exceed."""
+    case.stiffness *= (2.0 * math.pi / case.period / case.omega()[0]) ** 2
+    shape = 1.0 + 0.5 * np.arange(case.n) / max(case.n - 1, 1)
+    case.strength = 0.22 * case.weight * shape * case.rng.uniform(0.85, 1.15, case.n)
+
+
+def _profile(change):
+    def profile(case):
+        change(case)
+        _finish_profile(case)
+
+    return profile
+
+
+def _light_roof(case):
+    case.mass[-1] *= 0.1
+
+
+def _soft_story(case):
+    case.stiffness[0] *= 0.5
+
+
+def _stiff_top(case):
+    case.stiffness[-1] *= 8.0
+
+
+value("profile", "uniform")(_profile(lambda case: None))
+value("profile", "light roof")(_profile(_light_roof))
+value("profile", "soft story")(_profile(_soft_story))
+value("profile", "stiff top")(_profile(_stiff_top))
+
+
+def _isolator(index):
+    def isolator(case):
+        case.isolator = min(index, case.n - 1)
+        case.stiffness[case.isolator] *= 0.2
+        case.strength[case.isolator] *= 0.5
+
+    return isolator
+
+
+value("isolator", "none")(lambda case: None)
+value("isolator", "base")(_isolator(0))
+value("isolator", "base with rayleigh")(_isolator(0))
+value("isolator", "middle")(_isolator(1))
+value("isolator", "no heights")(lambda case: None)
+
+
+@rule
+def _isolated_floors(row):
+    """An isolator without Rayleigh damping needs a story above it."""
+    return not (row.get("stories") == "1" and row.get("isolator") in ("base", "middle"))
+
+
+@rule
+def _gravity_needs_heights(row):
+    return not (row.get("isolator") == "no heights" and row.get("p-delta") == "on")
+
+
+value("p-delta", "off")(lambda case: None)
+
+
+@value("p-delta", "on")
+def _gravity(case):
+    case.model["p_delta"] = True
+
+
+# ---- Laws of the stories
+
+
+def _add_stories(case, choose):
+    """Add the stories with laws: `choose` returns the declaration and the example of a story."""
+    for i in range(case.n):
+        spring, name, example = choose(i)
+        if i == case.isolator and name != "linear":
+            name, example = "bilinear", LAWS["bilinear"].examples["rising"]
+            spring = LAWS[name]
+        k, strength = float(case.stiffness[i]), float(case.strength[i])
+        parameters = example(case.rng, k, strength)
+        story = {"mass": float(case.mass[i])}
+        if case.row["isolator"] != "no heights":
+            story["height"] = float(case.height[i])
+        if not spring.defines_stiffness:
+            story["stiffness"] = k
+        if name != "linear":
+            story["law"] = {"type": name, **parameters}
+        if i == case.isolator:
+            has_rayleigh = case.row["isolator"] == "base with rayleigh"
+            story["isolator"] = "rayleigh" if has_rayleigh else True
+        case.model["stories"].append(story)
+
+
+def _all_examples():
+    return [
+        (spring, name, example)
+        for name, spring in LAWS.items()
+        for example in spring.examples.values()
+    ]
+
+
+for _name, _spring in LAWS.items():
+    for _label, _example in _spring.examples.items():
+        _choice = (_spring, _name, _example)
+        value("law", f"{_name} {_label}" if _name != _label else _name)(
+            lambda case, choice=_choice: _add_stories(case, lambda i: choice)
+        )
+
+
+@value("law", "mixed")
+def _mixed(case):
+    examples = _all_examples()
+    _add_stories(case, lambda i: examples[case.rng.integers(len(examples))])
+
+
+@value("law", "every other linear")
+def _every_other(case):
+    examples = _all_examples()
+    first = int(case.rng.integers(2))
+
+    def choose(i):
+        return examples[0 if (i + first) % 2 else case.rng.integers(len(examples))]
+
+    _add_stories(case, choose)
+
+
+def _with_element(entry):
+    """Return the function that adds an element to each story: `entry` returns its parameters."""
+
+    def elements(case):
+        for i, story in enumerate(case.model["stories"]):
+            first = story.pop("law", {"type": "linear"})
+            if "stiffness" in story:
+                first["stiffness"] = story.pop("stiffness")
+            second = entry(case.rng, float(case.stiffness[i]), float(case.strength[i]))
+            story["elements"] = [{"name": "first", **first}, second]
+
+    return elements
+
+
+value("elements", "one")(lambda case: None)
+value("elements", "with spring")(
+    _with_element(lambda rng, k, F: {"type": "linear", "stiffness": 0.2 * k})
+)
+value("elements", "with friction")(
+    _with_element(
+        lambda rng, k, F: {
+            **{"type": "bilinear", "stiffness": 2.0 * k, "yield_force": rng.uniform(0.2, 0.4) * F},
+            "hardening": 0.0,
+        }
+    )
+)
+value("elements", "with stop")(
+    _with_element(lambda rng, k, F: {"type": "gap", "gap": 2.0 * F / k, "stop_stiffness": 3.0 * k})
+)
+
+
+# ---- Dampers and damping
+
+
+def _coefficient(case, i):
+    """Return 4 % of critical damping of a story, N s/m."""
+    return float(0.08 * math.sqrt(case.stiffness[i] * case.weight[i] / GRAVITY))
+
+
+def _power(exponent, below, factor):
+    def entry(c):
+        power = {"coefficient": factor * c, "exponent": exponent}
+        return power | ({"linear_below": below} if below else {})
+
+    return entry
+
+
+_DAMPERS = {
+    "linear": lambda c: c,
+    "power .35": _power(0.35, 0.005, 0.6),
+    "power .5": _power(0.5, 0.02, 0.6),
+    "power 1.5": _power(1.5, 0.0, 2.0),
+}
+
+
+def _damper(entry, is_top_only=False):
+    def damper(case):
+        for i, story in enumerate(case.model["stories"]):
+            if i == case.n - 1 or not is_top_only:
+                story["dashpot"] = entry(_coefficient(case, i))
+
+    return damper
+
+
+value("damper", "none")(lambda case: None)
+for _label, _entry in _DAMPERS.items():
+    value("damper", _label)(_damper(_entry))
+value("damper", "top power .5")(_damper(_DAMPERS["power .5"], is_top_only=True))
+
+
+@value("damper", "mixed")
+def _mixed_dampers(case):
+    for i, story in enumerate(case.model["stories"]):
+        entry = list(_DAMPERS.values())[case.rng.integers(len(_DAMPERS))]
+        story["dashpot"] = entry(_coefficient(case, i))
+
+
+def _damping(entry):
+    def damping(case):
+        case.model["damping"] = entry(case)
+
+    return damping
+
+
+def _two_ratios(case):
+    return {"rayleigh": {"ratio": [0.03, 0.06], "modes": [1, 2]}}
+
+
+def _coefficients(case):
+    omega = float(case.omega()[0])
+    return {"rayleigh": {"mass": 0.04 * omega, "stiffness": 0.02 / omega}}
+
+
+value("damping", "none")(lambda case: None)
+value("damping", "ratio")(_damping(lambda case: 0.05))
+value("damping", "two ratios")(_damping(_two_ratios))
+value("damping", "coefficients")(_damping(_coefficients))
+value("damping", "mass")(
+    _damping(lambda case: {"rayleigh": {"mass": float(0.1 * case.omega()[0]), "stiffness": 0.0}})
+)
+value("damping", "modal")(_damping(lambda case: {"modal": 0.04}))
+value("damping", "modal list")(_damping(lambda case: {"modal": [0.05, 0.02, 0.0][: case.n]}))
+value("damping", "first mode")(_damping(lambda case: {"modal": {"ratio": 0.05, "modes": 1}}))
+
+
+@rule
+def _second_mode(row):
+    return not (row.get("stories") == "1" and row.get("damping") in ("two ratios", "modal list"))
+
+
+# ---- Ground motion, forces and initial motion
+
+
+def _noise(interval, count):
+    def record(case):
+        times, end = interval * np.arange(count + 1), interval * count
+        frequencies = case.rng.uniform(0.3, 12.0, 80)
+        phases = case.rng.uniform(0.0, 2.0 * math.pi, 80)
+        size = 1.0 / np.sqrt((1.0 - (frequencies / 2.5) ** 2) ** 2 + (0.8 * frequencies / 2.5) ** 2)
+        waves = np.cos(2.0 * math.pi * frequencies * times[:, None] + phases) @ size
+        waves *= np.minimum(1.0, times / 0.4)
+        waves *= np.exp(-np.maximum(0.0, times - 0.6 * end) / (0.15 * end))
+        case.ground, case.interval = 4.0 / np.max(np.abs(waves)) * waves, interval
+
+    return record
+
+
+@value("record", "pulse .02 s")
+def _pulse(case):
+    times = 0.02 * np.arange(101)
+    wave = np.sin(2.0 * math.pi * times / 0.9) * np.exp(-(((times - 0.9) / 0.5) ** 2))
+    ripple = np.cos(2.0 * math.pi * times / 0.21) * np.exp(-(((times - 1.1) / 0.6) ** 2))
+    shape = wave + case.rng.uniform(0.1, 0.2) * ripple
+    case.ground, case.interval = 4.0 / np.max(np.abs(shape)) * shape, 0.02
+
+
+value("record", "noise .01 s")(_noise(0.01, 200))
+value("record", "noise .005 s")(_noise(0.005, 400))
+
+
+def _scaled(factor):
+    def scale(case):
+        case.ground = factor * case.ground
+
+    return scale
+
+
+value("scale", "1")(_scaled(1.0))
+value("scale", "0.4")(_scaled(0.4))
+value("scale", "-2")(_scaled(-2.0))
+
+
+def _lasting(seconds):
+    def duration(case):
+        case.duration = seconds
+
+    return duration
+
+
+value("duration", "record")(_lasting(2.0))
+value("duration", "shorter")(_lasting(1.2))
+value("duration", "longer")(_lasting(2.6))
+
+
+def _harmonic(case, phase, factor):
+    """Add a force on the roof and another on the middle floor."""
+    omega = float(case.omega(case.row["p-delta"] == "on")[0])
+    forces = [
+        (case.n, 0.08 * factor, 1.3 * omega),
+        (max(1, case.n // 2), 0.05 * factor, 3.1 * omega),
+    ]
+    case.model["excitation"] = {
+        "forces": [
+            {
+                **{"floor": floor, "amplitude": float(amplitude * case.weight[0])},
+                **{"omega": frequency, "phase": phase},
+            }
+            for floor, amplitude, frequency in forces
+        ]
+    }
+
+
+value("load", "record")(lambda case: None)
+value("load", "record and cosine")(lambda case: _harmonic(case, "cos", 1.0))
+value("load", "record and sine")(lambda case: _harmonic(case, "sin", 1.0))
+
+
+@value("load", "record from a jump")
+def _jump(case):
+    times = case.interval * np.arange(len(case.ground))
+    case.ground = case.ground + 2.0 * np.exp(-times / 0.5)
+
+
+def _without_record(case):
+    case.ground = np.zeros(0)
+
+
+@value("load", "cosine")
+def _cosine(case):
+    _without_record(case)
+    _harmonic(case, "cos", 2.0)
+
+
+value("load", "none")(_without_record)
+
+
+@rule
+def _unused_record(row):
+    """Without a record, the axes of the record have their first values."""
+    if row.get("load") not in ("cosine", "none"):
+        return True
+    return all(
+        row.get(axis, next(iter(AXES[axis]))) == next(iter(AXES[axis]))
+        for axis in ("record", "scale", "duration")
+    )
+
+
+@rule
+def _motion_needs_a_cause(row):
+    return not (row.get("load") == "none" and row.get("initial") == "rest")
+
+
+def _initial(drift_factor, velocity):
+    def initial(case):
+        drifts = case.strength / case.stiffness * case.rng.uniform(0.5, 1.0, case.n)
+        signs = case.rng.choice([-1.0, 1.0], case.n if drift_factor < 1.0 else 1)
+        speeds = case.rng.uniform(-velocity, velocity, case.n)
+        case.model["initial"] = {
+            "displacement": np.cumsum(drift_factor * signs * drifts).tolist(),
+            "velocity": speeds.tolist(),
+        }
+
+    return initial
+
+
+value("initial", "rest")(lambda case: None)
+value("initial", "elastic drift")(_initial(0.5, 0.0))
+value("initial", "yielded drift")(_initial(2.0, 0.0))
+value("initial", "velocity")(_initial(0.0, 0.4))
+value("initial", "drift and velocity")(_initial(0.5, 0.4))

@@ -1,0 +1,158 @@
+"""Runs of a case of the grid, compared with the reference peaks.
+
+A value is beyond its estimate if its error exceeds twice the error estimate of the run and
+`RESOLUTION` times the largest value of the quantity. A reported force of a law must be a force of
+the law at some drift up to the peak drift.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from grid.solver import springs_of
+from tdint import load_model, make_record, run
+from tdint.analysis.run.outcome import FailedRun
+from tdint.errors import AnalysisError, UsageError
+from tdint.methods.catalogue import catalogue, parse
+
+STEPS = (0.5, 1.0, 2.0, 5.0)
+"""Time steps, sampling intervals."""
+
+RESOLUTION = 4e-6
+"""Twice the uncertainty of the references (`grid.covering`)."""
+
+_ROUNDING = 1e-9  # relative excess of a force that is regarded as rounding
+
+DONE, REFUSED, COLLAPSED, FAILED = "done", "refused", "collapsed", "failed"
+"""Outcomes of a run: with peaks, refused for the building or step, collapsed, without result."""
+
+
+def method_labels():
+    """Return the specifications of all methods of the catalogue: with default parameters, and with
+    the ends and the middle of the range of the first parameter if the method is as stable there."""
+    labels = []
+    for name, method in catalogue().items():
+        labels.append(name)
+        default = parse(name)
+        for parameter in method.parameters[:1]:
+            for number in (parameter.low, 0.5 * (parameter.low + parameter.high), parameter.high):
+                label = f"{name}:{parameter.name}={number:.6g}"
+                if not parameter.allows(float(f"{number:.6g}")) or number == default.values[0]:
+                    continue
+                if parse(label).stability_limit >= default.stability_limit:
+                    labels.append(label)
+    return labels
+
+
+@dataclass
+class Excess:
+    """Value whose error is beyond twice its estimate, divided by the largest value."""
+
+    quantity: str
+    story: int
+    error: float
+    estimate: float
+
+    @property
+    def ratio(self):
+        """Error divided by its estimate."""
+        return self.error / max(self.estimate, 1e-300)
+
+
+@dataclass
+class Verdict:
+    """Comparison of a run with the reference.
+
+    Attributes
+    ----------
+    method, samples
+        Method and time step of the run.
+    outcome : str
+        Outcome of the run; the other attributes are empty unless it is `DONE`.
+    message : str
+        Error message of a run without result.
+    values : int
+        Number of compared values.
+    beyond : list of Excess
+        Values beyond twice their estimate.
+    above_strength : list of (int, float)
+        Story and relative excess of forces that the law does not reach.
+    """
+
+    method: str
+    samples: float
+    outcome: str
+    message: str = ""
+    values: int = 0
+    beyond: list = field(default_factory=list)
+    above_strength: list = field(default_factory=list)
+
+
+def motion_of(case):
+    """Return the ground motion of a case, or None."""
+    if not case.ground.size:
+        return None
+    return make_record(case.ground, dt=case.interval, units="m/s^2")
+
+
+def attempt(model, record, method, dt, duration, **options):
+    """Return the response of a run, or the reason why it has none as (outcome, message)."""
+    try:
+        response = run(model, record, method=method, dt=dt, duration=duration, **options)
+    except FailedRun as failure:
+        return FAILED, failure.status
+    except (AnalysisError, UsageError) as error:
+        return REFUSED, str(error)
+    return response if response.status == DONE else (COLLAPSED, response.status)
+
+
+def judge(case, peaks, method, samples, model=None):
+    """Return the verdict on a run of a case.
+
+    Parameters
+    ----------
+    case : Case
+        Case of the grid.
+    peaks : dict of str to ndarray
+        Reference peaks.
+    method : str
+        Specification of a method.
+    samples : float
+        Time step, sampling intervals.
+    model : Model, optional
+        Loaded model of the case.
+    """
+    model = model or load_model(case.model)
+    step, record = samples * case.interval, motion_of(case)
+    response = attempt(model, record, method, step, case.duration)
+    if isinstance(response, tuple):
+        return Verdict(method, samples, *response)
+    verdict = Verdict(method, samples, DONE)
+    for name, true in peaks.items():
+        reported = getattr(response.stories, name)
+        estimate = getattr(response.check.errors, name)
+        size = np.max(peaks["peak_drift" if name == "residual_drift" else name])
+        error = np.abs(np.abs(reported) - np.abs(true))
+        if name == "residual_drift":
+            error = np.abs(reported - true)
+        assert np.all(np.isfinite(reported)), (name, reported)
+        has_estimate = np.isfinite(estimate)
+        verdict.values += int(has_estimate.sum())
+        excess = has_estimate & (error > 2.0 * estimate + RESOLUTION * size)
+        verdict.beyond += [
+            Excess(name, int(i), float(error[i] / size), float(estimate[i] / size))
+            for i in np.flatnonzero(excess)
+        ]
+    for i, largest in enumerate(strengths(case, response.stories.peak_drift)):
+        excess = response.stories.peak_shear[i] / largest - 1.0 if largest else 0.0
+        if excess > _ROUNDING:
+            verdict.above_strength.append((i, float(excess)))
+    return verdict
+
+
+def strengths(case, drifts):
+    """Return the largest force that the springs of each story reach up to a drift, N."""
+    return [
+        sum(spring.largest(float(drift)) for spring in springs_of(story))
+        for story, drift in zip(case.model["stories"], drifts, strict=True)
+    ]

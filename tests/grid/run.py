@@ -1,0 +1,125 @@
+"""Judge a new covering array.
+
+    python tests/grid/run.py [--seed SEED] [--cases COUNT] [--processes COUNT]
+
+draws buildings of a covering array by the seed until the number of cases is reached; a case is a
+building with one method and one time step, so that all methods occur with each law and each load.
+The exit code is 1 if more values than `ALLOWED` are beyond twice their estimates, a value is beyond
+ten times its estimate, or a force is above a strength.
+"""
+
+import argparse
+import os
+import random
+import sys
+import warnings
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from itertools import islice
+from pathlib import Path
+
+if "tdint" not in sys.modules:  # the program, not a test
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("TDINT_KERNELS", "whole")
+    os.environ.setdefault("TDINT_COMPILE", "wait")
+
+from grid.axes import build
+from grid.covering import covering_rows, reference
+from grid.judge import DONE, STEPS, judge, method_labels
+from grid.solver import solve
+from grid.springs import StoryFailureError
+
+ALLOWED = {0.5: 5e-4, 1.0: 5e-4, 2.0: 5e-4, 5.0: 3e-3}
+"""Allowed shares of values beyond twice their estimates by time step, sampling intervals."""
+
+MOST = 10.0
+"""Largest allowed error divided by its estimate."""
+
+_TOLERANCE = 1e-8  # of the first solution of a case
+_SEEDS = 8  # buildings that are tried for a row
+
+
+def cases(seed, count):
+    """Yield (row, seed of the building, method, samples): each building has one method. Rows
+    continue with further covering arrays until the count is reached."""
+    generator, labels, made = random.Random(seed), method_labels(), 0
+    while made < count:
+        rows = list(covering_rows([], generator.random()))
+        methods = generator.sample(labels, len(labels))
+        for row in islice(rows, count - made):
+            samples = STEPS[(made + made // len(labels)) % len(STEPS)]
+            yield row, 1_000_000 * (seed + 1) + 100 * made, methods[made % len(labels)], samples
+            made += 1
+
+
+def judged(entry):
+    """Return the verdict on a case with the row and the seed of its building; None instead of the
+    verdict if no accurate reference exists.
+
+    A solution with one tolerance suffices, unless a value is beyond its estimate.
+    """
+    row, seed, method, samples = entry
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for attempt in range(_SEEDS):
+            case = build(row, seed + attempt)
+            try:
+                peaks = solve(case.model, case.ground, case.interval, case.duration, _TOLERANCE)
+            except StoryFailureError:
+                continue
+            verdict = judge(case, peaks, method, samples)
+            if verdict.beyond or verdict.above_strength:
+                peaks = reference(case)
+                if peaks is None:
+                    continue
+                verdict = judge(case, peaks, method, samples)
+            return row, case.seed, verdict
+    return row, seed, None
+
+
+def report(results):
+    """Print the shares and all values beyond; return True if they are allowed."""
+    outcomes, values, beyond, is_allowed = Counter(), Counter(), Counter(), True
+    for row, seed, verdict in results:
+        outcomes[verdict.outcome if verdict else "no reference"] += 1
+        if verdict is None or verdict.outcome != DONE:
+            continue
+        values[verdict.samples] += verdict.values
+        beyond[verdict.samples] += len(verdict.beyond)
+        where = f"seed {seed}, {verdict.method}, {verdict.samples:g} samples"
+        for excess in verdict.beyond:
+            print(
+                f"{where}: {excess.quantity} of story {excess.story + 1}: error {excess.error:.2e},"
+                f" estimate {excess.estimate:.2e}, ratio {excess.ratio:.1f}: {row}"
+            )
+            is_allowed &= excess.ratio <= MOST
+        for story, excess in verdict.above_strength:
+            print(f"{where}: force of story {story + 1} {excess:.1e} above the strength: {row}")
+            is_allowed = False
+    print(", ".join(f"{count} {name}" for name, count in outcomes.items()))
+    for groups in (STEPS[:3], STEPS[3:]):
+        total, excess = sum(values[s] for s in groups), sum(beyond[s] for s in groups)
+        share = excess / max(total, 1)
+        is_allowed &= share <= ALLOWED[groups[0]]
+        steps = "/".join(f"{samples:g}" for samples in groups)
+        print(f"{steps} samples: {excess} of {total} values ({share:.3%}) beyond")
+    return is_allowed
+
+
+def main():
+    """Judge the cases in processes, and print the report."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--cases", type=int, default=1600)
+    parser.add_argument("--processes", type=int, default=None)
+    options = parser.parse_args()
+    with ProcessPoolExecutor(options.processes) as pool:
+        results = list(pool.map(judged, cases(options.seed, options.cases), chunksize=4))
+    sys.exit(0 if report(results) else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1049 @@
+"""Hysteretic laws of the separate solver, written without code of tdint.
+
+A law is a class that is declared with `law`. A piecewise-linear law describes its path from a point
+on in one direction: a list of straight segments (end, slope). Paths are mirrored, so that drifts
+increase in the direction of motion, and `side` is 1 or -1. The path starts at the present point and
+is requested at each reversal and at the end of a path that ends at a finite drift. A law with
+curved branches computes its force from the drift and an internal variable.
+
+The declaration of a law contains examples of its parameters for the grid: functions of a random
+generator, the stiffness k (N/m) and the strength F (N), which return the mapping of a model file.
+"""
+
+import math
+from itertools import pairwise
+
+LAWS = {}
+"""Classes of laws by the value of `type` in a model file."""
+
+
+class StoryFailureError(Exception):
+    """The story loses its strength, or its state leaves the range of the solver."""
+
+
+_MANY = 10_000
+"""More branches than a path between two drifts can have."""
+
+
+def law(name, **examples):
+    """Return the decorator that declares a law with examples of its parameters for the grid."""
+
+    def declare(spring):
+        spring.examples = examples
+        LAWS[name] = spring
+        return spring
+
+    return declare
+
+
+class Spring:
+    """Spring of a story, in the virgin state at zero drift; a linear spring.
+
+    Attributes
+    ----------
+    k : float
+        Initial stiffness, N/m.
+    drift, force, work : float
+        Present drift, m, force, N, and work done on the spring since the virgin state, J.
+    side : float
+        Direction of the present path, 1 or -1; 0 before the first path.
+    slope, end : float
+        Slope of the present segment, N/m, and its last drift, m, positive in the direction of the
+        path.
+    is_reversible : bool
+        True if the path back from any point is the path towards this point, and has no kink.
+    variables : int
+        Number of internal variables, whose rates are integrated.
+    defines_stiffness : bool
+        True if the initial stiffness follows from the parameters of the law.
+    """
+
+    is_reversible = True
+    variables = 0
+    defines_stiffness = False
+
+    def __init__(self, story, parameters):
+        self.k = story.get("stiffness", 0.0)
+        self.drift = self.force = self.work = 0.0
+        self.side, self.slope, self.end, self.rest = 0.0, self.k, math.inf, []
+        self.read(parameters)
+
+    def read(self, parameters):
+        """Read the parameters of the law, and the initial stiffness if the law defines it."""
+
+    def path(self, x, f, reversed_here):
+        """Return the segments from a point on. `x` and `f` are drift and force in the direction of
+        the path; `reversed_here` is False if the previous path ended here."""
+        return [(math.inf, self.k)]
+
+    def value(self, drift, variable=0.0):
+        """Return the force at a drift on the present segment, N."""
+        return self.force + self.slope * (drift - self.drift)
+
+    def tangent(self, drift):
+        """Return the stiffness at a drift on the present segment, N/m."""
+        return self.slope
+
+    def largest(self, drift):
+        """Return the largest possible absolute force at absolute drifts up to `drift`, N."""
+        return self.k * drift
+
+    def move(self, drift, variable=0.0):
+        """Move to a drift on the present segment."""
+        force = self.value(drift, variable)
+        self.work += 0.5 * (self.force + force) * (drift - self.drift)
+        self.drift, self.force = drift, force
+
+    def turn(self, side):
+        """Reverse the direction at the present drift, or start in a direction."""
+        if side == self.side:
+            return
+        self.side = side
+        self.rest = self.path(side * self.drift, side * self.force, True)
+        self._next()
+
+    def arrive(self):
+        """Continue at the end of the present segment."""
+        self.move(self.side * self.end)
+        if not self.rest:
+            self.rest = self.path(self.side * self.drift, self.side * self.force, False)
+        self._next()
+
+    def _next(self):
+        """Enter the next segment that is longer than zero."""
+        for _ in range(_MANY):
+            self.end, self.slope = self.rest.pop(0)
+            if self.end > self.side * self.drift:
+                return
+            if not self.rest:
+                self.rest = self.path(self.side * self.drift, self.side * self.force, False)
+        raise RuntimeError("a path does not end")
+
+    def go(self, drift):
+        """Move monotonically from the present drift to another drift; return the variables."""
+        if drift != self.drift:
+            self.turn(math.copysign(1.0, drift - self.drift))
+            while self.side * drift > self.end:
+                self.arrive()
+            self.move(drift)
+        return []
+
+
+def _along(points):
+    """Return the segments through points (x, f) with increasing x."""
+    return [(x1, (f1 - f0) / (x1 - x0)) for (x0, f0), (x1, f1) in pairwise(points) if x1 > x0]
+
+
+@law("linear", linear=lambda rng, k, F: {})
+class Linear(Spring):
+    pass
+
+
+@law(
+    "bilinear",
+    flat=lambda rng, k, F: {"yield_force": F, "hardening": 0.0},
+    rising=lambda rng, k, F: {"yield_force": F, "hardening": rng.uniform(0.02, 0.2)},
+    unequal=lambda rng, k, F: {
+        **{"yield_force": F, "hardening": rng.choice([0.0, 0.05])},
+        "negative": {"yield_force": rng.uniform(0.6, 1.4) * F},
+    },
+    falling=lambda rng, k, F: {"yield_force": F, "hardening": -rng.uniform(0.005, 0.03)},
+)
+class Bilinear(Spring):
+    """Linear spring (hardening ratio times k) parallel to an elastoplastic spring."""
+
+    is_reversible = False
+
+    def read(self, parameters):
+        self.ratio = parameters["hardening"]
+        negative = parameters.get("negative", parameters)
+        self.strength = {1.0: parameters["yield_force"], -1.0: negative["yield_force"]}
+
+    def path(self, x, f, reversed_here):
+        limit = (1.0 - self.ratio) * self.strength[self.side]
+        last = limit / (-self.ratio * self.k) if self.ratio < 0.0 else math.inf
+        if x >= last:  # no resistance
+            raise StoryFailureError
+        left = limit - (f - self.ratio * self.k * x)
+        return [(x + left / ((1.0 - self.ratio) * self.k), self.k), (last, self.ratio * self.k)]
+
+    def largest(self, drift):
+        strength = max(self.strength.values())
+        if self.k * drift <= min(self.strength.values()):
+            return self.k * drift
+        return max(strength, (1.0 - self.ratio) * strength + abs(self.ratio) * self.k * drift)
+
+
+@law(
+    "gap",
+    stop=lambda rng, k, F: {"gap": rng.uniform(0.6, 1.5) * F / k, "stop_stiffness": 4.0 * k},
+    stiff=lambda rng, k, F: {"gap": 1.5 * F / k, "stop_stiffness": 20.0 * k},
+)
+class Gap(Spring):
+    """Elastic spring with stops."""
+
+    is_reversible = False
+
+    def read(self, parameters):
+        self.gap, self.stop = parameters["gap"], parameters["stop_stiffness"]
+
+    def path(self, x, f, reversed_here):
+        stopped = self.k + self.stop
+        return [(-self.gap, stopped), (self.gap, self.k), (math.inf, stopped)]
+
+    def largest(self, drift):
+        return self.k * drift + self.stop * max(drift - self.gap, 0.0)
+
+
+class Oriented(Spring):
+    """Base of laws with a backbone curve and the farthest drift of each side."""
+
+    is_reversible = False
+
+    def read(self, parameters):
+        self.strength = parameters["yield_force"]
+        self.first = self.strength / self.k
+        self.far = {1.0: self.first, -1.0: self.first}
+        self.exponent = parameters["unloading"]
+
+    def largest(self, drift):
+        return self.backbone(drift)
+
+
+@law(
+    "peak-oriented",
+    plain=lambda rng, k, F: {"yield_force": F, "hardening": 0.0, "unloading": 0.0},
+    soft=lambda rng, k, F: {"yield_force": F, "hardening": 0.05, "unloading": 0.5},
+)
+class PeakOriented(Oriented):
+    """Clough's law with the unloading stiffness of Takeda and two lower bounds of it."""
+
+    def read(self, parameters):
+        super().read(parameters)
+        self.ratio = parameters["hardening"]
+        self.branch = "elastic"
+        self.start = (0.0, 0.0)  # point at which unloading started, with its signs
+
+    def backbone(self, x):
+        return (
+            self.k * x
+            if x <= self.first
+            else self.strength + self.ratio * self.k * (x - self.first)
+        )
+
+    def unloading(self, side):
+        far = self.far[side]
+        return self.k * max(
+            (self.first / far) ** self.exponent,
+            self.backbone(far) / (self.k * far),
+            min(1.0, self.ratio / (1.0 - 0.5 * self.exponent)),
+        )
+
+    def path(self, x, f, reversed_here):
+        s = self.side
+        if self.branch == "elastic":
+            if reversed_here or x < self.first * (1.0 - 1e-12):
+                return [(self.first, self.k)]
+            return self.load(x, f)
+        if not reversed_here:
+            return self.load(x, f)
+        if self.branch == "loading":
+            # Leave the backbone, or the line to the farthest point, of the other side.
+            if self.yields:
+                self.far[-s] = max(self.far[-s], -x)
+            self.start, self.loaded = (self.drift, self.force), -s
+            self.branch = "unloading"
+        stiffness = self.unloading(self.loaded)
+        if s == self.loaded:  # back to the point at which unloading started
+            return [(s * self.start[0], stiffness)]
+        return [(s * (self.start[0] - self.start[1] / stiffness), stiffness)]
+
+    def load(self, x, f):
+        """Return the line to the farthest point of the side, or the backbone curve."""
+        self.branch = "loading"
+        far = self.far[self.side]
+        self.yields = x >= far * (1.0 - 1e-12)
+        if self.yields:
+            return self.follow_backbone(x)
+        return [(far, (self.backbone(far) - f) / (far - x))]
+
+    def follow_backbone(self, x):
+        """Return the segments of the backbone curve beyond x."""
+        return [(math.inf, self.ratio * self.k)]
+
+
+@law(
+    "trilinear-pinching",
+    pinched=lambda rng, k, F: {
+        **{"yield_force": F, "ultimate_force": 1.4 * F, "ultimate_drift": 6.0 * F / k},
+        **{"pinching": rng.uniform(0.2, 0.8), "unloading": 0.3},
+    },
+    clough=lambda rng, k, F: {
+        **{"yield_force": F, "ultimate_force": 1.2 * F, "ultimate_drift": 5.0 * F / k},
+        **{"pinching": 1.0, "unloading": 0.0},
+    },
+)
+class TrilinearPinching(Oriented):
+    """Backbone curve of three lines; reloading in two lines to the farthest point."""
+
+    def read(self, parameters):
+        super().read(parameters)
+        self.ultimate = parameters["ultimate_drift"], parameters["ultimate_force"]
+        self.pinching = parameters["pinching"]
+        self.zero = {1.0: 0.0, -1.0: 0.0}  # drift at zero force from which a side is loaded
+        self.is_virgin = True
+
+    def backbone(self, x):
+        drift, force = self.ultimate
+        if x <= self.first:
+            return self.k * x
+        rise = (force - self.strength) / (drift - self.first)
+        return min(self.strength + rise * (x - self.first), force)
+
+    def stiffness(self, side):
+        return self.k * (self.first / self.far[side]) ** self.exponent
+
+    def path(self, x, f, reversed_here):
+        s = self.side
+        if reversed_here:
+            self.far[-s] = max(self.far[-s], -x)
+            if not self.is_virgin and f <= 0.0:
+                self.zero[s] = s * (x - f / self.stiffness(-s))
+            self.is_virgin = False
+        far, zero = self.far[s], s * self.zero[s]
+        if x >= far * (1.0 - 1e-12):
+            ends = [(end, force) for end, force in ((self.first, self.strength), self.ultimate)]
+            points = [(x, f), *(point for point in ends if point[0] > x)]
+            return [*_along(points), (math.inf, 0.0)]
+        if f < 0.0 and x < zero:
+            return [(zero, self.stiffness(-s))]
+        target = self.backbone(far)
+        own, p = self.stiffness(s), self.pinching
+        corner = zero + p * (far - (1.0 - p) * target / own - zero)
+        reloading = [(zero, 0.0), (corner, p * target), (far, target)]
+        # The line of the unloading stiffness from here limits the reloading force.
+        segments = []
+        for (x0, f0), (x1, f1) in pairwise(reloading):
+            if x1 <= max(x, x0):
+                continue
+            rise = (f1 - f0) / (x1 - x0)
+            start = max(x, x0)
+            gap = f0 + rise * (start - x0) - (f + own * (start - x))
+            if not segments and gap + (rise - own) * (x1 - start) >= 0.0:
+                continue  # the line is below the reloading path up to the end of this part
+            if not segments and gap > 0.0:
+                segments.append((start + gap / (own - rise), own))
+            segments.append((x1, rise))
+        return segments or [(far, own)]
+
+
+def _imk(drift, strength):
+    """Return the parameters of an imk law with the yield drift `drift`, m."""
+    return {
+        **{"yield_force": strength, "plastic_drift": 4.0 * drift},
+        **{"post_capping_drift": 15.0 * drift, "capping_ratio": 1.1},
+        **{"residual_ratio": 0.3, "ultimate_drift": 100.0 * drift},
+    }
+
+
+@law(
+    "imk",
+    plain=lambda rng, k, F: _imk(F / k, F),
+    deteriorating=lambda rng, k, F: {
+        **_imk(F / k, F),
+        **{"deterioration": 40.0 * F / k, "exponent": 1.2, "rate": 0.9},
+        **{"negative": _imk(F / k, 0.8 * F) | {"rate": 0.7}},
+    },
+    pinched=lambda rng, k, F: {
+        **_imk(F / k, F),
+        **{"pinching": {"force": 0.4, "drift": 0.5}},
+        "deterioration": {
+            **{"strength": 60.0 * F / k, "capping": 80.0 * F / k},
+            **{"reloading": 70.0 * F / k, "unloading": 100.0 * F / k},
+        },
+    },
+)
+class Imk(Spring):
+    """Law of Ibarra, Medina and Krawinkler as modified by Lignos and Krawinkler.
+
+    Drifts and forces of a side are positive. `far` and `last` are the farthest point and the last
+    peak of a side, and `work_at_zero` is the work at the last zero crossing of the force.
+    """
+
+    is_reversible = False
+
+    def read(self, parameters):
+        capacities = parameters.get("deterioration", math.inf)
+        if not isinstance(capacities, dict):
+            capacities = dict.fromkeys(
+                ("strength", "capping", "reloading", "unloading"), capacities
+            )
+        self.capacity = {name: c * parameters["yield_force"] for name, c in capacities.items()}
+        self.exponent = parameters.get("exponent", 1.0)
+        self.pinching = parameters.get("pinching")
+        self.unloading, self.work_at_zero, self.branch = self.k, 0.0, "elastic"
+        self.sides = {1.0: self._side(parameters)}
+        self.sides[-1.0] = self._side(parameters | parameters.get("negative", {}))
+
+    def _side(self, values):
+        """Return the backbone curve and the stored points of a side."""
+        strength, cap = values["yield_force"], values["capping_ratio"] * values["yield_force"]
+        first = strength / self.k
+        return {
+            **{"strength": strength, "hardening": (cap - strength) / values["plastic_drift"]},
+            **{"capping": (first + values["plastic_drift"], cap)},
+            **{"falling": -cap / values["post_capping_drift"], "cap": cap},
+            **{"residual": values["residual_ratio"] * strength},
+            **{"far": (first, strength), "last": (first, strength)},
+            **{"ultimate": values["ultimate_drift"], "rate": values.get("rate", 1.0)},
+        }
+
+    def largest(self, drift):
+        # After one side has yielded, the force of the other side can exceed k times the drift.
+        if self.k * drift <= min(side["strength"] for side in self.sides.values()):
+            return self.k * drift
+        return max(side["cap"] for side in self.sides.values())
+
+    def path(self, x, f, reversed_here):
+        side = self.sides[self.side]
+        if self.branch == "elastic":
+            if reversed_here:
+                return [(side["strength"] / self.k, self.k)]
+            self.branch = "loading"
+            return self.backbone(side)
+        if reversed_here:
+            if self.branch == "loading":
+                self.branch = "unloading"
+                self.reverse(self.sides[-self.side], -x, -f)
+            self.returns = f > 0.0
+            # A reversal of unloading leads back to the last peak.
+            return [(side["last"][0] if self.returns else x - f / self.unloading, self.unloading)]
+        if self.branch == "loading":  # the ultimate drift
+            raise StoryFailureError
+        self.branch = "loading"
+        if not self.returns:
+            self.deteriorate(side)
+            return self.load(side, x)
+        points = [(x, f)]
+        if self.pinching:
+            drift, force = self.pinch
+            far = side["far"]
+            rise = (far[1] - f) / (far[0] - x) if far[0] > x else 0.0
+            if x < drift < far[0] and f < force < far[1] and force - f < rise * (drift - x):
+                points.append(self.pinch)
+        return [*_along([*points, side["far"]]), *self.backbone(side)]
+
+    def backbone(self, side):
+        """Return the hardening, falling and residual lines of a side."""
+        drift, force = side["capping"]
+        residual = drift + (side["residual"] - force) / side["falling"]
+        return [(drift, side["hardening"]), (residual, side["falling"]), (side["ultimate"], 0.0)]
+
+    def reverse(self, other, x, f):
+        """Leave a loading branch of the other side at (x, f)."""
+        other["last"] = (x, f)
+        if x > other["far"][0]:
+            other["far"] = (x, f)
+        elastic = 0.5 * f * f / self.unloading
+        self.unloading *= 1.0 - self.fraction("unloading", self.work - elastic)
+
+    def fraction(self, name, work):
+        """Return the fraction of a deterioration by the work since the last zero crossing."""
+        used, left = work - self.work_at_zero, self.capacity[name] - work
+        if left <= 0.0 or used > left:
+            raise StoryFailureError
+        return (max(used, 0.0) / left) ** self.exponent
+
+    def deteriorate(self, side):
+        """Reduce the strength of the side that is loaded after a zero crossing of the force."""
+        names = ("strength", "capping", "reloading")
+        strength, capping, reloading = (
+            side["rate"] * self.fraction(name, self.work) for name in names
+        )
+        self.work_at_zero = self.work
+        drift, force = side["capping"]
+        projection = (force - side["falling"] * drift) * (1.0 - capping)
+        side["strength"] *= 1.0 - strength
+        side["hardening"] *= 1.0 - strength
+        first = side["strength"] / self.k
+        at_zero = side["strength"] - side["hardening"] * first
+        drift = (projection - at_zero) / (side["hardening"] - side["falling"])
+        side["capping"] = drift, at_zero + side["hardening"] * drift
+        x = side["far"][0] * (1.0 + reloading)
+        if x < first:
+            f = self.k * x
+        elif x < drift:
+            f = side["strength"] + side["hardening"] * (x - first)
+        else:
+            f = side["capping"][1] + side["falling"] * (x - drift)
+        side["far"] = x, max(f, side["residual"])
+
+    def load(self, side, x):
+        """Return the path from zero force to the farthest point, and the backbone curve."""
+        far, last, points = side["far"], side["last"], [(x, 0.0)]
+        if self.pinching:
+            drift = (1.0 - self.pinching["drift"]) * (far[0] - far[1] / self.unloading)
+            force = self.pinching["force"] * far[1] * (drift - x) / (far[0] - x)
+            self.pinch = drift, force
+            if x < drift:
+                points.append(self.pinch)
+        x, f = points[-1]
+        # The last peak is on the way if it is lower, and the line to it is steeper.
+        is_before = x < last[0] and f < last[1] < far[1]
+        if is_before and (last[1] - f) / (last[0] - x) > (far[1] - f) / (far[0] - x):
+            points.append(last)
+        return [*_along([*points, far]), *self.backbone(side)]
+
+
+def _backbone(drift, strength, *points):
+    return [[x * drift, f * strength] for x, f in points]
+
+
+_FALLING = ((1.0, 1.0), (2.5, 1.2), (6.0, 1.35), (15.0, 0.8))
+
+
+def _lost(peak, work, limit, peak_exponent=1.0, work_exponent=1.0):
+    """Return the parameters of a type of degradation."""
+    return {
+        **{"peak": peak, "work": work, "limit": limit},
+        **{"peak_exponent": peak_exponent, "work_exponent": work_exponent},
+    }
+
+
+@law(
+    "multilinear-pinching",
+    plain=lambda rng, k, F: {
+        "backbone": _backbone(F / k, F, *_FALLING),
+        "pinching": {"drift": 0.5, "force": 0.4, "unloading": 0.1},
+    },
+    degrading=lambda rng, k, F: {
+        "backbone": _backbone(F / k, F, *_FALLING),
+        "pinching": {"drift": 0.5, "force": 0.4, "unloading": 0.1},
+        "degradation": {
+            "stiffness": _lost(0.2, 0.2, 0.4, 1.2, 0.8),
+            "drift": _lost(0.1, 0.05, 0.2),
+            "strength": _lost(0.1, 0.1, 0.3, 0.9),
+            "capacity": 10.0,
+        },
+        "ultimate_drift": 50.0 * F / k,
+    },
+    unequal=lambda rng, k, F: {
+        "backbone": _backbone(F / k, F, *_FALLING),
+        "pinching": {"drift": 0.3, "force": 0.5, "unloading": -0.1},
+        "negative": {
+            "backbone": _backbone(F / k, F, (1.0, 1.0), (3.0, 1.4), (8.0, 1.5), (20.0, 1.6)),
+            "pinching": {"drift": 0.6, "force": 0.3, "unloading": 0.05},
+        },
+    },
+)
+class MultilinearPinching(Spring):
+    """Pinching4 of Lowes and Altoontash, with equal initial stiffnesses of both sides.
+
+    `far` contains the farthest drift of each side, and `lost` the fractions of strength and
+    stiffness that were lost until the last reversal.
+    """
+
+    is_reversible = False
+    defines_stiffness = True
+
+    def read(self, parameters):
+        sides = {1.0: parameters, -1.0: parameters | parameters.get("negative", {})}
+        self.points = {s: [tuple(p) for p in side["backbone"]] for s, side in sides.items()}
+        self.pinching = {s: side["pinching"] for s, side in sides.items()}
+        self.degradation = parameters.get("degradation")
+        self.ultimate = parameters.get("ultimate_drift", math.inf)
+        self.k = self.points[1.0][0][1] / self.points[1.0][0][0]
+        self.far = {s: points[0][0] for s, points in self.points.items()}
+        self.branch, self.lost = "virgin", (0.0, 0.0)
+        self.last = max(points[-1][0] for points in self.points.values())
+        self.losses_at_last, self.remaining = None, []
+
+    def backbone(self, side, x):
+        """Return the force of the backbone curve without degradation, N."""
+        points = self.points[side]
+        for (d0, f0), (d1, f1) in pairwise([(0.0, 0.0), *points]):
+            if x <= d1:
+                return f0 + (x - d0) * (f1 - f0) / (d1 - d0)
+        return points[-1][1] + self.last_slope(side) * (x - points[-1][0])
+
+    def last_slope(self, side):
+        """Return the slope beyond the last point, N/m."""
+        (d3, f3), (d4, f4) = self.points[side][-2:]
+        return max(f4 - f3, 0.0) / (d4 - d3)
+
+    def largest(self, drift):
+        forces = [self.backbone(s, drift) for s in self.points]
+        points = [point for side in self.points.values() for point in side]
+        return max([*forces, *(f for d, f in points if d < drift)])
+
+    def follow_backbone(self, x):
+        """Return the segments of the backbone curve beyond x."""
+        s, kept = self.side, 1.0 - self.lost[0]
+        drifts = [x, *(drift for drift, _ in self.points[s] if drift > x)]
+        if drifts[-1] < self.last:
+            drifts.append(self.last)
+        segments = _along([(drift, self.backbone(s, drift)) for drift in drifts])
+        segments = segments or [(self.ultimate, self.last_slope(s))]
+        return [(end, kept * slope) for end, slope in segments]
+
+    def path(self, x, f, reversed_here):
+        s = self.side
+        if x >= self.ultimate:
+            raise StoryFailureError
+        if self.branch == "virgin":
+            # Reversals of a story that has not moved yet do not count.
+            start = 1e-5 * self.points[s][0][0]
+            if abs(x) < start:
+                return [(start, self.k)]
+            self.branch = "backbone"
+        if not reversed_here:
+            if x == self.last:
+                self.losses_at_last = self.losses()
+            if self.remaining:
+                return [self.remaining.pop(0)]
+            self.branch = "backbone"
+            return self.follow_backbone(x)
+        fractions = self.losses_at_last if abs(self.drift) > self.last else self.losses()
+        enlarged = {side: far * (1.0 + fractions[1]) for side, far in self.far.items()}
+        if self.branch == "backbone":
+            self.far[-s] = max(-x, enlarged[-s])
+        self.lost = fractions[2], fractions[0]
+        self.branch = "path"
+        points = self.reload((x, f), enlarged[s], self.far[s] > self.points[s][2][0])
+        # The path stops at the last drift of the backbone curve, where the losses become constant.
+        for (d0, f0), (d1, f1) in pairwise(list(points)):
+            if d0 < self.last < d1:
+                points.append((self.last, f0 + (self.last - d0) * (f1 - f0) / (d1 - d0)))
+        self.remaining = _along(sorted(points))
+        return [self.remaining.pop(0)] if self.remaining else self.follow_backbone(x)
+
+    def losses(self):
+        """Return the fractions of stiffness, drift and strength lost by a reversal here."""
+        farthest = dict(self.far)
+        if self.branch == "backbone":
+            farthest[-self.side] = max(farthest[-self.side], abs(self.drift))
+        has_yielded = any(farthest[s] > self.points[s][0][0] for s in farthest)
+        if not self.degradation or not has_yielded:
+            return 0.0, 0.0, 0.0
+        areas = [
+            sum(0.5 * (f0 + f1) * (d1 - d0) for (d0, f0), (d1, f1) in pairwise([(0, 0), *points]))
+            for points in self.points.values()
+        ]
+        capacity = self.degradation["capacity"] * max(areas)
+        spent = max(self.work - 0.5 * self.force**2 / (self.k * (1.0 - self.lost[1])), 0.0)
+        ratio = max(self.far.values()) / self.last
+        secant = max(self.backbone(s, far) / far for s, far in self.far.items()) / self.k
+        fractions = []
+        for name in ("stiffness", "drift", "strength"):
+            part = self.degradation[name]
+            fraction = part["peak"] * ratio ** part["peak_exponent"]
+            fraction += part["work"] * (spent / capacity) ** part["work_exponent"]
+            fractions.append(
+                min(fraction, part["limit"]) if self.work < capacity else part["limit"]
+            )
+        fractions[0] = min(fractions[0], max(0.0, 1.0 - (1.0 - self.lost[0]) * secant))
+        return fractions
+
+    def reload(self, start, far, is_late):
+        """Return the points of the path from a reversal to the farthest drift of the side.
+
+        `is_late` is True if the farthest drift is beyond the third point of the backbone curve.
+        """
+        s, (u, f) = self.side, start
+        target = far, (1.0 - self.lost[0]) * self.backbone(s, far)
+        if u * far >= 0.0:
+            return [start, target]
+        third, fourth = ((1.0 - self.lost[0]) * force for _, force in self.points[s][2:])
+        k = self.k * (1.0 - self.lost[1])
+        p, v = self.pinching[s]["force"], self.pinching[s]["unloading"]
+        ru, rf = self.pinching[s]["drift"] * far, p * target[1]
+        if p - v <= 1e-8 and not (s > 0.0 and v == 0.0):
+            rf = max((target[1] if is_late else third) * v, fourth) * (1.0 + 1e-6)
+        if target[0] == ru or (target[1] - rf) / (target[0] - ru) > k:
+            ru = target[0] - (target[1] - rf) / k
+        if ru < u:
+            return self.checked([start, target])
+        vf = v * (fourth if is_late else third)
+        vu = u + (vf - f) / k
+        if vu < u:
+            vu, vf = 0.5 * (u + ru), 0.5 * (f + rf)
+        elif ru != vu and (rf - vf) / (ru - vu) > k:
+            return self.checked([start, target])
+        elif ru < vu or (ru != vu and (rf - vf) / (ru - vu) < 0.0):
+            if vu > 0.0:
+                vu, vf = 0.5 * (u + ru), 0.5 * (f + rf)
+            elif ru < 0.0:
+                ru, rf = 0.5 * (vu + target[0]), 0.5 * (vf + target[1])
+            else:
+                leave, arrive = (vf - f) / (vu - u), (target[1] - rf) / (target[0] - ru)
+                mean, spread = 0.5 * (vf + rf), abs(vf + rf) / 200.0
+                vf, rf = mean - spread, mean + spread
+                vu, ru = u + (vf - f) / leave, target[0] - (target[1] - rf) / arrive
+        return self.checked([start, (vu, vf), (ru, rf), target])
+
+    def checked(self, points):
+        """Replace a path that falls by a line, or by two lines through the origin."""
+        if all(b[0] >= a[0] and b[1] >= a[1] for a, b in pairwise(points)):
+            return points
+        (u, f), target = points[0], points[-1]
+        slope = (target[1] - f) / (target[0] - u)
+        secant = f / u if self.side > 0.0 else target[1] / target[0]
+        return [points[0], (0.0, 0.0), target] if 1e-8 < slope < secant else [points[0], target]
+
+
+# ---- Backbone curves with any number of points, and a rule
+
+
+_STEEP = ((1.0, 1.0), (2.0, 1.5), (4.0, 2.0), (10.0, 2.2))
+
+
+def _multilinear(rule, points, last_slope=0.0, **more):
+    """Return the function of an example of a multilinear law. The points and the slope after the
+    last point are multiples of the yield drift, the strength and the stiffness."""
+    return lambda rng, k, F: {
+        **{"rule": rule, "backbone": _backbone(F / k, 0.6 * F, *points)},
+        **{"last_slope": 0.6 * last_slope * k},
+        **{key: entry(0.6 * k, 0.6 * F) for key, entry in more.items()},
+    }
+
+
+class Multilinear(Spring):
+    """Base of the rules: the backbone curve of each side, which continues with `last_slope`."""
+
+    is_reversible = False
+
+    def read(self, parameters):
+        negative = parameters.get("negative", parameters)
+        self.points = {
+            1.0: [tuple(point) for point in parameters["backbone"]],
+            -1.0: [tuple(point) for point in negative["backbone"]],
+        }
+        self.last_slope = parameters.get("last_slope", 0.0)
+        self.k = self.points[1.0][0][1] / self.points[1.0][0][0]
+        self.far = {s: points[0][0] for s, points in self.points.items()}
+
+    def slopes(self, side):
+        """Return the slopes of the segments of a side, with `last_slope`, N/m."""
+        points = [(0.0, 0.0), *self.points[side]]
+        return [
+            *((f1 - f0) / (d1 - d0) for (d0, f0), (d1, f1) in pairwise(points)),
+            self.last_slope,
+        ]
+
+    def curve(self, side, x):
+        """Return the force of the backbone curve of a side, N."""
+        points = self.points[side]
+        for (d0, f0), (d1, f1) in pairwise([(0.0, 0.0), *points]):
+            if x <= d1:
+                return f0 + (x - d0) * (f1 - f0) / (d1 - d0)
+        return points[-1][1] + self.last_slope * (x - points[-1][0])
+
+    def follow_backbone(self, x):
+        """Return the segments of the backbone curve beyond x, up to zero force."""
+        drift, force = self.points[self.side][-1]
+        last = drift - force / self.last_slope if self.last_slope < 0.0 else math.inf
+        if x >= last:
+            raise StoryFailureError
+        ends = [*(end for end, _ in self.points[self.side]), last]
+        return [(e, s) for e, s in zip(ends, self.slopes(self.side), strict=True) if e > x]
+
+    def largest(self, drift):
+        forces = [self.curve(s, drift) for s in self.points]
+        points = [point for side in self.points.values() for point in side]
+        return max([*forces, *(f for d, f in points if d < drift)])
+
+
+class Kinematic(Multilinear):
+    """Elastic-perfectly plastic springs in parallel; `forces` are those of the springs, N."""
+
+    def read(self, parameters):
+        super().read(parameters)
+        slopes = self.slopes(1.0)
+        self.parts = [before - after for before, after in pairwise(slopes)]
+        self.limits = {
+            s: [k * d for k, (d, _) in zip(self.parts, points, strict=True)]
+            for s, points in self.points.items()
+        }
+        self.forces = [0.0] * len(self.parts)
+
+    def path(self, x, f, reversed_here):
+        s, slope, segments = self.side, self.k, []
+        parts = zip(self.limits[s], self.forces, self.parts, strict=True)
+        for distance, stiffness in sorted(((lim - s * z) / k, k) for lim, z, k in parts):
+            segments.append((x + distance, slope))
+            slope -= stiffness
+        return [*segments, (math.inf, self.last_slope)]
+
+    def move(self, drift, variable=0.0):
+        change = drift - self.drift
+        bounds = zip(self.forces, self.parts, self.limits[-1.0], self.limits[1.0], strict=True)
+        self.forces = [min(max(z + k * change, -low), high) for z, k, low, high in bounds]
+        super().move(drift, variable)
+
+    def largest(self, drift):
+        if drift <= min(self.far.values()):
+            return self.k * drift
+        return max(map(sum, self.limits.values())) + abs(self.last_slope) * drift
+
+
+class Isotropic(Multilinear):
+    """Elastic up to a strength that grows with the plastic path of both sides."""
+
+    def read(self, parameters):
+        super().read(parameters)
+        self.plastic = 0.0
+
+    def path(self, x, f, reversed_here):
+        s = self.side
+        plastic = [d - force / self.k for d, force in self.points[s]]
+        slopes = self.slopes(s)[1:]
+        # Strength at the present plastic path, and the following segments
+        strength, at, segments = self.points[s][0][1], 0.0, []
+        for end, slope in zip([*plastic[1:], math.inf], slopes, strict=True):
+            if self.plastic < end:
+                start = max(at, self.plastic)
+                if not segments:
+                    strength += (start - at) * slope / (1.0 - slope / self.k)
+                    x += (strength - f) / self.k
+                    segments.append((x, self.k))
+                x += (end - start) / (1.0 - slope / self.k)
+                segments.append((x, slope))
+            else:
+                strength += (end - at) * slope / (1.0 - slope / self.k)
+            at = end
+        return segments
+
+    def move(self, drift, variable=0.0):
+        self.plastic += abs(drift - self.drift) * (1.0 - self.slope / self.k)
+        super().move(drift, variable)
+
+    def largest(self, drift):
+        if drift <= min(self.far.values()):
+            return self.k * drift
+        return max(f for points in self.points.values() for _, f in points)
+
+
+class Origin(Multilinear):
+    """Lines from the points of maximum drift to the origin."""
+
+    def path(self, x, f, reversed_here):
+        s = self.side
+        if reversed_here:
+            self.far[-s] = max(self.far[-s], -x)
+        if x < 0.0:
+            return [(0.0, self.curve(-s, self.far[-s]) / self.far[-s])]
+        if x < self.far[s]:
+            return [(self.far[s], self.curve(s, self.far[s]) / self.far[s])]
+        return self.follow_backbone(x)
+
+
+class Peak(PeakOriented, Multilinear):
+    """Unloading with the initial stiffness, then a line to the point of maximum drift."""
+
+    follow_backbone = Multilinear.follow_backbone
+    largest = Multilinear.largest
+
+    def read(self, parameters):
+        Multilinear.read(self, parameters)
+        self.branch, self.start = "elastic", (0.0, 0.0)
+
+    def backbone(self, x):
+        return self.curve(self.side, x)
+
+    def unloading(self, side):
+        return self.k
+
+    def path(self, x, f, reversed_here):
+        self.first = self.points[self.side][0][0]
+        return super().path(x, f, reversed_here)
+
+
+class Elastic(Multilinear):
+    """The backbone curve itself."""
+
+    def path(self, x, f, reversed_here):
+        s = self.side
+        before = [(-start, slope) for start, slope in self._other(-s)]
+        ends = [*(d for d, _ in self.points[s]), math.inf]
+        return [*before, *zip(ends, self.slopes(s), strict=True)]
+
+    def _other(self, side):
+        """Return the starts and slopes of the segments of a side, the last segment first."""
+        starts = [0.0, *(d for d, _ in self.points[side])]
+        return reversed(list(zip(starts, self.slopes(side), strict=True)))
+
+
+_RULES = {
+    **{"kinematic": Kinematic, "isotropic": Isotropic, "origin": Origin},
+    **{"peak": Peak, "elastic": Elastic},
+}
+
+
+@law(
+    "multilinear",
+    kinematic=_multilinear("kinematic", _STEEP, 0.01),
+    isotropic=_multilinear("isotropic", _STEEP),
+    origin=_multilinear("origin", _STEEP, -0.01),
+    peak=_multilinear(
+        *("peak", _STEEP),
+        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.0, 1.0), (3.0, 1.8))},
+    ),
+    elastic=_multilinear(
+        *("elastic", ((1.0, 1.0), (2.0, 1.3), (5.0, 4.0)), 0.5),
+        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.5, 1.5), (4.0, 2.0))},
+    ),
+)
+def multilinear(story, parameters):
+    """Return the spring with the rule of a multilinear law."""
+    return _RULES[parameters["rule"]](story, parameters)
+
+
+multilinear.defines_stiffness = True
+
+
+# ---- Curved laws
+
+
+@law(
+    "ramberg-osgood",
+    steel=lambda rng, k, F: {"yield_force": F, "alpha": 0.2, "exponent": rng.uniform(4.0, 8.0)},
+    soil=lambda rng, k, F: {"yield_force": F, "alpha": 1.0, "exponent": 2.0},
+)
+class RambergOsgood(Spring):
+    """Skeleton curve with Masing branches; `reversals` are the points of open loops."""
+
+    is_reversible = False
+
+    def read(self, parameters):
+        self.strength, self.alpha = parameters["yield_force"], parameters["alpha"]
+        self.exponent, self.reversals = parameters["exponent"], []
+
+    def value(self, drift, variable=0.0):
+        yields = self.strength / self.k
+        if not self.reversals:
+            return self.strength * self.relative(drift / yields)
+        start, force = self.reversals[-1]
+        return force + 2.0 * self.strength * self.relative(0.5 * (drift - start) / yields)
+
+    def relative(self, t):
+        """Return y of t = y (1 + alpha |y|^(n - 1)) by Newton's method from above."""
+        size, n = abs(t), self.exponent
+        y = min(size, (size / self.alpha) ** (1.0 / n))
+        for _ in range(50):
+            power = self.alpha * y ** (n - 1.0)
+            change = (y * (1.0 + power) - size) / (1.0 + n * power)
+            y -= change
+            if abs(change) <= 1e-15 * y:
+                break
+        return math.copysign(y, t)
+
+    def path(self, x, f, reversed_here):
+        if reversed_here:
+            if f:
+                self.reversals.append((self.drift, self.force))
+        else:
+            # The loop is closed: continue on the branch that it interrupted.
+            del self.reversals[-2:]
+        if not self.reversals:
+            return [(math.inf, math.nan)]
+        if len(self.reversals) > 1:
+            return [(self.side * self.reversals[-2][0], math.nan)]
+        return [(-self.side * self.reversals[0][0], math.nan)]
+
+    def largest(self, drift):
+        return self.strength * self.relative(drift * self.k / self.strength)
+
+
+@law(
+    "tanh",
+    weak=lambda rng, k, F: {"strength": rng.uniform(0.8, 1.5) * F},
+)
+class Tanh(Spring):
+    """Elastic spring that approaches a strength."""
+
+    def read(self, parameters):
+        self.strength = parameters["strength"]
+
+    def value(self, drift, variable=0.0):
+        return self.strength * math.tanh(self.k * drift / self.strength)
+
+    def tangent(self, drift):
+        return self.k / math.cosh(self.k * drift / self.strength) ** 2
+
+    def largest(self, drift):
+        return self.value(drift)
+
+
+@law(
+    "polynomial",
+    stiffening=lambda rng, k, F: {"coefficients": [k, 0.0, 0.4 * k**3 / F**2]},
+    unequal=lambda rng, k, F: {"coefficients": [k, 0.25 * k**2 / F, 0.1 * k**3 / F**2]},
+    softening=lambda rng, k, F: {
+        "coefficients": [k, 0.0, -0.02 * k**3 / F**2, 0.0, 0.001 * k**5 / F**4]
+    },
+)
+class Polynomial(Spring):
+    """Elastic spring with the force sum of c_j d^j."""
+
+    defines_stiffness = True
+
+    def read(self, parameters):
+        self.coefficients = parameters["coefficients"]
+        self.k = self.coefficients[0]
+
+    def value(self, drift, variable=0.0):
+        force = 0.0
+        for coefficient in reversed(self.coefficients):
+            force = (force + coefficient) * drift
+        return force
+
+    def tangent(self, drift):
+        return sum((j + 1) * c * drift**j for j, c in enumerate(self.coefficients))
+
+    def largest(self, drift):
+        return max(
+            abs(self.value(part * sign * drift / 50)) for part in range(51) for sign in (-1, 1)
+        )
+
+
+@law(
+    "bouc-wen",
+    round=lambda rng, k, F: {"yield_force": F, "hardening": 0.05, "exponent": 1.0, "beta": 0.5},
+    sharp=lambda rng, k, F: {"yield_force": F, "hardening": 0.0, "exponent": 5.0, "beta": 0.8},
+    medium=lambda rng, k, F: {"yield_force": F, "hardening": 0.02, "exponent": 2.0, "beta": 0.6},
+    open=lambda rng, k, F: {"yield_force": F, "hardening": 0.05, "exponent": 1.5, "beta": 0.35},
+)
+class BoucWen(Spring):
+    """Bouc-Wen spring: an elastic part and the strength times the internal variable w."""
+
+    is_reversible = False
+    variables = 1
+
+    def read(self, parameters):
+        self.strength, self.ratio = parameters["yield_force"], parameters["hardening"]
+        self.exponent, self.beta, self.w = parameters["exponent"], parameters["beta"], 0.0
+
+    def value(self, drift, variable=0.0):
+        return self.ratio * self.k * drift + (1.0 - self.ratio) * self.strength * variable
+
+    def rate(self, drift_rate, w):
+        sign = self.beta if w * self.side > 0.0 else -self.beta
+        factor = 1.0 - abs(w) ** self.exponent * (sign + 1.0 - self.beta)
+        return factor * self.k * drift_rate / self.strength
+
+    def largest(self, drift):
+        return self.ratio * self.k * drift + (1.0 - self.ratio) * self.strength
+
+    def go(self, drift):
+        """Integrate w over a monotonic path by the method of Runge and Kutta."""
+        w, parts = self.w, 2000
+        h = (drift - self.drift) / parts
+        self.turn(math.copysign(1.0, h))
+        for _ in range(parts):
+            a = self.rate(h, w)
+            b = self.rate(h, w + 0.5 * a)
+            c = self.rate(h, w + 0.5 * b)
+            w += (a + 2.0 * b + 2.0 * c + self.rate(h, w + c)) / 6.0
+        self.move(drift, w)
+        self.w = w
+        return [w]

@@ -1,0 +1,62 @@
+"""The stored array covers all pairs of declared values, and contains all declarations of tdint."""
+
+from grid.axes import build
+from grid.covering import CASES, read, uncovered
+from tdint.model.config.model_file import model_schema
+
+ROWS = [row for row, *_ in read()]
+
+
+def test_all_pairs_of_values_occur():
+    missing = uncovered(ROWS)
+    assert not missing, f"run `python tests/grid/covering.py`: {sorted(missing)[:5]}"
+
+
+def test_cases_are_those_of_the_references():
+    for row, seed, digest, peaks in read():
+        case = build(row, seed)
+        assert case.digest == digest, f"run `python tests/grid/covering.py`: {row}"
+        assert all(len(values) == case.n for values in peaks.values())
+    assert CASES.stat().st_size < 60_000
+
+
+def keys_of(content, path=""):
+    """Return the paths of all keys in nested content, without numbers of lists."""
+    if isinstance(content, dict):
+        inner = (keys_of(item, f"{path}.{key}") for key, item in content.items())
+        return {f"{path}.{key}" for key in content}.union(*inner)
+    if isinstance(content, list):
+        return set().union(*(keys_of(item, path) for item in content))
+    return set()
+
+
+def schema_keys(schema, path=""):
+    """Return the paths of all keys that a JSON schema allows."""
+    keys = set()
+    for key, inner in schema.get("properties", {}).items():
+        keys |= {f"{path}.{key}"} | schema_keys(inner, f"{path}.{key}")
+    for alternative in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
+        keys |= schema_keys(alternative, path)
+    return keys | (schema_keys(schema["items"], path) if "items" in schema else set())
+
+
+SAME_MOTION = {
+    # other ways to write the same building
+    *("name", "units", "building", "stories.weight", "stories.repeat"),
+    # the record and the analysis are arguments of the runs
+    *("excitation.record", "analysis"),
+    # evaluation and output
+    *("plausibility", "damage", "limits", "output_units", "report"),
+}
+"""Keys that do not change the motion."""
+
+
+def test_each_key_of_a_model_occurs():
+    """A new damper, law parameter or load is declared in `grid.axes` or `grid.springs`."""
+    used = set().union(*(keys_of(build(row, 0).model) for row in ROWS))
+    missing = {
+        key.lstrip(".")
+        for key in schema_keys(model_schema()) - used
+        if not any(f"{key}.".startswith(f".{other}.") for other in SAME_MOTION)
+    }
+    assert not missing

@@ -1,0 +1,89 @@
+"""Runs of a stored case that must be equal: to the bit, or to rounding for interpreted loops."""
+
+from dataclasses import fields
+from itertools import count
+
+import numpy as np
+import pytest
+
+import tdint
+from grid.axes import build
+from grid.judge import STEPS, attempt, motion_of
+from grid.test_grid import CASES, LABELS
+from registered import plain as interpreted  # noqa: F401
+
+_TOLERANCE = 1e-9
+"""Largest difference of interpreted and compiled loops, divided by the largest value."""
+
+
+def completed_run(number, start):
+    """Return the model, motion and options of a case with a method from `start` on that completes
+    the case, and its response."""
+    row, seed, *_ = CASES[number]
+    case = build(row, seed)
+    model, record = tdint.load_model(case.model), motion_of(case)
+    for i in count(start):
+        method, samples = LABELS[i % len(LABELS)], STEPS[(number + i) % len(STEPS)]
+        options = {"dt": samples * case.interval, "duration": case.duration, "check": False}
+        response = attempt(model, record, method, **options)
+        if not isinstance(response, tuple):
+            return model, record, {"method": method, **options}, response
+
+
+def values_of(results):
+    """Return the arrays and numbers of peaks or energies by name."""
+    return {field.name: np.asarray(getattr(results, field.name)) for field in fields(results)}
+
+
+def assert_equal(result, expected):
+    for part in ("stories", "energy"):
+        reported, wanted = values_of(getattr(result, part)), values_of(getattr(expected, part))
+        for name, value in wanted.items():
+            assert np.array_equal(reported[name], value, equal_nan=True), (part, name)
+
+
+@pytest.mark.parametrize("number", range(len(CASES)))
+def test_equal_bits(number):
+    """`run`, `run_case`, `run_many` and `run_sequence`, with and without history."""
+    model, record, options, expected = completed_run(number, 7 * number)
+    method = options.pop("method")
+    prepared = tdint.prepare(model, record, method=method)
+    assert_equal(tdint.run_case(prepared, **options), expected)
+    assert_equal(tdint.run_case(prepared, history=True, **options), expected)
+    assert_equal(tdint.run(model, record, method=method, history=True, **options), expected)
+    if record is None:
+        return
+    many = tdint.run_many(model, record, scales=(0.5, 1.0), method=method, **options)
+    for name, value in values_of(expected.stories).items():
+        if name != "height":
+            assert np.array_equal(getattr(many.stories, name)[1], value, equal_nan=True), name
+
+
+@pytest.mark.parametrize("number", range(0, len(CASES), 25))
+def test_events_of_a_sequence(number):
+    """The first event of a sequence is the run of its record, and a record alone is a sequence."""
+    row, seed, *_ = CASES[number]
+    case = build(row, seed)
+    model, record = tdint.load_model(case.model), motion_of(case)
+    if record is None:
+        return
+    prepared, options = tdint.prepare(model, method="impulse4"), {"dt": record.dt, "check": False}
+    first = tdint.run(model, record, method="impulse4", **options)
+    assert_equal(tdint.run_sequence(prepared, [record], **options), first)
+    both = tdint.run_sequence(prepared, [record, record.scaled(-0.5)], rest=0.5, **options)
+    for name in ("peak_drift", "peak_shear", "peak_absolute_acceleration"):
+        assert np.all(getattr(both.stories, name) >= getattr(first.stories, name))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(len(CASES)))
+def test_interpreted_loops(number, request):
+    model, record, options, expected = completed_run(number, 11 * number)
+    request.getfixturevalue("interpreted")
+    response = tdint.run(model, record, **options)
+    for part in ("stories", "energy"):
+        reported, wanted = (values_of(getattr(result, part)) for result in (response, expected))
+        for name, value in wanted.items():
+            size = np.max(np.abs(np.nan_to_num(value)), initial=0.0)
+            difference = np.max(np.abs(np.nan_to_num(reported[name] - value)), initial=0.0)
+            assert difference <= _TOLERANCE * max(size, 1e-300), (part, name)

@@ -1,0 +1,107 @@
+"""Runs of the stored cases with all methods: errors are within twice their estimates, or the value
+is a listed exception with its cause; errors decrease at the declared order.
+"""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+import tdint
+from grid.axes import build
+from grid.covering import read
+from grid.exceptions import listed
+from grid.judge import DONE, STEPS, attempt, judge, method_labels, motion_of
+from tdint.methods.catalogue import parse
+
+CASES = read()
+LABELS = method_labels()
+EXCEPTIONS = listed()
+
+_LEAST_ERROR = 2e-8  # smallest error divided by the peak drift from which an order is observed
+_SMOOTH_CASES = 8  # number of cases of the tests of the orders
+_FAST = 3  # methods of a case in the fast tests, in addition to the default method
+
+
+def assert_within_estimates(number, runs):
+    """Assert that a stored case with these methods and steps has no unlisted exception."""
+    row, seed, digest, peaks = CASES[number]
+    case = build(row, seed)
+    assert case.digest == digest, "changed case: run `python tests/grid/covering.py`"
+    model, faults, outcomes = tdint.load_model(case.model), [], set()
+    for method, samples in runs:
+        verdict = judge(case, peaks, method, samples, model)
+        outcomes.add(verdict.outcome)
+        for excess in verdict.beyond:
+            limit, _ = EXCEPTIONS.get((digest, method, samples, excess.quantity), (0.0, ""))
+            if excess.ratio > limit:
+                faults.append((digest, method, samples, excess))
+    assert not faults, "\n".join(map(str, faults))
+    assert DONE in outcomes
+
+
+def fast_runs(number):
+    """Return some methods of a case with their time steps: the default method and others, so that
+    all steps occur with each method."""
+    methods = [
+        *((_FAST * number + j) % len(LABELS) for j in range(_FAST)),
+        LABELS.index("impulse4"),
+    ]
+    return [(LABELS[i], STEPS[(number + i) % len(STEPS)]) for i in methods]
+
+
+@pytest.mark.parametrize("number", range(len(CASES)))
+def test_errors_are_within_twice_their_estimates(number):
+    assert_within_estimates(number, fast_runs(number))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(len(CASES)))
+def test_all_methods_and_steps(number):
+    assert_within_estimates(number, product(LABELS, STEPS))
+
+
+# ---- Orders
+
+
+def smooth_cases():
+    """Return some stored cases with smooth motions between the samples: laws without branch
+    changes, and linear dashpots."""
+    laws = ("linear", "tanh weak", "polynomial stiffening", "polynomial unequal")
+    numbers = [
+        number
+        for number, (row, *_) in enumerate(CASES)
+        if row["law"] in laws and row["damper"] in ("none", "linear") and row["isolator"] == "none"
+    ]
+    return numbers[:_SMOOTH_CASES]
+
+
+def errors_of_drift(number, method):
+    """Return the errors of the final drift with halved time steps, divided by the peak drift, down
+    to `_LEAST_ERROR`."""
+    row, seed, _, peaks = CASES[number]
+    case = build(row, seed)
+    model, errors = tdint.load_model(case.model), []
+    for parts in (1, 2, 4, 8, 16):
+        step = case.interval / parts
+        response = attempt(model, motion_of(case), method, step, case.duration, check=False)
+        if isinstance(response, tuple):
+            continue
+        difference = response.stories.residual_drift - peaks["residual_drift"]
+        errors.append(np.max(np.abs(difference)) / np.max(peaks["peak_drift"]))
+        if errors[-1] < _LEAST_ERROR:
+            return errors[:-1]
+    return errors
+
+
+@pytest.mark.parametrize("name", sorted({label for label in LABELS if ":" not in label}))
+def test_errors_decrease_at_the_declared_order(name):
+    """The median over the cases of the order over two refinements is at least the declared order,
+    less a half. `exact` has no errors in these cases."""
+    integrator = parse(name)
+    errors = [errors_of_drift(number, name) for number in smooth_cases()]
+    orders = [0.5 * np.log2(e[-3] / e[-1]) for e in errors if len(e) > 2]
+    if integrator.family.linear_only:
+        assert not orders
+    else:
+        assert np.median(orders) > integrator.order - 0.5
