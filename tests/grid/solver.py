@@ -9,6 +9,8 @@ A building is a mapping with the keys of a model file in SI units.
 """
 
 import math
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -70,14 +72,22 @@ class Chain:
         if model.get("p_delta"):
             heights = np.array([story["height"] for story in stories])
             self.geometric = GRAVITY * np.cumsum(self.mass[::-1])[::-1] / heights
-        self.dashpots = [_dashpot(story.get("dashpot", 0.0)) for story in stories]
-        self.damping = damping_matrix(model, self.mass, self.stiffness, self.geometric)
+        self.dashpots = [dashpot_of(story.get("dashpot", 0.0)) for story in stories]
+        self.braces = {}  # index of the variable in y by story
+        for i, dashpot in enumerate(self.dashpots):
+            if dashpot.brace:
+                self.braces[i] = self.size
+                self.size += 1
+        self.damping, self.tangent = damping_of(model, self.mass, self.stiffness, self.geometric)
         self.is_damped = bool(self.damping.any())
         self.masses, self.geometries = self.mass.tolist(), self.geometric.tolist()
+        forces = model.get("excitation", {}).get("forces", ())
         self.forces = [
             (force["floor"] - 1, force["amplitude"], force["omega"], force["phase"] == "cos")
-            for force in model.get("excitation", {}).get("forces", ())
+            for force in forces
+            if "omega" in force
         ]
+        self.tables = [ForceTable(force) for force in forces if "points" in force]
 
     def initial_state(self, model):
         """Return the state at t = 0. Each spring moves monotonically to its initial drift."""
@@ -103,11 +113,28 @@ class Chain:
         x = t / self.interval - self.start
         return self.ground[self.start] * (1.0 - x) + self.ground[self.start + 1] * x
 
+    def kinks(self, count):
+        """Return the times of the samples and of the points of forces."""
+        samples = self.interval * np.arange(count + 1)
+        points = [table.times for table in self.tables]
+        times = np.unique(np.concatenate([samples, *points]))
+        # Times that differ by rounding are equal.
+        times = times[np.diff(times, prepend=-1.0) > 1e-9 * self.interval]
+        return [float(t) for t in times if 0.0 <= t <= samples[-1]]
+
+    def enter(self, t, end):
+        """Select the lines of the ground motion and of the forces between two kinks."""
+        self.start = int(0.5 * (t + end) / self.interval)
+        for table in self.tables:
+            table.select(0.5 * (t + end))
+
     def loads(self, t):
         """Return the forces on the floors at a time, N."""
         loads = [0.0] * self.n
         for floor, amplitude, omega, is_cosine in self.forces:
             loads[floor] += amplitude * (math.cos if is_cosine else math.sin)(omega * t)
+        for table in self.tables:
+            loads[table.floor] += table.value(t)
         return loads
 
     def _balance(self, t, y):
@@ -126,14 +153,23 @@ class Chain:
             else:
                 shears[i] += spring.value(drifts[i], values[variable])
                 change[variable] = spring.rate(rates[i], values[variable])
-        dampers = [force(rate) for force, rate in zip(self.dashpots, rates, strict=True)]
+        dampers = [dashpot.force(rate) for dashpot, rate in zip(self.dashpots, rates, strict=True)]
+        for i, variable in self.braces.items():
+            dampers[i] = values[variable]
+            change[variable] = self.dashpots[i].force_rate(rates[i], values[variable])
         floors = self.loads(t)
         if self.is_damped:
             viscous = (self.damping @ y[n : 2 * n]).tolist()
             floors = [load - force for load, force in zip(floors, viscous, strict=True)]
         ground, above, absolute = self.ground_at(t), 0.0, [0.0] * n
+        tangents = [0.0] * n
+        if self.tangent:
+            for i, spring, variable in self.springs:
+                w = 0.0 if variable is None else values[variable]
+                tangents[i] += self.tangent[i] * spring.tangent(drifts[i], w)
         for i in range(n - 1, -1, -1):
-            total = shears[i] + dampers[i] - self.geometries[i] * drifts[i]
+            total = shears[i] + self.dashpots[i].factor * dampers[i] + tangents[i] * rates[i]
+            total -= self.geometries[i] * drifts[i]
             absolute[i] = (floors[i] - total + above) / self.masses[i]
             change[n + i] = absolute[i] - ground
             above = total
@@ -160,18 +196,68 @@ def springs_of(story):
     return [LAWS[parameters["type"]](story, parameters)]
 
 
-def _dashpot(entry):
-    """Return the force of a dashpot, N, as a function of its rate."""
+@dataclass
+class Dashpot:
+    """Dashpot with the force c v (v^2 + below^2)^((exponent - 1) / 2) at the damper rate v.
+
+    The deformation of the damper is the drift times `factor`, and the force of the story is the
+    force of the damper times `factor`. With a brace, N/m, in series the force is a variable.
+    """
+
+    coefficient: float
+    exponent: float = 1.0
+    below: float = 0.0
+    brace: float = 0.0
+    factor: float = 1.0
+
+    def force(self, drift_rate):
+        """Return the force along the damper without a brace, N."""
+        rate = self.factor * drift_rate
+        square = rate * rate + self.below * self.below
+        if not square:
+            return 0.0
+        return self.coefficient * rate * square ** (0.5 * (self.exponent - 1.0))
+
+    def force_rate(self, drift_rate, force):
+        """Return the rate of the force of damper and brace, N/s."""
+        damper_rate = (abs(force) / self.coefficient) ** (1.0 / self.exponent)
+        return self.brace * (self.factor * drift_rate - math.copysign(damper_rate, force))
+
+
+def dashpot_of(entry):
+    """Return the dashpot of an entry of a model file."""
     if not isinstance(entry, dict):
-        return lambda rate: entry * rate
-    c, below = entry["coefficient"], entry.get("linear_below", 0.0)
-    half = 0.5 * (entry["exponent"] - 1.0)
+        return Dashpot(entry)
+    factor = entry.get("factor", math.cos(math.radians(entry.get("angle", 0.0))))
+    power = entry["coefficient"], entry.get("exponent", 1.0), entry.get("linear_below", 0.0)
+    return Dashpot(*power, entry.get("brace", 0.0), factor)
 
-    def force(rate):
-        square = rate * rate + below * below
-        return c * rate * square**half if square else 0.0
 
-    return force
+class ForceTable:
+    """Force on a floor, linear between points and zero outside. Two points with the same time are a
+    jump."""
+
+    def __init__(self, force):
+        self.floor = force["floor"] - 1
+        times, values = np.array(force["points"]).T
+        self.times = times + force.get("start", 0.0)
+        self.values = values * force.get("scale", 1.0)
+        self.line = None
+
+    def select(self, middle):
+        """Select the line that contains a time."""
+        j = int(np.searchsorted(self.times, middle))
+        self.line = None
+        if 0 < j < len(self.times):
+            (t0, t1), (p0, p1) = self.times[j - 1 : j + 1], self.values[j - 1 : j + 1]
+            self.line = float(t0), float(p0), float((p1 - p0) / (t1 - t0))
+
+    def value(self, t):
+        """Return the force on the selected line, N."""
+        if self.line is None:
+            return 0.0
+        start, force, slope = self.line
+        return force + slope * (t - start)
 
 
 def chain_matrix(stiffness):
@@ -181,11 +267,12 @@ def chain_matrix(stiffness):
     return drift.T @ np.diag(stiffness) @ drift
 
 
-def damping_matrix(model, mass, stiffness, geometric):
-    """Return the matrix of viscous damping without dashpots, N s/m."""
+def damping_of(model, mass, stiffness, geometric):
+    """Return the matrix of viscous damping without dashpots, N s/m, and the coefficients of the
+    tangent stiffnesses of the stories, s, or None."""
     n, damping = len(mass), model.get("damping")
     if not damping:
-        return np.zeros((n, n))
+        return np.zeros((n, n)), None
     M = np.diag(mass)
     squares, shapes = eigh(chain_matrix(stiffness - geometric), M)
     omega = np.sqrt(np.maximum(squares, 0.0))
@@ -198,14 +285,15 @@ def damping_matrix(model, mass, stiffness, geometric):
         else:
             ratios[:] = modal
         weighted = M @ shapes
-        return weighted @ np.diag(2.0 * ratios * omega) @ weighted.T
+        return weighted @ np.diag(2.0 * ratios * omega) @ weighted.T, None
     a, b = rayleigh_coefficients(damping, omega)
     # Isolators have no Rayleigh damping, and the floors above move relative to the isolator.
     stories = model["stories"]
     has_damping = np.array(
         [story.get("isolator", False) in (False, "rayleigh") for story in stories]
     )
-    C = b * chain_matrix(np.where(has_damping, stiffness, 0.0))
+    is_tangent = isinstance(damping, dict) and damping["rayleigh"].get("tangent", False)
+    C = (0.0 if is_tangent else b) * chain_matrix(np.where(has_damping, stiffness, 0.0))
     base = None
     for i in range(n):
         if not has_damping[i]:
@@ -216,7 +304,7 @@ def damping_matrix(model, mass, stiffness, geometric):
         if base is not None:
             motion[base] = -1.0
         C += a * mass[i] * np.outer(motion, motion)
-    return C
+    return C, (b * has_damping).tolist() if is_tangent else None
 
 
 def rayleigh_coefficients(damping, omega):
@@ -313,12 +401,14 @@ def solve(model, ground, interval, duration, tolerance=1e-10):
     samples = np.zeros(count + 1)
     samples[: min(len(ground), count + 1)] = ground[: count + 1]
     chain = Chain(model, samples, interval)
+    kinks = chain.kinks(count)
+    chain.enter(*kinks[:2])
     y = chain.initial_state(model)
     peaks, h, events = Peaks(chain.n), interval, 0
     size = np.full(chain.size, 1e-3)  # m, m/s and 1: sizes of the variables
-    for k in range(count):
-        chain.start = k
-        t, end = k * interval, (k + 1) * interval
+    size[list(chain.braces.values())] = 1e2  # N
+    for t, end in pairwise(kinks):
+        chain.enter(t, end)
         while t < end:
             step = DOP853(
                 *(chain.rates, t, y, end),

@@ -80,7 +80,7 @@ class Spring:
         """Return the force at a drift on the present segment, N."""
         return self.force + self.slope * (drift - self.drift)
 
-    def tangent(self, drift):
+    def tangent(self, drift, variable=0.0):
         """Return the stiffness at a drift on the present segment, N/m."""
         return self.slope
 
@@ -937,6 +937,11 @@ class RambergOsgood(Spring):
                 break
         return math.copysign(y, t)
 
+    def tangent(self, drift, variable=0.0):
+        force, scale = (self.reversals[-1][1], 2.0) if self.reversals else (0.0, 1.0)
+        y = (self.value(drift) - force) / (scale * self.strength)
+        return self.k / (1.0 + self.exponent * self.alpha * abs(y) ** (self.exponent - 1.0))
+
     def path(self, x, f, reversed_here):
         if reversed_here:
             if f:
@@ -967,7 +972,7 @@ class Tanh(Spring):
     def value(self, drift, variable=0.0):
         return self.strength * math.tanh(self.k * drift / self.strength)
 
-    def tangent(self, drift):
+    def tangent(self, drift, variable=0.0):
         return self.k / math.cosh(self.k * drift / self.strength) ** 2
 
     def largest(self, drift):
@@ -997,7 +1002,7 @@ class Polynomial(Spring):
             force = (force + coefficient) * drift
         return force
 
-    def tangent(self, drift):
+    def tangent(self, drift, variable=0.0):
         return sum((j + 1) * c * drift**j for j, c in enumerate(self.coefficients))
 
     def largest(self, drift):
@@ -1030,6 +1035,10 @@ class BoucWen(Spring):
         sign = self.beta if w * self.side > 0.0 else -self.beta
         factor = 1.0 - abs(w) ** self.exponent * (sign + 1.0 - self.beta)
         return factor * self.k * drift_rate / self.strength
+
+    def tangent(self, drift, variable=0.0):
+        change = self.rate(1.0, variable)
+        return self.ratio * self.k + (1.0 - self.ratio) * self.strength * change
 
     def largest(self, drift):
         return self.ratio * self.k * drift + (1.0 - self.ratio) * self.strength
