@@ -325,8 +325,19 @@ def _power(exponent, below, factor):
     return entry
 
 
+def _braced(exponent, stiffness, **inclination):
+    """Return the function of a damper in series with a brace, whose stiffness is that factor times
+    the coefficient, 1/s."""
+    return lambda c: {
+        **{"coefficient": 0.8 * c, "exponent": exponent, "brace": stiffness * c},
+        **inclination,
+    }
+
+
 _DAMPERS = {
     "linear": lambda c: c,
+    "braced": _braced(1.0, 40.0, factor=0.8),
+    "braced power .35": _braced(0.35, 150.0, angle=30.0),
     "power .35": _power(0.35, 0.005, 0.6),
     "power .5": _power(0.5, 0.02, 0.6),
     "power 1.5": _power(1.5, 0.0, 2.0),
@@ -377,6 +388,9 @@ value("damping", "two ratios")(_damping(_two_ratios))
 value("damping", "coefficients")(_damping(_coefficients))
 value("damping", "mass")(
     _damping(lambda case: {"rayleigh": {"mass": float(0.1 * case.omega()[0]), "stiffness": 0.0}})
+)
+value("damping", "tangent")(
+    _damping(lambda case: {"rayleigh": {**_coefficients(case)["rayleigh"], "tangent": True}})
 )
 value("damping", "modal")(_damping(lambda case: {"modal": 0.04}))
 value("damping", "modal list")(_damping(lambda case: {"modal": [0.05, 0.02, 0.0][: case.n]}))
@@ -471,6 +485,26 @@ def _jump(case):
     case.ground = case.ground + 2.0 * np.exp(-times / 0.5)
 
 
+def _pushed(case):
+    """Add forces through points: a blast on the roof and wind on the first floor."""
+    omega, weight = float(case.omega()[0]), float(case.weight[0])
+    blast = [[0.0, 0.0], [0.0, 0.35], [0.0731, 0.0], [0.31, -0.05], [0.5, 0.0]]
+    times = np.sort(case.rng.uniform(0.0, 1.9, 12))
+    wind = 0.06 * (1.0 + np.sin(omega * times))
+    case.model["excitation"] = {
+        "forces": [
+            {
+                **{"floor": case.n, "start": 0.2137, "scale": 0.9},
+                "points": [[time, force * weight] for time, force in blast],
+            },
+            {"floor": 1, "points": np.stack([times, wind * weight], axis=1).tolist()},
+        ]
+    }
+
+
+value("load", "record and points")(_pushed)
+
+
 def _without_record(case):
     case.ground = np.zeros(0)
 
@@ -481,13 +515,19 @@ def _cosine(case):
     _harmonic(case, "cos", 2.0)
 
 
+@value("load", "points")
+def _points(case):
+    _without_record(case)
+    _pushed(case)
+
+
 value("load", "none")(_without_record)
 
 
 @rule
 def _unused_record(row):
     """Without a record, the axes of the record have their first values."""
-    if row.get("load") not in ("cosine", "none"):
+    if row.get("load") not in ("cosine", "points", "none"):
         return True
     return all(
         row.get(axis, next(iter(AXES[axis]))) == next(iter(AXES[axis]))

@@ -31,7 +31,7 @@ RESOLUTION = 2e-6
 the quantity. Buildings with larger differences amplify any error and are replaced."""
 
 _TOLERANCES = (1e-10, 1e-8)
-_CANDIDATES = 60  # rows from which the next row is chosen
+_CANDIDATES = 6  # rows from which the next row is chosen
 _SEEDS = 8  # seeds that are tried for a row
 _ROUNDS = 4  # other rows are tried for pairs of rows without an accurate reference
 
@@ -63,9 +63,8 @@ def covering_rows(rows, seed):
     generator, missing = random.Random(seed), uncovered(rows)
     while missing:
         pair = min(missing)
-        candidates = [
-            row for row in (_random_row(pair, generator) for _ in range(_CANDIDATES)) if row
-        ]
+        candidates = [_row_with(pair, missing, generator) for _ in range(_CANDIDATES)]
+        candidates = [row for row in candidates if row]
         if not candidates:  # the pair is excluded by three values together
             missing.discard(pair)
             continue
@@ -74,16 +73,31 @@ def covering_rows(rows, seed):
         yield best
 
 
-def _random_row(pair, generator):
-    """Return a random allowed row with a pair of values; None if there is none."""
+def _row_with(pair, missing, generator):
+    """Return an allowed row with a pair of values; None if there is none.
+
+    The axes are filled in random order with the value that adds most missing pairs.
+    """
     row = dict(pair)
     for axis in generator.sample(list(AXES), len(AXES)):
-        if axis not in row:
-            names = [name for name in AXES[axis] if is_allowed(row | {axis: name})]
-            if not names:
-                return None
-            row[axis] = generator.choice(names)
+        if axis in row:
+            continue
+        names = [name for name in AXES[axis] if is_allowed(row | {axis: name})]
+        if not names:
+            return None
+        generator.shuffle(names)
+        row[axis] = max(names, key=lambda name: _added_pairs(row, (axis, name), missing))
     return {axis: row[axis] for axis in AXES}
+
+
+def _added_pairs(row, item, missing):
+    """Return the number of missing pairs of a value with the values of a row."""
+    order = list(AXES)
+    return sum(
+        ((other, item) if order.index(other[0]) < order.index(item[0]) else (item, other))
+        in missing
+        for other in row.items()
+    )
 
 
 def reference(case):
