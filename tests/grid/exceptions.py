@@ -2,8 +2,10 @@
 
     python tests/grid/exceptions.py
 
-judges all stored cases with all methods and time steps, and writes exceptions.csv. Rows that are
-already listed keep their causes; the cause of a new row is empty, and has to be found and added.
+judges all stored cases with all methods and time steps, and writes exceptions.csv. The cause of an
+exception is `step` if a quarter of the time step is within twice the estimate: both runs of the
+estimate then have nearly the same error by accident, or miss the same extremum. Otherwise it is
+`persistent`, which has to be explained in tests/MEASUREMENTS.md or repaired.
 """
 
 import csv
@@ -23,48 +25,54 @@ from grid.judge import STEPS, judge, load_model, method_labels
 
 FILE = Path(__file__).with_name("exceptions.csv")
 
-_MARGIN = 1.2  # of the listed ratio, because rounding can change the location of a branch change
+_LISTED = 1.8
+"""Error divided by its estimate from which a value is listed. The tests allow 2; rounding depends on
+the machine."""
+
+_MARGIN = 1.2
+"""Factor on the listed ratio, for the same reason."""
 
 
 def listed():
-    """Return the largest allowed ratios of errors to their estimates, and the causes, by digest of
-    the case, method, time step in sampling intervals, and quantity."""
+    """Return the largest allowed ratios of errors to their estimates by digest of the case, method,
+    time step in sampling intervals, and quantity."""
     with FILE.open() as file:
         return {
-            (row["digest"], row["method"], float(row["samples"]), row["quantity"]): (
-                float(row["ratio"]),
-                row["cause"],
+            (row["digest"], row["method"], float(row["samples"]), row["quantity"]): float(
+                row["ratio"]
             )
             for row in csv.DictReader(file)
         }
 
 
 def found(number):
-    """Return the ratios of the values of a stored case that are beyond, by the key of `listed`."""
+    """Return the rows of a stored case: digest, method, time step, quantity, ratio and cause."""
     warnings.simplefilter("ignore")
     row, seed, digest, peaks = read()[number]
     case, ratios = build(row, seed), {}
     model = load_model(case.model)
     for method, samples in product(method_labels(), STEPS):
-        for excess in judge(case, peaks, method, samples, model).beyond:
-            key = (digest, method, samples, excess.quantity)
+        for excess in judge(case, peaks, method, samples, model, _LISTED).beyond:
+            key = method, samples, excess.quantity
             ratios[key] = max(excess.ratio, ratios.get(key, 0.0))
-    return ratios
+    rows = []
+    for (method, samples, quantity), ratio in ratios.items():
+        finer = judge(case, peaks, method, 0.25 * samples, model)
+        is_beyond = quantity in {excess.quantity for excess in finer.beyond}
+        cause = "persistent" if is_beyond else "step"
+        rows.append([digest, method, f"{samples:g}", quantity, f"{_MARGIN * ratio:.2g}", cause])
+    return rows
 
 
 def main():
     """Write the exceptions of all stored cases."""
-    causes = {key: cause for key, (_, cause) in listed().items()}
     with ProcessPoolExecutor() as pool:
         results = list(pool.map(found, range(len(read()))))
     with FILE.open("w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["digest", "method", "samples", "quantity", "ratio", "cause"])
-        for ratios in results:
-            for (digest, method, samples, quantity), ratio in ratios.items():
-                cause = causes.get((digest, method, samples, quantity), "")
-                limit = f"{_MARGIN * ratio:.2g}"
-                table.writerow([digest, method, f"{samples:g}", quantity, limit, cause])
+        for rows in results:
+            table.writerows(rows)
 
 
 if __name__ == "__main__":

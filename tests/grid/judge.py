@@ -106,7 +106,7 @@ def attempt(model, record, method, dt, duration, **options):
     return response if response.status == DONE else (COLLAPSED, response.status)
 
 
-def judge(case, peaks, method, samples, model=None):
+def judge(case, peaks, method, samples, model=None, factor=2.0):
     """Return the verdict on a run of a case.
 
     Parameters
@@ -121,6 +121,8 @@ def judge(case, peaks, method, samples, model=None):
         Time step, sampling intervals.
     model : Model, optional
         Loaded model of the case.
+    factor : float
+        Error divided by its estimate from which a value is beyond.
     """
     model = model or load_model(case.model)
     step, record = samples * case.interval, motion_of(case)
@@ -138,21 +140,41 @@ def judge(case, peaks, method, samples, model=None):
         assert np.all(np.isfinite(reported)), (name, reported)
         has_estimate = np.isfinite(estimate)
         verdict.values += int(has_estimate.sum())
-        excess = has_estimate & (error > 2.0 * estimate + RESOLUTION * size)
+        excess = has_estimate & (error > factor * estimate + RESOLUTION * size)
         verdict.beyond += [
             Excess(name, int(i), float(error[i] / size), float(estimate[i] / size))
             for i in np.flatnonzero(excess)
         ]
-    for i, largest in enumerate(strengths(case, response.stories.peak_drift)):
-        excess = response.stories.peak_shear[i] / largest - 1.0 if largest else 0.0
-        if excess > _ROUNDING:
-            verdict.above_strength.append((i, float(excess)))
+    verdict.above_strength = above_strength(case, response)
     return verdict
 
 
-def strengths(case, drifts):
-    """Return the largest force that the springs of each story reach up to a drift, N."""
+def above_strength(case, response):
+    """Return story and relative excess of reported forces of stories and elements that the laws do
+    not reach at drifts up to the reported peak drift."""
+    largest = largest_forces(case, response.stories.peak_drift)
+    forces = [
+        *zip(range(len(largest)), response.stories.peak_shear, map(sum, largest), strict=True)
+    ]
+    if response.elements is not None:
+        of_elements = [
+            strength
+            for story, strengths in zip(case.model["stories"], largest, strict=True)
+            for strength in strengths
+            if "elements" in story
+        ]
+        elements = response.elements
+        forces += zip(elements.story - 1, elements.peak_force, of_elements, strict=True)
     return [
-        sum(spring.largest(float(drift)) for spring in springs_of(story))
+        (int(i), float(force / strength - 1.0))
+        for i, force, strength in forces
+        if force > (1.0 + _ROUNDING) * strength
+    ]
+
+
+def largest_forces(case, drifts):
+    """Return the largest force that each spring of each story reaches up to a drift, N."""
+    return [
+        [spring.largest(float(drift)) for spring in springs_of(story)]
         for story, drift in zip(case.model["stories"], drifts, strict=True)
     ]

@@ -322,29 +322,6 @@ def rayleigh_coefficients(damping, omega):
     return np.linalg.solve([[0.5 / w[0], 0.5 * w[0]], [0.5 / w[1], 0.5 * w[1]]], ratios)
 
 
-class Peaks:
-    """Largest absolute values of all quantities."""
-
-    def __init__(self, n):
-        self.values = np.zeros((len(QUANTITIES), n))
-
-    def observe(self, nodes):
-        """Update the peaks by the values at `_CHEBYSHEV` of a part, shape (nodes, rows, n)."""
-        fine = np.abs(_INTERPOLATION @ nodes.reshape(_NODES, -1))
-        top = np.argmax(fine, axis=0)
-        columns = np.arange(fine.shape[1])
-        largest = fine[top, columns]
-        # The parabola through the largest value and its neighbors
-        inside = np.clip(top, 1, len(_FINE) - 2)
-        left, middle, right = (fine[inside + shift, columns] for shift in (-1, 0, 1))
-        bend = left - 2.0 * middle + right
-        with np.errstate(divide="ignore", invalid="ignore"):
-            vertex = middle - (right - left) ** 2 / (8.0 * bend)
-        is_vertex = (top == inside) & (bend < 0.0)
-        largest = np.where(is_vertex, vertex, largest)
-        self.values = np.maximum(self.values, largest.reshape(self.values.shape))
-
-
 def _first_event(chain, dense, t0, t1, states):
     """Return the time of the first branch change in a step, and its spring and type; None if there
     is none. `states` are the states at the Chebyshev points of the step."""
@@ -377,6 +354,82 @@ def _first_event(chain, dense, t0, t1, states):
     return first
 
 
+def _change_branch(chain, y, changed, kind):
+    """Move all springs to a state, and change the branch of a spring."""
+    drifts = np.diff(y[: chain.n], prepend=0.0)
+    for i, spring, variable in chain.springs:
+        if spring is changed and kind == "end":
+            spring.arrive()
+        elif not spring.is_reversible:
+            spring.move(float(drifts[i]), 0.0 if variable is None else y[variable])
+            if spring is changed:
+                spring.turn(-spring.side)
+
+
+class Peaks:
+    """Integration of a building, with the largest absolute values of all quantities so far."""
+
+    def __init__(self, chain, tolerance):
+        self.chain, self.tolerance = chain, tolerance
+        self.values = np.zeros((len(QUANTITIES), chain.n))
+        self.h, self.events = chain.interval, 0
+        sizes = np.full(chain.size, 1e-3)  # m, m/s and 1
+        sizes[list(chain.braces.values())] = 1e2  # N
+        self.absolute_tolerance = tolerance * sizes
+
+    def integrate(self, t, end, y):
+        """Integrate a smooth part of the loads, and return the state at its end."""
+        while t < end:
+            step = DOP853(
+                *(self.chain.rates, t, y, end),
+                **{"rtol": self.tolerance, "atol": self.absolute_tolerance},
+                first_step=min(self.h, end - t),
+            )
+            t, y = self.integrate_branches(step)
+        return y
+
+    def integrate_branches(self, step):
+        """Take steps up to the next branch change or the end; return time and state."""
+        while step.status == "running":
+            if step.step() or step.status == "failed":
+                raise StoryFailureError
+            self.h = step.step_size
+            dense, start, stop = step.dense_output(), step.t_old, step.t
+            states = dense(start + (stop - start) * _CHEBYSHEV)
+            event = _first_event(self.chain, dense, start, stop, states)
+            if event:
+                stop = event[0]
+                states = dense(start + (stop - start) * _CHEBYSHEV)
+            if stop > start:
+                times = start + (stop - start) * _CHEBYSHEV
+                self.observe(
+                    [self.chain.quantities(*at) for at in zip(times, states.T, strict=True)]
+                )
+            if event:
+                self.events += 1
+                if self.events > _MOST_EVENTS:
+                    raise StoryFailureError
+                _change_branch(self.chain, states[:, -1], *event[1:])
+                return stop, states[:, -1].copy()
+        return step.t, step.y
+
+    def observe(self, nodes):
+        """Update the peaks by the quantities at `_CHEBYSHEV` of a part."""
+        fine = np.abs(_INTERPOLATION @ np.array(nodes).reshape(_NODES, -1))
+        top = np.argmax(fine, axis=0)
+        columns = np.arange(fine.shape[1])
+        largest = fine[top, columns]
+        # The parabola through the largest value and its neighbors
+        inside = np.clip(top, 1, len(_FINE) - 2)
+        left, middle, right = (fine[inside + shift, columns] for shift in (-1, 0, 1))
+        bend = left - 2.0 * middle + right
+        with np.errstate(divide="ignore", invalid="ignore"):
+            vertex = middle - (right - left) ** 2 / (8.0 * bend)
+        is_vertex = (top == inside) & (bend < 0.0)
+        largest = np.where(is_vertex, vertex, largest)
+        self.values = np.maximum(self.values, largest.reshape(self.values.shape))
+
+
 def solve(model, ground, interval, duration, tolerance=1e-10):
     """Return the peaks and the residual drifts of a building by name, arrays over the stories.
 
@@ -404,50 +457,9 @@ def solve(model, ground, interval, duration, tolerance=1e-10):
     kinks = chain.kinks(count)
     chain.enter(*kinks[:2])
     y = chain.initial_state(model)
-    peaks, h, events = Peaks(chain.n), interval, 0
-    size = np.full(chain.size, 1e-3)  # m, m/s and 1: sizes of the variables
-    size[list(chain.braces.values())] = 1e2  # N
-    for t, end in pairwise(kinks):
-        chain.enter(t, end)
-        while t < end:
-            step = DOP853(
-                *(chain.rates, t, y, end),
-                **{"rtol": tolerance, "atol": tolerance * size, "first_step": min(h, end - t)},
-            )
-            while step.status == "running":
-                if step.step() or step.status == "failed":
-                    raise StoryFailureError
-                h = step.step_size
-                dense, start, stop = step.dense_output(), step.t_old, step.t
-                states = dense(start + (stop - start) * _CHEBYSHEV)
-                event = _first_event(chain, dense, start, stop, states)
-                if event:
-                    stop = event[0]
-                    states = dense(start + (stop - start) * _CHEBYSHEV)
-                if stop > start:
-                    times = start + (stop - start) * _CHEBYSHEV
-                    values = [chain.quantities(*at) for at in zip(times, states.T, strict=True)]
-                    peaks.observe(np.array(values))
-                if event:
-                    events += 1
-                    if events > _MOST_EVENTS:
-                        raise StoryFailureError
-                    _change_branch(chain, states[:, -1], *event[1:])
-                    t, y = stop, states[:, -1].copy()
-                    break
-            else:
-                t, y = end, step.y
+    peaks = Peaks(chain, tolerance)
+    for start, end in pairwise(kinks):
+        chain.enter(start, end)
+        y = peaks.integrate(start, end, y)
     result = {f"peak_{name}": row for name, row in zip(QUANTITIES, peaks.values, strict=True)}
     return result | {"residual_drift": np.diff(y[: chain.n], prepend=0.0)}
-
-
-def _change_branch(chain, y, changed, kind):
-    """Move all springs to a state, and change the branch of a spring."""
-    drifts = np.diff(y[: chain.n], prepend=0.0)
-    for i, spring, variable in chain.springs:
-        if spring is changed and kind == "end":
-            spring.arrive()
-        elif not spring.is_reversible:
-            spring.move(float(drifts[i]), 0.0 if variable is None else y[variable])
-            if spring is changed:
-                spring.turn(-spring.side)
