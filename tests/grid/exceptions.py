@@ -26,8 +26,8 @@ from grid.judge import STEPS, judge, load_model, method_labels
 FILE = Path(__file__).with_name("exceptions.csv")
 
 _LISTED = 1.8
-"""Error divided by its estimate from which a value is listed. The tests allow 2; rounding depends on
-the machine."""
+"""Error divided by its estimate from which a value is listed. The tests allow 2; rounding depends
+on the machine."""
 
 _MARGIN = 1.2
 """Factor on the listed ratio, for the same reason."""
