@@ -163,29 +163,34 @@ def write(stored):
                 table.writerow([number, *(f"{number:.8g}" for number in story)])
 
 
-def _extended(stored):
-    """Return the stored cases that are still valid, and new cases for missing pairs."""
+def valid(stored):
+    """Return the stored cases that are up to date, and the rows of changed cases."""
     kept, changed = [], []
     for row, seed, digest, peaks in stored:
         if set(row) == set(AXES) and all(name in AXES[axis] for axis, name in row.items()):
+            row = {axis: row[axis] for axis in AXES}
             if build(row, seed).digest == digest:
                 kept.append((row, seed, digest, peaks))
             else:
                 changed.append(row)
+    return kept, changed
+
+
+def extend(kept, changed):
+    """Add cases with changed rows and with missing pairs to the list of cases, and write it."""
     for attempt in range(_ROUNDS):
         rows = [row for row, *_ in kept]
         new = [*changed, *covering_rows([*rows, *changed], attempt)]
+        changed = []
         first = 1000 * (1 + max((seed for _, seed, *_ in kept), default=0) // 1000)
         with ProcessPoolExecutor() as pool:
             results = pool.map(referenced, new, range(first, first + 1000 * len(new), 1000))
             for case, peaks in filter(None, results):
                 kept.append((case.row, case.seed, case.digest, peaks))
-        changed = []
-    return kept
+                write(kept)
 
 
 if __name__ == "__main__":
-    stored = read() if CASES.exists() else []
-    extended = _extended(stored)
-    write(extended)
-    print(f"{len(extended)} cases, {len(uncovered([row for row, *_ in extended]))} pairs missing")
+    kept, changed = valid(read() if CASES.exists() else [])
+    extend(kept, changed)
+    print(f"{len(kept)} cases, {len(uncovered([row for row, *_ in kept]))} pairs missing")

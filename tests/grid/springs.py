@@ -381,6 +381,7 @@ class Imk(Spring):
         self.capacity = {name: c * parameters["yield_force"] for name, c in capacities.items()}
         self.exponent = parameters.get("exponent", 1.0)
         self.pinching = parameters.get("pinching")
+        self.pinch = None  # end of the pinched part since the last zero crossing
         self.unloading, self.work_at_zero, self.branch = self.k, 0.0, "elastic"
         self.sides = {1.0: self._side(parameters)}
         self.sides[-1.0] = self._side(parameters | parameters.get("negative", {}))
@@ -425,7 +426,7 @@ class Imk(Spring):
             self.deteriorate(side)
             return self.load(side, x)
         points = [(x, f)]
-        if self.pinching:
+        if self.pinch:
             drift, force = self.pinch
             far = side["far"]
             rise = (far[1] - f) / (far[0] - x) if far[0] > x else 0.0
