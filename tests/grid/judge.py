@@ -12,7 +12,7 @@ import numpy as np
 from grid.solver import springs_of
 from tdint import load_model, make_record, run
 from tdint.analysis.run.outcome import FailedRun
-from tdint.errors import AnalysisError, UsageError
+from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.methods.catalogue import catalogue, parse
 
 STEPS = (0.5, 1.0, 2.0, 5.0)
@@ -88,6 +88,16 @@ class Verdict:
     above_strength: list = field(default_factory=list)
 
 
+def model_of(case):
+    """Return the model of a case; None if it is refused: tangent damping and a law that falls."""
+    try:
+        return load_model(case.model)
+    except ModelError:
+        if case.row["damping"] != "tangent":
+            raise
+        return None
+
+
 def motion_of(case):
     """Return the ground motion of a case, or None."""
     if not case.ground.size:
@@ -124,7 +134,9 @@ def judge(case, peaks, method, samples, model=None, factor=2.0):
     factor : float
         Error divided by its estimate from which a value is beyond.
     """
-    model = model or load_model(case.model)
+    model = model or model_of(case)
+    if model is None:
+        return Verdict(method, samples, REFUSED, "the model is refused")
     step, record = samples * case.interval, motion_of(case)
     response = attempt(model, record, method, step, case.duration)
     if isinstance(response, tuple):
