@@ -900,6 +900,9 @@ def _store_end_forces(story, event, linear_terms, memory):
             limited = law_state[rows.UPPER, i]
         elif i == story and event == rows.BELOW:
             limited = law_state[rows.LOWER, i]
+        if not abs(limited) < math.inf:
+            # A curved law has changed its branch at the end of the substep, and with it the limit.
+            limited = drift
         scratch[ROW.END_EXCESS, i] = drift - limited
         scratch[ROW.END_FORCE, i] = law_state[rows.FORCE, i]
         scratch[ROW.END_ACCELERATION, i] = state[rows.ACCELERATION, i]
