@@ -87,6 +87,12 @@ class Verdict:
     beyond: list = field(default_factory=list)
     above_strength: list = field(default_factory=list)
 
+    def ratios(self):
+        """Yield quantity and ratio of each value that is beyond, and `strength` with the relative
+        excess of each force above a strength."""
+        yield from ((excess.quantity, excess.ratio) for excess in self.beyond)
+        yield from (("strength", excess) for _, excess in self.above_strength)
+
 
 def model_of(case):
     """Return the model of a case; None if it is refused: tangent damping and a law that falls."""

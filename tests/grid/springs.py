@@ -575,7 +575,9 @@ class MultilinearPinching(Spring):
     def largest(self, drift):
         forces = [self.backbone(s, drift) for s in self.points]
         points = [point for side in self.points.values() for point in side]
-        return max([*forces, *(f for d, f in points if d < drift)])
+        # Paths between unequal sides can be above both curves.
+        is_symmetric = self.points[1.0] == self.points[-1.0]
+        return max([*forces, *(f for d, f in points if d < drift or not is_symmetric)])
 
     def follow_backbone(self, x):
         """Return the segments of the backbone curve beyond x."""

@@ -38,21 +38,41 @@ def values_of(results):
 
 
 def assert_equal(result, expected):
+    """Assert that peaks and energies have equal bits."""
     for part in ("stories", "energy"):
         reported, wanted = values_of(getattr(result, part)), values_of(getattr(expected, part))
         for name, value in wanted.items():
             assert np.array_equal(reported[name], value, equal_nan=True), (part, name)
 
 
+def assert_close(result, expected):
+    """Assert that peaks and energies are equal to rounding."""
+    peaks, energies = values_of(expected.stories), values_of(expected.energy)
+    largest_energy = max(map(np.max, energies.values()))
+    for part, wanted in (("stories", peaks), ("energy", energies)):
+        reported = values_of(getattr(result, part))
+        for name, value in wanted.items():
+            size = np.max(np.abs(np.nan_to_num(value)), initial=0.0)
+            difference = np.max(np.abs(np.nan_to_num(reported[name] - value)), initial=0.0)
+            allowed = _TOLERANCE * (size if part == "stories" else largest_energy)
+            assert difference <= max(allowed, 1e-300), (part, name)
+
+
 @pytest.mark.parametrize("number", range(len(CASES)))
 def test_equal_bits(number):
-    """`run`, `run_case`, `run_many` and `run_sequence`, with and without history."""
+    """`run`, `run_case` and `run_many`, with and without history.
+
+    The elements of a story are moved to its drift when energies are summed, which a history does at
+    each step. Peaks of such buildings are therefore equal to rounding only.
+    """
+    has_elements = CASES[number][0]["elements"] != "one"
+    assert_same = assert_close if has_elements else assert_equal
     model, record, options, expected = completed_run(number, 7 * number)
     method = options.pop("method")
     prepared = tdint.prepare(model, record, method=method)
     assert_equal(tdint.run_case(prepared, **options), expected)
-    assert_equal(tdint.run_case(prepared, history=True, **options), expected)
-    assert_equal(tdint.run(model, record, method=method, history=True, **options), expected)
+    assert_same(tdint.run_case(prepared, history=True, **options), expected)
+    assert_same(tdint.run(model, record, method=method, history=True, **options), expected)
     if record is None:
         return
     many = tdint.run_many(model, record, scales=(0.5, 1.0), method=method, **options)
@@ -82,10 +102,4 @@ def test_events_of_a_sequence(number):
 def test_interpreted_loops(number, request):
     model, record, options, expected = completed_run(number, 11 * number)
     request.getfixturevalue("interpreted")
-    response = tdint.run(model, record, **options)
-    for part in ("stories", "energy"):
-        reported, wanted = (values_of(getattr(result, part)) for result in (response, expected))
-        for name, value in wanted.items():
-            size = np.max(np.abs(np.nan_to_num(value)), initial=0.0)
-            difference = np.max(np.abs(np.nan_to_num(reported[name] - value)), initial=0.0)
-            assert difference <= _TOLERANCE * max(size, 1e-300), (part, name)
+    assert_close(tdint.run(model, record, **options), expected)
