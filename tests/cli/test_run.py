@@ -59,7 +59,7 @@ def test_the_files_of_a_run(folder, tdint, drawn):
         max(abs(float(row[f"floor_{i}_displacement_m"])) for row in history) for i in (2, 1)
     )
     assert top > below > 0.0
-    assert list(history[0])[-7:] == [
+    assert list(history[0])[-8:] == [
         "energy_input_J",
         "energy_kinetic_J",
         "energy_viscous_J",
