@@ -32,7 +32,7 @@ from tdint.output.spectrum_text import spectrum_text
 from tdint.output.summary import campaign_summary
 from tdint.output.tables import buildings
 from tdint.output.tables.campaign import profile_error_table, profile_table
-from tdint.output.tables.responses import story_table
+from tdint.output.tables.responses import ELEMENT_COLUMNS, element_table, story_table
 from tdint.output.tables.spectra import motion_table
 from tdint.output.tables.table import TEXT, Cell, Table, error_percent
 from tdint.units import SI, OutputUnits, suffix
@@ -232,6 +232,7 @@ def run_page(
             "Peaks of the stories",
             (table.chosen(["story", *names]), *_errors_of_run(response, table, names)),
         ),
+        Chapter("Elements of the stories", _element_parts(response, units)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, units, response.stories),
         motion_chapter(
@@ -267,6 +268,15 @@ def _load_chapter(model: Model, end: float, units: OutputUnits) -> Chapter:
         lambda: figures.loads.load_picture(model, end, units), "Forces on floors over time"
     )
     return Chapter("Forces on floors", (load_table(model.excitation).in_units(units), picture))
+
+
+def _element_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
+    """Return the table of the elements of stories with several elements; empty without them."""
+    table = element_table(response)
+    if table is None:
+        return ()
+    names = [column.name for column in ELEMENT_COLUMNS]
+    return (table.chosen(names).in_units(units),)
 
 
 def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) -> list[Part]:

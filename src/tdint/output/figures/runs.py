@@ -409,10 +409,33 @@ def _draw_loop(
         drift, shear = drift[order], shear[order]
     factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
     axes.plot(drift, shear * factor, color=INK, linewidth=0.8)
+    _draw_element_loops(axes, response, history, story, units)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+
+
+def _draw_element_loops(
+    axes: Any, response: Response, history: History, story: int, units: OutputUnits
+) -> None:
+    """Plot the forces of the elements of a story over its drift, below the loop of the story."""
+    elements = response.elements
+    if elements is None or history.element_force is None:
+        return
+    drift = units.of(history.drift[:, story], "m")
+    factor, _ = scaled_unit(float(np.max(np.abs(history.shear[:, story]))), "N", units)
+    for number, column in enumerate(np.flatnonzero(elements.story == story + 1).tolist()):
+        axes.plot(
+            drift,
+            factor * history.element_force[:, column],
+            color=COLORS[1 + number % (len(COLORS) - 1)],  # the first color is that of the story
+            linewidth=0.6,
+            zorder=0,
+            label=elements.element[column],
+        )
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="upper left", fontsize=7.0, handlelength=1.2)
 
 
 def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
