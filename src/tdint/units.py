@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import isclose, isfinite, nan
 from typing import Any, get_args, get_type_hints
 
 from tdint.errors import UsageError, did_you_mean
@@ -20,13 +20,33 @@ _POUND = 0.45359237  # kg, by definition (1959)
 _POUND_FORCE = _POUND * STANDARD_GRAVITY
 
 LENGTH = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": _INCH, "ft": 12.0 * _INCH}
-FORCE = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": _POUND_FORCE, "kip": 1e3 * _POUND_FORCE}
+FORCE = {
+    "N": 1.0,
+    "kN": 1e3,
+    "MN": 1e6,
+    "lbf": _POUND_FORCE,
+    "kip": 1e3 * _POUND_FORCE,
+    "kgf": STANDARD_GRAVITY,
+    "tf": 1e3 * STANDARD_GRAVITY,
+    "tonf": 1e3 * STANDARD_GRAVITY,
+}
+"""Units of force. `tf` and `tonf` are both the weight of a metric ton, as in structural analysis
+programs."""
+
 MASS = {
     "kg": 1.0,
     "t": 1e3,
     "lb": _POUND,
     "kip*s^2/in": 1e3 * _POUND_FORCE / _INCH,
     "kip*s^2/ft": 1e3 * _POUND_FORCE / (12.0 * _INCH),
+    "lbf*s^2/in": _POUND_FORCE / _INCH,
+    "blob": _POUND_FORCE / _INCH,
+    "slug": _POUND_FORCE / (12.0 * _INCH),
+    "kN*s^2/m": 1e3,
+    "N*s^2/mm": 1e3,
+    "kgf*s^2/m": STANDARD_GRAVITY,
+    "tf*s^2/m": 1e3 * STANDARD_GRAVITY,
+    "tonf*s^2/m": 1e3 * STANDARD_GRAVITY,
 }
 ACCELERATION = {
     "m/s^2": 1.0,
@@ -302,13 +322,13 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
 
 # ---- Output units: conversion of values and of the names of columns and keys
 
-_MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
+_MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft", "tf": "t", "tonf": "t"}
 """Unit of mass in texts and reports for a unit of force. Default: kg."""
 
 
 def matching_mass_unit(force: str, length: str) -> str:
     """Return the unit of mass that belongs to units of force and length, for texts and reports: t
-    for kN, lb for lbf, kip*s^2/in or kip*s^2/ft for kip, and kg for other units."""
+    for kN and tonf, lb for lbf, kip*s^2/in or kip*s^2/ft for kip, and kg for other units."""
     return "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
 
 
@@ -320,6 +340,74 @@ _QUANTITIES = {
     "acceleration": ACCELERATION,
 }
 _UNITS = {unit: quantity for quantity, units in _QUANTITIES.items() for unit in units}
+
+_LENGTH_WORDS = {
+    "meter": "m",
+    "metre": "m",
+    "centimeter": "cm",
+    "centimetre": "cm",
+    "millimeter": "mm",
+    "millimetre": "mm",
+    "inch": "in",
+    "inche": "in",
+    "foot": "ft",
+    "feet": "ft",
+}
+_FORCE_WORDS = {"newton": "N", "lb": "lbf", "pound": "lbf", "k": "kip", "kp": "kgf"}
+_MASS_WORDS = {
+    "kilogram": "kg",
+    "tonne": "t",
+    "lbm": "lb",
+    "pound": "lb",
+    "slinch": "blob",
+}
+"""Other names of units, without the s of the plural. A `ton` is not listed, because it has three
+sizes."""
+
+_WORDS = ((LENGTH, _LENGTH_WORDS), (FORCE, _FORCE_WORDS), (MASS, _MASS_WORDS))
+
+_MASS_PRODUCT = re.compile(r"(\w+?)[-*. ]*s(?:\^2|2)/(\w+)", re.IGNORECASE)
+"""Mass as a product of force, squared second and length, such as `lb-s2/in`."""
+
+
+def _size(name: str, factors: Mapping[str, float]) -> float:
+    """Return the size in SI units of a unit in another spelling, nan if it is unknown.
+
+    Only units of the quantity whose factors are `factors` are recognized.
+    """
+    words = next((words for units, words in _WORDS if units is factors), {})
+    lower = name.strip().lower()
+    by_lower_case = {unit.lower(): unit for unit in factors}
+    # m is one thousandth and M is one million: a mN is not a MN, and a mg is not a Mg.
+    if name.strip() == "Mg" and factors is MASS:
+        return factors["t"]
+    if lower != "mn":
+        for word in (lower, lower.removesuffix("s")):
+            if unit := by_lower_case.get(word) or words.get(word):
+                return factors[unit]
+    return nan
+
+
+def unit_advice(text: str, factors: Mapping[str, float]) -> str:
+    """Return the end of a message about an unknown unit: the known unit of the same size, or all
+    known units.
+
+    A unit of another size is not suggested, even if its spelling is similar: with it, the results
+    would be wrong by the ratio of the sizes.
+
+    Parameters
+    ----------
+    text : str
+        The unknown unit.
+    factors : mapping of str to float
+        Units of the quantity and their factors to SI units, for example `MASS`.
+    """
+    plain = text[:100].replace("²", "^2").replace("**", "^").replace("·", "*").replace("sec", "s")
+    size = _size(plain, factors)
+    if factors is MASS and (product := _MASS_PRODUCT.fullmatch(plain.strip())):
+        size = _size(product[1], FORCE) / _size(product[2], LENGTH)
+    equal = [unit for unit, factor in factors.items() if isclose(size, factor, rel_tol=1e-9)]
+    return f"; did you mean {equal[0]!r}?" if equal else f"; known: {', '.join(factors)}"
 
 
 @dataclass(frozen=True)
@@ -448,7 +536,10 @@ def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
         # as kN contain upper case.
         unit = word if word in _UNITS else canonical(word)
         if unit not in _UNITS:
-            hint = did_you_mean(word, _UNITS) or f"; known: {', '.join(_UNITS)}"
+            # A word such as `lbs` names a force and a mass.
+            advice = [unit_advice(word, units) for units in _QUANTITIES.values()]
+            hints = [hint for hint in advice if hint.startswith("; did you mean")]
+            hint = hints[0] if len(hints) == 1 else f"; known: {', '.join(_UNITS)}"
             raise UsageError(f"output units {text[:60]!r}: unknown unit {word[:40]!r}{hint}")
         quantity = _UNITS[unit]
         if units.setdefault(quantity, unit) != unit:

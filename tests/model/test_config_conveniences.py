@@ -235,3 +235,63 @@ def test_equal_warnings_of_several_models_are_merged() -> None:
     ]
     lines = study_plausibility_warnings((model, assemble(model)) for model in varied)
     assert len(lines) == 11 and lines[-1].startswith("4 more warnings on the buildings")
+
+
+_LB = 0.45359237 * STANDARD_GRAVITY
+"""Pound-force, N, by definition (1959)."""
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [
+        ("lbf*s^2/in", _LB / 0.0254),
+        ("blob", _LB / 0.0254),
+        ("slug", _LB / 0.3048),
+        ("kN*s^2/m", 1e3),
+        ("N*s^2/mm", 1e3),
+        ("kgf*s^2/m", STANDARD_GRAVITY),
+        ("tonf*s^2/m", 1e3 * STANDARD_GRAVITY),
+    ],
+)
+def test_masses_may_be_in_products_of_force_and_length(unit: str, size: float) -> None:
+    model = load(f"units: {{mass: {unit}}}\nstories: [{{mass: 2, stiffness: 1}}]")
+    assert model.stories[0].mass == pytest.approx(2.0 * size, rel=1e-14)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("kgf", 1.0), ("tf", 1e3), ("tonf", 1e3)])
+def test_metric_gravitational_forces(unit: str, factor: float) -> None:
+    """A weight in kgf has the same number as its mass in kg."""
+    model = load(f"units: {{force: {unit}}}\nstories: [{{weight: 7, stiffness: 3}}]")
+    assert model.stories[0].mass == pytest.approx(7.0 * factor, rel=1e-14)
+    assert model.stories[0].stiffness == pytest.approx(3.0 * factor * STANDARD_GRAVITY, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "expected"),
+    [
+        ("mass", "lb-sec²/in", "lbf*s^2/in"),
+        ("mass", "kips*s2/in", "kip*s^2/in"),
+        ("mass", "lbf*s**2/ft", "slug"),
+        ("mass", "N*s^2/m", "kg"),
+        ("mass", "kN-s^2/mm", None),
+        ("mass", "MN*s^2/m", None),
+        ("mass", "Mg", "t"),
+        ("mass", "mg", None),
+        ("mass", "ton", None),
+        ("force", "KN", "kN"),
+        ("force", "mN", None),
+        ("force", "kp", "kgf"),
+        ("force", "lbs", "lbf"),
+        ("force", "kNm", None),
+        ("length", "inches", "in"),
+        ("length", "km", None),
+    ],
+)
+def test_suggested_unit_has_the_size_of_the_unknown_unit(
+    key: str, text: str, expected: str | None
+) -> None:
+    (fault,) = faults(io.StringIO(f"{THREE}units: {{{key}: '{text}'}}"))
+    assert f"unknown {key} unit '{text}'" in fault
+    assert fault.endswith(f"; did you mean '{expected}'?") or (
+        expected is None and "did you mean" not in fault and "; known: " in fault
+    )

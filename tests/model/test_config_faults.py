@@ -207,7 +207,7 @@ initial: {displacement: 1, velocity: [1, 2]}
 p_delta: 'true'
     2:10: p_delta: must be true or false, got 'true' in quotes; remove the quotes
 units: {length: metre, force: KN, mass: , time: s}
-    2:17: units.length: unknown length unit 'metre'; known: m, cm, mm, in, ft
+    2:17: units.length: unknown length unit 'metre'; did you mean 'm'?
     2:31: units.force: unknown force unit 'KN'; did you mean 'kN'?
     2:40: units.mass: must be the name of a mass unit, got nothing
     2:43: units.time: unknown key; known: length, force, mass

@@ -280,7 +280,7 @@ def _unit_of(title: str, unit: ModelUnits, table: CsvTable) -> float:
     """
     ending = title.rpartition("_")[2] if "_" in title else ""
     # MN and mN differ only in case, so that case matters for this unit.
-    factors = {"n": 1.0, "kn": FORCE["kN"], "lbf": FORCE["lbf"], "kip": FORCE["kip"]}
+    factors = {name.lower(): factor for name, factor in FORCE.items() if name != "MN"}
     if ending in FORCE:
         return FORCE[ending]
     if ending.lower() in factors:

@@ -29,7 +29,7 @@ from tdint.model.keys.fields import (
 
 _MASS_ADVICE = (
     "give the `weight` of the stories instead of the mass, or divide by the acceleration of "
-    "gravity, mass = W/g, in kip*s^2/in or kip*s^2/ft"
+    "gravity, mass = W/g, in kip*s^2/in, kgf*s^2/m or another unit of mass"
 )
 
 _UNITS_WITHOUT_MASS = tuple(
@@ -100,7 +100,12 @@ def read_units(section: Section) -> ModelUnits:
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
             entry.fault(f"{entry.node.text} is a unit of force; {_MASS_ADVICE}")  # type: ignore[union-attr]
             return default
-        return (entry.choice(factors, f"{name} unit") if entry else None) or default
+        if not entry:
+            return default
+        chosen = entry.choice(
+            factors, f"{name} unit", lambda text: units.unit_advice(text, factors)
+        )
+        return chosen or default
 
     length, force = read_unit("length", units.LENGTH, "m"), read_unit("force", units.FORCE, "N")
     mass, has_mass_unit = read_unit("mass", units.MASS, "kg"), section.mentions("mass")

@@ -603,17 +603,20 @@ class Value:
             self.fault(str(error))
             return None
 
-    def choice(self, names: Collection[str], noun: str) -> str | None:
+    def choice(
+        self, names: Collection[str], noun: str, advice: Callable[[str], str] | None = None
+    ) -> str | None:
         """Return the name if it is in `names`; None after reporting an error.
 
-        `noun` is the noun for the names in messages.
+        `noun` is the noun for the names in messages. `advice` returns the end of the message about
+        an unknown name; by default, it suggests the name with the most similar spelling.
         """
         if not isinstance(self.node, ScalarNode) or self._is_null():
             self.fault(f"must be the name of a {noun}, got {self._message_text()}")
         elif self.node.text not in names:
-            self.fault(
-                f"unknown {noun} {self._message_text()}{_unknown_key_advice(self.node.text, names)}"
-            )
+            text = self.node.text
+            hint = advice(text) if advice else _unknown_key_advice(text, names)
+            self.fault(f"unknown {noun} {self._message_text()}{hint}")
         else:
             return self.node.text
         return None
