@@ -375,12 +375,12 @@ def _size(name: str, factors: Mapping[str, float]) -> float:
 
     Only units of the quantity whose factors are `factors` are recognized.
     """
-    words = next((words for units, words in _WORDS if units is factors), {})
+    words: Mapping[str, str] = next((words for units, words in _WORDS if units is factors), {})
     lower = name.strip().lower()
     by_lower_case = {unit.lower(): unit for unit in factors}
     # m is one thousandth and M is one million: a mN is not a MN, and a mg is not a Mg.
-    if name.strip() == "Mg" and factors is MASS:
-        return factors["t"]
+    if name.strip() == "Mg":
+        return factors.get("t", nan)
     if lower != "mn":
         for word in (lower, lower.removesuffix("s")):
             if unit := by_lower_case.get(word) or words.get(word):
