@@ -383,3 +383,11 @@ SQUARE = [[0.5, 1.0], [2.0, 4.0]]
 def test_invalid_numbers_are_refused(call, message):
     with pytest.raises(UsageError, match=message):
         call()
+
+
+def test_one_intensity_level_is_refused_with_its_cause():
+    for levels, exceeding, records in (([0.5], [3], [10]), ([0.5, 0.5], [3, 4], [10, 10])):
+        with pytest.raises(
+            AnalysisError, match=r"level 0\.5: one intensity level cannot determine"
+        ):
+            fit_stripes(levels, exceeding, records)

@@ -790,6 +790,11 @@ def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Arr
         raise AnalysisError(
             f"{reason}: median and dispersion cannot be estimated; add intensity levels"
         )
+    if np.min(im_levels) == np.max(im_levels):
+        raise AnalysisError(
+            f"all records are at the intensity level {im_levels[0]:g}: one intensity level cannot "
+            "determine median and dispersion; add intensity levels"
+        )
     # Exceedances that do not increase with the intensity are detected by the fit (`fit_stripes`).
     if np.min(im_levels[exceeding_counts > 0]) >= np.max(im_levels[other_counts > 0]):
         raise AnalysisError(
