@@ -185,7 +185,7 @@ def test_modes_have_damping_ratios_with_p_delta(folder, tdint):
     tdint("init", "f.yaml", "--weights", "4200,2x3900,3400")
     Path("f.yaml").write_text(Path("f.yaml").read_text().replace("p_delta: false", "p_delta: true"))
     result = tdint("modes", "f.yaml")
-    assert "couples the modes" in result.stderr
+    assert "damping couples the modes because of P-delta, which reduces" in result.stderr
     building = assemble(load_model("f.yaml"))
     modes = building.modes()
     for row, omega, shape in zip(rows(result.stdout), modes.omega, modes.shapes.T, strict=True):

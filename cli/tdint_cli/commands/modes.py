@@ -77,7 +77,10 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     notes = []
     # `damping_ratios` also returns None for a negative ratio, which `warn_of` has reported.
     if modes.damping_ratios(matrix) is None and ratios.min() >= 0.0:
-        notes.append("damping couples the modes; each damping ratio is for the uncoupled mode")
+        notes.append(
+            f"damping couples the modes because of {_coupling_cause(loaded)}; each damping ratio "
+            "is for the mode without the coupling terms"
+        )
     if building.isolators:
         notes.append(
             "the modes are for the initial stiffness of the isolators; `tdint run --report` states "
@@ -103,6 +106,17 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
 
     outputs.deliver(table, draw, page=page)
     note(*notes)
+
+
+def _coupling_cause(model: Model) -> str:
+    """Return the parts of a model whose damping is not proportional to its mass and stiffness."""
+    causes = {
+        "dashpots": any(story.dashpot or story.power_dashpot for story in model.stories),
+        "isolators": not all(story.rayleigh for story in model.stories),
+        "P-delta, which reduces the stiffness but not the damping": model.p_delta,
+    }
+    present = [cause for cause, is_present in causes.items() if is_present]
+    return " and ".join(present) or "the damping coefficients of the stories"
 
 
 def _record(model: Model) -> tuple[Record | None, list[str]]:
