@@ -458,8 +458,11 @@ def solve(model, ground, interval, duration, tolerance=1e-10):
     chain.enter(*kinks[:2])
     y = chain.initial_state(model)
     peaks = Peaks(chain, tolerance)
-    for start, end in pairwise(kinks):
-        chain.enter(start, end)
-        y = peaks.integrate(start, end, y)
+    try:
+        for start, end in pairwise(kinks):
+            chain.enter(start, end)
+            y = peaks.integrate(start, end, y)
+    except OverflowError as error:  # the drift of a softening spring grows without bound
+        raise StoryFailureError from error
     result = {f"peak_{name}": row for name, row in zip(QUANTITIES, peaks.values, strict=True)}
     return result | {"residual_drift": np.diff(y[: chain.n], prepend=0.0)}
