@@ -468,12 +468,21 @@ def store_step_start(flags, law_state):
     the start of the step.
     """
     if flags[rows.KEEPS_START] != 0.0:
-        for row in range(rows.LAW_STATE_ROWS):
-            for i in range(law_state.shape[1]):
-                law_state[rows.STEP_START + row, i] = law_state[row, i]
-        if law_state.shape[0] > rows.EXTRA_ROWS:
-            for i in range(law_state.shape[1]):
-                copy_extra_rows(law_state, i, rows.COMMITTED, rows.STEP_START)
+        _copy_step_start(law_state)
+
+
+@outlined
+def _copy_step_start(law_state):
+    """Copy the committed states of all stories to block STEP_START.
+
+    Compiled into the time loop, this function would increase the time of all runs by 5 %.
+    """
+    for row in range(rows.LAW_STATE_ROWS):
+        for i in range(law_state.shape[1]):
+            law_state[rows.STEP_START + row, i] = law_state[row, i]
+    if law_state.shape[0] > rows.EXTRA_ROWS:
+        for i in range(law_state.shape[1]):
+            copy_extra_rows(law_state, i, rows.COMMITTED, rows.STEP_START)
 
 
 @inline
