@@ -217,11 +217,8 @@ def _add_laws(variant: str) -> None:
     must contain its law as a global variable, or in a global tuple, list, set or dictionary
     (`laws_in`); otherwise SystemExit with a message of one line ends the process.
 
-    Parameters
-    ----------
-    variant : str
-        Text of the variant (`Variant.text`). It contains the name and the number of each plug-in
-        law.
+    `variant` is the text of the variant (`Variant.text`). It contains the name and the number of
+    each plug-in law.
     """
     from tdint.kernels.building.compilable import parse
     from tdint.kernels.building.sources import OUTSIDE, laws_in

@@ -170,18 +170,7 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
 def _add_forces(forces, t, scratch, row):
     """Add the floor forces at time `t` to a row of `scratch`, N.
 
-    Parameters
-    ----------
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
-    t : float
-        Time, s.
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story, and an additional last
-        column.
-    row : int
-        Row of `scratch` that contains the load.
+    `t` is the time, s.
     """
     for j in range(forces.shape[0]):
         scratch[row, int(forces[j, rows.FLOOR])] += force_value(forces, j, t)
@@ -225,20 +214,8 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
 def _add_impulses(forces, t, h, scratch, row):
     """Add the impulses of the floor forces over the step [t, t + h] to a row of `scratch`, N s.
 
-    Parameters
-    ----------
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
-    t : float
-        Time at the start of the step, s.
-    h : float
-        Time step, s.
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story, and an additional last
-        column.
-    row : int
-        Row of `scratch` with the impulses of all floors; the result is added to this row.
+    `t` is the time at the start of the step, s. `row`: row of `scratch` with the impulses of all
+    floors; the result is added to this row.
     """
     for j in range(forces.shape[0]):
         scratch[row, int(forces[j, rows.FLOOR])] += force_impulse(forces, j, t, h)
@@ -268,21 +245,8 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
 
     Parameters
     ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
-        an additional last column that belongs to no floor.
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    h : float
-        Time step, s.
     r : float
         Coefficient of numerical dissipation of the method moment4; 0 for the exact first moment.
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story, and an additional last
-        column.
     row : int
         Row of the mean; the moment is stored in the next row.
     """
@@ -313,22 +277,9 @@ def _add_means(forces, t, h, r, scratch, row):
     force at the endpoints of the steps. As r tends to 0, this formula tends to q1 - q0 and not to
     the exact moment.
 
-    Parameters
-    ----------
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
-    t : float
-        Time at the start of the step, s.
-    h : float
-        Time step, s.
-    r : float
-        Coefficient of numerical dissipation of moment4; 0 for the exact first moment.
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story, and an additional last
-        column.
-    row : int
-        Row of the mean; the next row contains the first moment.
+    `t` is the time at the start of the step, s. `r` is the coefficient of numerical dissipation of
+    moment4; 0 for the exact first moment. `row` is the row of the mean; the next row contains the
+    first moment.
     """
     for j in range(forces.shape[0]):
         floor = int(forces[j, rows.FLOOR])
@@ -377,22 +328,8 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
 def _add_modal_force(modal, table, x, factor, scratch, row, n):
     """Add factor * W^T W x to a row of `scratch`, with one row of W for each damped mode.
 
-    Parameters
-    ----------
-    modal : ndarray
-        W, one row per damped mode.
-    table : ndarray
-        Table that contains x in row `x`.
-    x : int
-        Row of x, usually a velocity.
-    factor : float
-        Number by which the product is multiplied, of either sign.
-    scratch : ndarray
-        Array that contains the row of the result.
-    row : int
-        Row of the result, to which the product is added.
-    n : int
-        Number of floors.
+    `table` is the table that contains x in row `x`. `factor` is the number by which the product is
+    multiplied, of either sign.
     """
     # `amplitude` is `factor` times the product of the mode vector j and x.
     for j in range(modal.shape[0]):

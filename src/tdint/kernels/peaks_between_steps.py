@@ -107,8 +107,6 @@ def raise_peak(peaks, row, i, value):
 
     Parameters
     ----------
-    peaks : ndarray
-        Maximum absolute values so far; the columns are floors or stories.
     row, i : int
         Row of the quantity and column of the floor or story.
     value : float
@@ -129,12 +127,8 @@ def raise_peak_at_nodes(scratch, first, column, count, row, i):
 
     Parameters
     ----------
-    scratch : ndarray
-        Table that contains both the values and the peaks.
     first : int
         Row of the value at the first node; later nodes follow in the next rows.
-    column : int
-        Column of the values.
     count : int
         Number of nodes: 1, or an odd number. If there are several nodes, the first is the start of
         the step. Its value is not recorded, because it was the end of the previous step.
@@ -183,10 +177,6 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     floor : Ends
         Motion of floor `i` relative to the ground at both endpoints of the step: displacement (m),
         velocity (m/s) and acceleration (m/s^2).
-    peaks : ndarray
-        Recorded peaks, rows PEAK_DISPLACEMENT (m) and PEAK_VELOCITY (m/s), one column per floor.
-    i : int
-        Floor.
     """
     v_max = max(abs(floor.v0), abs(floor.v1))
     a_max = max(abs(floor.a0), abs(floor.a1))
@@ -204,16 +194,6 @@ def limit_stiffness(linear_terms, law_parameters, i):
     It is the initial stiffness, or a practically infinite value if the story can be stiffer than
     initially. A symmetric elastic story has its initial stiffness as limit in any case: its peak
     shear occurs at its peak drift, which is searched separately.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Linear terms of the building: one row per property, one column per floor. Row STIFFENING is
-        used.
-    law_parameters : ndarray
-        Parameters of the hysteretic laws: one row per parameter, one column per story.
-    i : int
-        Index of the story.
     """
     return law_parameters[rows.STIFFNESS, i] + linear_terms[rows.STIFFENING, i]
 
@@ -247,8 +227,6 @@ def story_reach(span, story, shear, stiffness):
 
     Parameters
     ----------
-    span : Span
-        Time step; its length `h` (s) and the flag `on_path` (parabolic displacements) are used.
     story : Ends
         Drift (m) and drift rate (m/s) at both endpoints, and drift acceleration at the start
         (m/s^2). The other fields are not used.
@@ -290,10 +268,6 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
         times the absolute value of the drift acceleration.
     stiffness : float
         Initial stiffness of the story, N/m.
-    peaks : ndarray
-        Recorded peaks, rows PEAK_DRIFT (m) and PEAK_SHEAR (N), one column per story.
-    i : int
-        Index of the story.
     """
     max_drift, max_shear = reach
     exceeds = max_drift + excess > peaks[rows.PEAK_DRIFT, i]
@@ -321,13 +295,6 @@ def _displacement_excursion(span, ends):
 
     The first two distances also cover the Bezier points u0 + h v0 / 3 and u1 - h v1 / 3 of the
     cubic.
-
-    Parameters
-    ----------
-    span : Span
-        Time step of length `span.h`, s.
-    ends : Ends
-        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints.
     """
     # `_excess_at_end` bounds the distance of the Bezier points near an endpoint from the value at
     # this endpoint.
@@ -367,9 +334,6 @@ def may_exceed_velocity_peak(h, by_h, ends, peak):
     h, by_h : float
         Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
         passes h = 0 and by_h = 0.
-    ends : Ends
-        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
-        step.
     peak : float
         Recorded peak, m/s.
     """
@@ -385,14 +349,8 @@ def _max_velocity_bezier_point(h, by_h, ends):
     at the endpoints of a step of length h. Its Bezier points are v0, v0 + h a0 / 4, p, v1 - h a1 /
     4 and v1. Their mean is the mean velocity (u1 - u0) / h, which determines the middle point p.
 
-    Parameters
-    ----------
-    h, by_h : float
-        Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
-        passes h = 0 and by_h = 0.
-    ends : Ends
-        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
-        step.
+    `h` and `by_h` are the length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a
+    run, the observer passes h = 0 and by_h = 0.
     """
     point_1 = ends.v0 + 0.25 * h * ends.a0
     point_3 = ends.v1 - 0.25 * h * ends.a1
@@ -409,14 +367,8 @@ def _middle_velocity_bezier_point(h, by_h, ends):
     v1 - h a1 / 4 and v1. The middle point is therefore 5 (u1 - u0) / h - 2 (v0 + v1)
     + h (a1 - a0) / 4.
 
-    Parameters
-    ----------
-    h, by_h : float
-        Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
-        passes h = 0 and by_h = 0.
-    ends : Ends
-        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints of the
-        step.
+    `h` and `by_h` are the length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a
+    run, the observer passes h = 0 and by_h = 0.
     """
     sum_of_points = 5.0 * by_h * (ends.u1 - ends.u0)
     return sum_of_points - 2.0 * (ends.v0 + ends.v1) + 0.25 * h * (ends.a1 - ends.a0)
@@ -484,21 +436,15 @@ def find_interstep_peaks(
         has already computed the peaks of accelerations and total shears within the step; this
         function then skips them. `span.fast` is True if the building has modes that the step does
         not resolve.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
     passage : Passage
         Motion of all floors at both endpoints, relative to the ground: m, m/s, m/s^2. If
         `span.fast` is True, also velocity and acceleration one step before the start.
-    law_state : ndarray
-        State of the hysteretic laws at the end of the step: story drift (m) and shear (N).
     reversals : ndarray
         Table that receives the drifts, m. For each story, row `reversal_row` is set to the
         extreme drift inside the step if that drift may cause a new peak drift or peak shear, and
         to the drift at the end of the step otherwise.
     reversal_row : int
         Row of `reversals` that receives the drifts.
-    peaks : ndarray
-        Table of the peaks, raised in place.
     first_peak : int
         Row of the first peak in `peaks`. PEAK_ROWS rows of peaks are followed by PEAK_ROWS rows of
         possible peaks.
@@ -642,8 +588,6 @@ def _floor_ends(has_unresolved_modes, passage, i):
         displacement, velocity and acceleration at the start, then velocity and acceleration one
         step earlier. Table `state` contains displacement and velocity at the end. Row `new` of the
         table `accelerations` contains the acceleration at the end.
-    i : int
-        Index of the floor.
     """
     old, first, state, accelerations, new = passage
     v0 = old[first + 1, i]
@@ -664,14 +608,9 @@ def _story_ends(floor, floor_below, link, drift):
     and the floor at the base of the story, except for the drift at the end: it is read from the
     state of the hysteretic law (`drift`).
 
-    Parameters
-    ----------
-    floor, floor_below : Ends
-        Motion of the floors at the top and at the base of the story, relative to the ground.
-    link : float
-        1 if the story is supported by the floor below, 0 if it is supported by the ground.
-    drift : float
-        Story drift at the end of the step as stored by the hysteretic law, m.
+    `floor` and `floor_below` are the motion of the floors at the top and at the base of the story,
+    relative to the ground. `drift` is the story drift at the end of the step as stored by the
+    hysteretic law, m.
     """
     return Ends(
         u0=floor.u0 - link * floor_below.u0,
@@ -692,6 +631,10 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     The motion is given at the start (0) and at the end (1) of the step and, for velocity and
     acceleration, also one step before the start (earlier).
 
+    `floor` is the displacement, velocity and acceleration of the floor relative to the ground.
+    `inertia_above` is the sum of mass times motion over the floors above: kg m, kg m/s and N.
+    `mass_above` is the sum of the masses of the floors above, kg.
+
     Parameters
     ----------
     linear_terms : ndarray
@@ -699,14 +642,6 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
         an additional last column. Row LINK is 1 for a story on the floor below and 0 for a story on
         the ground. For the roof, column `i + 1` is the last column; its LINK has no effect, because
         the sums above the roof are zero.
-    i : int
-        Index of the floor.
-    floor : Ends
-        Displacement, velocity and acceleration of the floor relative to the ground.
-    inertia_above : Ends
-        Sum of mass times motion over the floors above: kg m, kg m/s and N.
-    mass_above : float
-        Sum of the masses of the floors above, kg.
 
     Returns
     -------
@@ -775,21 +710,15 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
       |v1 - v0 - h (a0 + a1) / 2| <= _MAX_VELOCITY_MISMATCH (|v0| + |v1|).
     - Velocities and accelerations of two successive steps are near straight lines (`_is_resolved`).
 
+    `row` and `i` are the row and column of the peak.
+
     Parameters
     ----------
-    span : Span
-        Time step.
-    ends : Ends
-        Displacement or drift (m), velocity and acceleration at both endpoints of the step.
     margin : float
         Recorded peak minus |u1|, m. For a drift, the caller reduces this value if a smaller
         distance from u1 can cause a new peak shear. An extremum at a distance of at most `margin`
         from u1 causes no new peak. In cases 1 and 3, the extremum is ignored if the Bezier points
         show that its distance from u1 does not exceed `margin`.
-    peaks : ndarray
-        Table of the peaks.
-    row, i : int
-        Row and column of the peak.
 
     Returns
     -------
@@ -874,18 +803,15 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     Otherwise the step does not resolve the motion. The extremum is then recorded as a possible
     peak, in a separate row, and the regular peak is not changed.
 
+    `peak_row` and `i` are the row and column of the regular peak. The possible peak is PEAK_ROWS
+    rows after it.
+
     Parameters
     ----------
-    span : Span
-        Time step.
     ends : Ends
         Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints. If
         `span.fast` is True, also velocity and acceleration one step before the start, which
         `_is_resolved` uses.
-    peaks : ndarray
-        Table of the peaks, m/s.
-    peak_row, i : int
-        Row and column of the regular peak. The possible peak is PEAK_ROWS rows after it.
     """
     h = span.h
     _, v0, a0, _, _, a1, _, _ = ends
@@ -935,21 +861,9 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     steps are far from straight lines (`_is_resolved` is False). It is then recorded as a possible
     peak, in a separate row, and the regular peak is not changed.
 
-    Parameters
-    ----------
-    span : Span
-        Time step with the ground acceleration at its endpoints, m/s^2.
-    ends : Ends
-        Motion relative to the ground: of one floor, or the sum of mass times motion.
-    mass : float
-        Factor of the ground acceleration: 1 for one floor, the sum of the masses (kg) for a shear.
-    peaks : ndarray
-        Table of the peaks, m/s^2 or N.
-    peak_row, i : int
-        Row and column of the regular peak. The possible peak is PEAK_ROWS rows after it.
-    forces : tuple of float
-        Sum of the forces on floors at the start and at the end of the step, its bulge and its tilt
-        (`_add_floor_forces`), N; zeros for an acceleration.
+    `mass` is the factor of the ground acceleration: 1 for one floor, the sum of the masses (kg) for
+    a shear. `peak_row` and `i` are the row and column of the regular peak. The possible peak is
+    PEAK_ROWS rows after it.
     """
     peak = peaks[peak_row, i]
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
@@ -1039,21 +953,8 @@ def _add_floor_forces(span, forces, link, i, sums_above, next_row):
         deviation(1/4) = 3/16 (bulge + tilt / 2)
         deviation(3/4) = 3/16 (bulge - tilt / 2)
 
-    Parameters
-    ----------
-    span : Span
-        Time step; `span.t` is its end.
-    forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
-    link : float
-        1 if the story above is supported by floor `i`, else 0.
-    i : int
-        Floor.
-    sums_above : tuple of float
-        Result of this function for floor `i + 1`.
-    next_row : int
-        First row of the tables on floors above. The tables are in the order of their floors.
+    `sums_above` is the result of this function for floor `i + 1`. `next_row` is the first row of
+    the tables on floors above. The tables are in the order of their floors.
 
     Returns
     -------
@@ -1106,8 +1007,6 @@ def _bulge_and_tilt(h, ends):
 
     Parameters
     ----------
-    h : float
-        Length of the step, s.
     ends : Ends
         Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints. The
         last two fields, values one step before the start, are not used.
@@ -1208,8 +1107,6 @@ def _quintic_extremum(s, coefficients):
 
     Parameters
     ----------
-    s : float
-        First estimate of the location of the extremum.
     coefficients : tuple of float
         p0 to p5. The sign of p1 determines the type of the extremum: a maximum if p increases at
         s = 0, a minimum if it decreases. p1 must not be zero. The callers ensure this, because they
@@ -1233,12 +1130,7 @@ def _nearest_extremum(s, coefficients):
     convergence is not tested: the result is a value of the polynomial in any case, and the caller
     compares it with other values.
 
-    Parameters
-    ----------
-    s : float
-        First estimate of the location of the extremum, between 0 and 1.
-    coefficients : tuple of float
-        Coefficients p0 to p5 of the powers of s.
+    `s` is the first estimate of the location of the extremum, between 0 and 1.
     """
     _, p1, p2, p3, p4, p5 = coefficients
     for _ in range(3):
@@ -1259,11 +1151,6 @@ def _best_of_samples(coefficients):
     The polynomial is p0 + p1 s + ... + p5 s^5. The points are s = 1/8, 2/8, ..., 7/8. The best
     point has the largest value if the polynomial increases at s = 0 (p1 > 0), and the smallest
     value if it decreases.
-
-    Parameters
-    ----------
-    coefficients : tuple of float
-        Coefficients p0 to p5 of the powers of s.
 
     Returns
     -------

@@ -291,21 +291,6 @@ def take_step(step, coefficients, scene, h, load, memory):
 
     The step updates the state, the law states, the scratch array and the status in `memory`.
 
-    Parameters
-    ----------
-    step : Kernel
-        Step of the method.
-    coefficients : ndarray
-        Coefficients of the method.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    load : ndarray
-        Start time and ground accelerations of the step.
-    memory : Memory
-        State, law states, scratch array and status.
-
     Returns
     -------
     int

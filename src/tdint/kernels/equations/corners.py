@@ -48,17 +48,6 @@ def _story_value(linear_terms, scratch, row, i):
 
     For displacements, it is the drift of story `i`. A story on the ground (LINK 0) has no floor
     below, and the value of floor `i` is returned.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    scratch : ndarray
-        Scratch array of the step: one row per quantity, one column per floor or story.
-    row : int
-        Row of `scratch` with the values of the floors.
-    i : int
-        Index of the story.
     """
     return scratch[row, i] - linear_terms[rows.LINK, i] * scratch[row, max(i - 1, 0)]
 
@@ -69,17 +58,6 @@ def _story_path(linear_terms, law_state, scratch, i):
 
     d(t) = d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1. d0 is the committed drift, rise and
     bend are differences of the rows RISE and BEND of the floors, all in m.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
-    scratch : ndarray
-        Scratch array of the step: one row per quantity, one column per floor or story.
-    i : int
-        Index of the story.
     """
     rise = _story_value(linear_terms, scratch, ROW.RISE, i)
     bend = _story_value(linear_terms, scratch, ROW.BEND, i)
@@ -95,20 +73,6 @@ def _skip_branch(law_state, i, block, segment, results):
 
     Its counterpart `path._add_on_branch` integrates the force along the branch. Here only the times
     and states at the ends of the branches are needed. No argument is used.
-
-    Parameters
-    ----------
-    law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
-    segment : PathSegment
-        Part of the path on the branch.
-    results : Integrals
-        Scratch array and the first of its rows CORNERS.
     """
     pass
 
@@ -120,16 +84,7 @@ def _ignore_branch_end(results, i, t, force):
     `_store_forces` uses this function, because it needs only the state at the end of the path. No
     argument is used.
 
-    Parameters
-    ----------
-    results : Integrals
-        Scratch array and the first of its rows CORNERS.
-    i : int
-        Index of the story.
-    t : float
-        Time of the end of the branch, as a fraction of the step.
-    force : float
-        Restoring force of the story at this time, N.
+    `force` is the restoring force of the story at this time, N.
     """
     pass
 
@@ -143,17 +98,8 @@ def _store_corner(results, i, t, force):
     inserted if its distance from an endpoint of the step is at most _MIN_DISTANCE, or if the list
     already contains MAX_CORNERS corners. The peak shear of the story is raised in any case.
 
-    Parameters
-    ----------
-    results : Integrals
-        Location of the list: scratch array, and the first of its rows CORNERS. The type is only
-        used as a pair of table and row; the rows contain no integrals.
-    i : int
-        Index of the story.
-    t : float
-        Time of the corner as a fraction of the step, between 0 and 1.
-    force : float
-        Force of the story at the corner, N.
+    `t` is the time of the corner as a fraction of the step, between 0 and 1. `force` is the force
+    of the story at the corner, N.
     """
     scratch, first = results
     raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
@@ -179,13 +125,8 @@ def _direction(segment, no_reversal):
     The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. The
     direction is the sign of the change of drift; it is 0 if the drift does not change.
 
-    Parameters
-    ----------
-    segment : PathSegment
-        Part of the path: coefficients of d(t), m, and its first and last time.
-    no_reversal : bool
-        True if the story has no reversal in the step; the direction is then the sign of the rise,
-        the change of drift over the complete step.
+    `no_reversal` is True if the story has no reversal in the step; the direction is then the sign
+    of the rise, the change of drift over the complete step.
     """
     drift_change = (
         segment.rise
@@ -205,17 +146,11 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     corner, `_store_corner` stores the time in the list of corners and raises the peak of the story
     force.
 
+    `no_reversal` is True if the story has no reversal in the step. An extremum of the parabola is
+    ignored in this case, because the parabola only approximates the drift.
+
     Parameters
     ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    complete : PathSegment
-        Parabola of drift over the complete step.
-    no_reversal : bool
-        True if the story has no reversal in the step. An extremum of the parabola is ignored in
-        this case, because the parabola only approximates the drift.
     corners : Integrals
         Scratch array and the first of its rows CORNERS. Column 0 of these rows contains the list of
         corners: their number, then their times. The peak force of the story is in the rows PEAKS of
@@ -285,13 +220,6 @@ def _store_nodes(scratch, n):
     _MIN_DISTANCE before the end. The times, as fractions of the step, are stored in the last column
     (n, the number of floors) of the rows NODE_FORCE.
 
-    Parameters
-    ----------
-    scratch : ndarray
-        Scratch array. Rows CORNERS are used; column `n` of the rows NODE_FORCE is set.
-    n : int
-        Number of floors.
-
     Returns
     -------
     int
@@ -358,23 +286,12 @@ def _store_forces(coefficients, scene, h, memory, i, count):
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
     memory : Memory
         Law states and scratch array. Rows PATH contain the mean int f dt and the first moment
         12 int s f dt of the story force f over the step, N. They include P-delta and dampers; the
         first moment also includes the numerical dissipation of the method (`_evaluate_stories`).
         Column i of the rows NODE_FORCE receives the forces; the trial state SECOND_TRIAL of the law
         is overwritten. The list of corners and the peaks do not change.
-    i : int
-        Index of the story.
-    count : int
-        Number of nodes.
     """
     law_parameters, scratch = scene.law_parameters, memory.scratch
     if (
@@ -587,19 +504,6 @@ def _store_accelerations(scene, h, load, scratch, k):
 
     Both sums extend over the floors that story i supports. Only the absolute value of the total
     shear is used later, for its peak.
-
-    Parameters
-    ----------
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
-    k : int
-        Index of the node.
     """
     linear_terms, modal, _, forces, _ = scene
     n = linear_terms.shape[1] - 1
@@ -675,19 +579,6 @@ def _integrate_accelerations(h, load, memory, i, count):
         displacement    p t^2 / 2 + q (t^3 / 6 - t^2 / 4)
 
     The constants p and q are determined so that the differences at t = 1 become zero.
-
-    Parameters
-    ----------
-    h : float
-        Length of the step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    memory : Memory
-        State and scratch array.
-    i : int
-        Index of the floor.
-    count : int
-        Number of nodes.
     """
     state, _, scratch, _ = memory
     n = state.shape[1] - 1
@@ -734,17 +625,6 @@ def _relative_acceleration(h, load, scratch, k, i, n):
     It is the absolute acceleration (row NODE_ACCELERATION + k) minus the ground acceleration, which
     is linear within the step. The time of the node as a fraction of the step is in column n of row
     NODE_FORCE + k.
-
-    Parameters
-    ----------
-    h : float
-        Length of the step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
-    k, i, n : int
-        Node, floor and number of floors.
     """
     t = scratch[ROW.NODE_FORCE + k, n]
     return (
@@ -772,17 +652,8 @@ def _may_exceed_shear_peak(law_state, i, rise, bend, peak):
     the step for reversals that may cause a new peak drift or shear, and evaluates the laws there
     (`find_interstep_peaks`).
 
-    Parameters
-    ----------
-    law_state : ndarray
-        Committed states of the laws: FORCE (N), DRIFT (m), stiffness SLOPE (N/m) and limits LOWER
-        and UPPER of the branch (m).
-    i : int
-        Index of the story or of the column of an element.
-    rise, bend : float
-        Coefficients of the change of drift, m.
-    peak : float
-        Peak force of the run, N.
+    `rise` and `bend` are the coefficients of the change of drift, m. `peak` is the peak force of
+    the run, N.
     """
     drift_change = abs(rise) + 0.5 * abs(bend)  # bound of the change of drift within the step
     # The rate rise + bend (t - 1/2) changes its sign within the step if 2 |rise| < |bend|. The
@@ -842,18 +713,6 @@ def _may_exceed_peaks(scene, h, load, memory):
     - False if all stories remain on linear branches (row LEAVES_BRANCH is 0) or are curved,
     - otherwise True if there are forces on floors,
     - otherwise the result of the comparison, also for the story forces (`_may_exceed_shear_peak`).
-
-    Parameters
-    ----------
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    memory : Memory
-        State, law states and scratch array. Rows A0 and A1 contain h^2 times the mean and the
-        change of the acceleration over the step (m), rows PEAKS the peaks of the run.
     """
     linear_terms, _, law_parameters, forces, _ = scene
     _, law_state, scratch, _ = memory
@@ -914,20 +773,6 @@ def update_peaks_at_corners(coefficients, scene, h, load, memory):
     accelerations and total shears are updated at the corners and between them, before the state at
     the end of the step is committed. In most steps all stories remain on their branches. The last
     column of row LEAVES_BRANCH is then 0, and the function returns without a change.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    memory : Memory
-        State, law states, scratch array and status of the step.
     """
     if memory.scratch[ROW.LEAVES_BRANCH, scene.linear_terms.shape[1] - 1] != 0.0:
         _update_peaks_at_corners(coefficients, scene, h, load, memory)
@@ -959,20 +804,6 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     `_store_corner` does not insert corners within _MIN_DISTANCE of an endpoint of the step. The
     force at such a corner is practically the force at the endpoint, which the observer records. The
     raised value is merged after the next step that sets STEP_PEAKS.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    memory : Memory
-        State, law states, scratch array and status of the step.
     """
     _, law_state, scratch, step_status = memory
     n = scene.linear_terms.shape[1] - 1
@@ -1031,16 +862,10 @@ def _store_first_response(h, memory, i, count):
 
     Parameters
     ----------
-    h : float
-        Length of the step, s.
     memory : Memory
         State and scratch array. The last column of the rows NODE_FORCE, which no floor uses,
         contains the times t of the nodes. Rows NODE_DISPLACEMENT receive u - u0, rows NODE_VELOCITY
         h v, both in m.
-    i : int
-        Index of the floor.
-    count : int
-        Number of nodes.
     """
     state, _, scratch, _ = memory
     n = state.shape[1] - 1
@@ -1075,20 +900,6 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
 
     The peaks are raised by the values of the last pass at the nodes and by the extrema of the
     parabolas through a corner, the next midpoint and the next corner.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    memory : Memory
-        State and scratch array.
     """
     scratch = memory.scratch
     n = scene.linear_terms.shape[1] - 1

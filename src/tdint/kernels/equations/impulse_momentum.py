@@ -55,15 +55,6 @@ def store_first_guess(factor, h, state, scratch, n):
     ----------
     factor : float
         1 for the motion with constant acceleration, 0 for zero.
-    h : float
-        Length of the step, s.
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
-    scratch : ndarray
-        Rows DU (m) and DV (m/s) are set.
-    n : int
-        Number of floors.
     """
     for i in range(n):
         a = factor * state[rows.ACCELERATION, i]
@@ -90,14 +81,6 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     ----------
     theta, alpha, beta : float
         Coefficients of the kinematic equation.
-    linear_terms, modal : ndarray
-        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
-        matrix C = sum of w w^T.
-    h : float
-        Length of the step, s.
-    state : ndarray
-        Displacement u0 (m), velocity v0 (m/s) and acceleration a0 (m/s^2) of each floor at the
-        start of the step.
     scratch : ndarray
         The following rows are used: LOAD, p1 (N); IMPULSE, I (N s); DU, u1 - u0 (m); DV, v1 - v0
         (m/s); V1, v1 (m/s); FORCE_1 and FORCE_S, force at the end (N) and impulse (N s) of each
@@ -169,13 +152,6 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
         Maximum relative residual, at least RESIDUAL_TOLERANCE.
     beta : float
         Coefficient of a1 in the kinematic equation, positive: 1/12 to 1/6.
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    h : float
-        Length of the step, s.
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
     scratch : ndarray
         The following rows are used: residuals R1 (kinematics, kg m) and R2 (momentum, N s); DU,
         u1 - u0 (m); DV, v1 - v0 (m/s); V1, v1 (m/s); A1, a1 (m/s^2); IMPULSE, I (N s); FORCE_S, the
@@ -231,15 +207,9 @@ def correct(beta, modal, h, factors, n):
     ----------
     beta : float
         Coefficient of a1 in the kinematic equation.
-    modal : ndarray
-        Rows w of the modal part of C, the sum of w w^T: one row per damped mode.
-    h : float
-        Length of the step, s.
     factors : Factors
         Scratch array and the rows of the factorization of the matrix (`factor_blocks`). Row U1
         contains the displacements u1 before the correction, m.
-    n : int
-        Number of floors.
 
     Returns
     -------

@@ -59,8 +59,6 @@ def update_run_maxima(scratch, row, mismatch, size):
 
     Parameters
     ----------
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the maxima: of the mismatch in column 0, of the size in column 1.
     mismatch, size : float
@@ -83,8 +81,6 @@ def tolerance_of_run(scratch, row, tolerance_per_mismatch):
 
     Parameters
     ----------
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Number of the row with the maxima over the run (`update_run_maxima`): of the mismatch in
         column 0, of the squared accelerations in column 1. Both are 0 until their first update.
@@ -105,14 +101,8 @@ def squared_norm(linear_terms, scratch, row, n):
 
     Parameters
     ----------
-    linear_terms : ndarray
-        Linear terms of the building; row INVERSE_MASS is used, 1/kg.
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the residuals in `scratch`.
-    n : int
-        Number of floors.
 
     Returns
     -------
@@ -152,14 +142,8 @@ def copy_rows(scratch, source, target, row_count, n):
 
     Parameters
     ----------
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
     source, target : int
         First row of the source and of the target.
-    row_count : int
-        Number of rows.
-    n : int
-        Number of columns (floors).
     """
     for row in range(row_count):
         for i in range(n):
@@ -176,14 +160,8 @@ def add_rows(factor, scratch, source, target, row_count, n):
     ----------
     factor : float
         Factor of the source rows, of either sign.
-    scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story.
     source, target : int
         First row of the source and of the target.
-    row_count : int
-        Number of rows.
-    n : int
-        Number of columns (floors).
     """
     for row in range(row_count):
         for i in range(n):
@@ -208,8 +186,6 @@ def is_balanced(is_last, tolerance, step_status, i, residual, scale):
         Elements RESIDUAL and WORST_STORY are updated; WORST_STORY receives the index `i` of the
         floor, which is also the index of the story below the floor. The caller sets RESIDUAL to 0
         before the first equation.
-    i : int
-        Index of the floor of the equation.
     residual : float
         Residual of the equation, the sum of its terms with their signs.
     scale : float

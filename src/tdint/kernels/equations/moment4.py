@@ -167,19 +167,6 @@ def solve_step(coefficients, scene, h, memory):
     reverses within the step. Later, this decision is kept, because a change in each iteration would
     prevent convergence.
 
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    memory : Memory
-        State, law states, scratch array and status of the step. Rows LOAD of the scratch array
-        contain P0 and P1 (N); rows RISE and BEND receive D0 and D1 (m).
-
     Returns
     -------
     int
@@ -265,13 +252,6 @@ def _solve_on_branches(coefficients, scene, h, memory):
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
     memory : Memory
         State, law states and scratch array. Rows LOAD contain P0 and P1, N. Rows RISE, BEND and
         CORRECTION receive D0 and D1, m. Row LEAVES_BRANCH is set to 0.
@@ -351,18 +331,6 @@ def _store_first_guess(h, state, scratch, n):
 
     The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
     With the acceleration a at the end of the previous step, D1 = h^2 a and D0 = h v0 + D1 / 2.
-
-    Parameters
-    ----------
-    h : float
-        Length of the step, s.
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
-    scratch : ndarray
-        Rows RISE and BEND are set, m.
-    n : int
-        Number of floors.
     """
     for i in range(n):
         scratch[ROW.BEND, i] = h * h * state[rows.ACCELERATION, i]
@@ -384,15 +352,11 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     with the initial stiffness k. The derivatives of the integrals of the restoring force and of the
     power-law dashpot with respect to rise and bend are computed as well.
 
+    `is_deciding` is True if the function decides again whether each story reverses within the step;
+    otherwise the decision of the last iteration is kept.
+
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
     memory : Memory
         State, law states and scratch array: rows RISE and BEND of the floors (m) are used. Rows
         PATH receive F0, F1 (N) and their four derivatives (N/m). Row ROUNDING_FORCE receives the
@@ -400,9 +364,6 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         residuals. Row LEAVES_BRANCH is set to 0 for a story that remains on its linear branch,
         otherwise to 1; its column n is 1 if the row is 1 for any story, otherwise 0. Row
         NO_REVERSAL is set as described in `_integrate_restoring_force`.
-    is_deciding : bool
-        True if the function decides again whether each story reverses within the step; otherwise
-        the decision of the last iteration is kept.
 
     Returns
     -------
@@ -558,24 +519,15 @@ def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is
     f, the mean is int f dt and the first moment 12 int (t - 1/2) f dt. A story that remains on its
     linear branch has closed formulas. Otherwise the law follows the path.
 
+    `rise` and `bend` are the coefficients of the drift, m.
+
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
     memory : Memory
         State, law states and scratch array. Rows PATH receive the integrals (N) and their
         derivatives (N/m). Row LEAVES_BRANCH is set to 0 if the story remains on its linear branch;
         otherwise the row and its last column are set to 1. Row NO_REVERSAL is set; see
         `is_deciding`.
-    i : int
-        Index of the story.
-    rise, bend : float
-        Coefficients of the drift, m.
     is_deciding : bool
         True if the function decides again whether the story reverses within the step (the first
         iterations of Newton's method); False to keep the decision of the last iteration. The
@@ -638,21 +590,6 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
 
     The derivative w'(0) is necessary for upper stories of a building at rest. Their rates increase
     with the third power of time, and without this value they would seem to move backwards at first.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    memory : Memory
-        State, law states and scratch array. Rows RISE and BEND contain the current estimate of the
-        parabolas of all floors, m.
-    i : int
-        Index of the story.
 
     Returns
     -------
@@ -758,24 +695,6 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     the load. C contains the floor dampers and modal damping; the forces of story dampers are part
     of F0 and F1.
 
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
-    h : float
-        Length of the step, s.
-    state : ndarray
-        Displacement (m), velocity v0 (m/s) and acceleration (m/s^2) of each floor at the start of
-        the step.
-    scratch : ndarray
-        Rows RISE (D0, m), BEND (D1, m), LOAD (P0, P1, N) and PATH (F0 and F1 of the stories, N) are
-        used. Rows A0 and A1 (m) and X (X_0, X_1, kg m) are set.
-
     Returns
     -------
     float
@@ -848,24 +767,11 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     The sum of the first moment contains the large terms of a1, which nearly cancel if h is small.
     The test then restricts the error of D0 relative to h v0, and not the error of a1.
 
+    `is_last` is True if no further iteration is allowed. The test is the same, but the largest
+    relative residual above the tolerance is then stored in `step_status`.
+
     Parameters
     ----------
-    is_last : bool
-        True if no further iteration is allowed. The test is the same, but the largest relative
-        residual above the tolerance is then stored in `step_status`.
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    h : float
-        Length of the step, s.
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
-    scratch : ndarray
-        Rows X contain the residuals (kg m). Rows RISE, BEND and A1 (m), LOAD, PATH and
-        ROUNDING_FORCE (N) determine the sums.
     step_status : ndarray
         Row RESIDUAL is set to 0, or to the largest relative residual if `is_last` is True and a
         residual is too large; row WORST_STORY then receives its floor.
@@ -924,15 +830,8 @@ def _correct(state, scratch, n):
     The rise D0 and the bend D1 of a floor are the coefficients of its displacement in the step,
     u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1.
 
-    Parameters
-    ----------
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
-    scratch : ndarray
-        Rows X contain the corrections of D0 and D1, m. Rows RISE, BEND and CORRECTION are updated.
-    n : int
-        Number of floors.
+    `scratch` contains the rows X contain the corrections of D0 and D1, m. Rows RISE, BEND and
+    CORRECTION are updated.
 
     Returns
     -------
@@ -981,17 +880,6 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
-    law_parameters : ndarray
-        Parameters of the hysteretic laws: one row per parameter, one column per story.
-    h : float
-        Length of the step, s.
     scratch : ndarray
         Rows PATH contain the derivatives of F0 and F1 with respect to the rise and to the bend of
         the drift, N/m. Rows FACTORED, BLOCKS and COUPLING and the rows from STORE on are set.
@@ -1057,16 +945,8 @@ def solve(modal, h, scratch, x, n):
 
     Parameters
     ----------
-    modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
-    h : float
-        Length of the step, s.
-    scratch : ndarray
-        Scratch array with the factorization in the rows BLOCKS, COUPLING and from STORE on.
     x : int
         First of two rows with the right side (negative residuals, kg m); they receive D0 and D1, m.
-    n : int
-        Number of floors.
     """
     factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
     # The values in `ModalBlocks` are the factors of C for D0 and D1 in the first equation, and for
@@ -1095,18 +975,6 @@ def update_state(coefficients, scene, h, memory):
     The work of a force with the mean F0 and the first moment F1 over the step is D0 F0 + D1 F1 /
     12. A damper with the coefficient c has F0 = c D0 / h and F1 = c D1 / h. The work of the load
     and of the dampers is stored in the rows WORK_INPUT and WORK_VISCOUS of the status, J.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method: r (numerical dissipation), 12 / (1 + 6 r), and the relative
-        tolerance of the residuals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the step, s.
-    memory : Memory
-        State, law states, scratch array and status of the step.
     """
     linear_terms, modal, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
@@ -1166,17 +1034,6 @@ def _modal_work(modal, h, scratch, n):
     mode is w (w^T v), with the velocities v of the floors. Along the displacements u0 + D0 t + D1
     (t^2 - t) / 2 of the floors, with t from 0 to 1 over the step, the mode does the work
     ((w^T D0)^2 + (w^T D1)^2 / 12) / h.
-
-    Parameters
-    ----------
-    modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
-    h : float
-        Length of the step, s.
-    scratch : ndarray
-        Rows RISE (D0) and BEND (D1) of the floors, m.
-    n : int
-        Number of floors.
     """
     total = 0.0
     for j in range(modal.shape[0]):
@@ -1196,16 +1053,6 @@ def _dashpot_work(linear_terms, scratch, n):
     Along the drift d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step, the work of
     the dashpot force f is rise F0 + bend F1 / 12, with F0 = int f dt and F1 = 12 int (t - 1/2) f
     dt.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    scratch : ndarray
-        Rows RISE and BEND of the floors (m) and rows DASHPOT with F0 and F1 of the stories (N) are
-        used.
-    n : int
-        Number of floors.
     """
     total = 0.0
     rise_below = 0.0

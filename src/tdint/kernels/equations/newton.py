@@ -289,20 +289,8 @@ def _story_forces(brace_step, effective, factors, previous, trial, scene, memory
     displacements. `_update_residuals` multiplies the row by RESIDUAL_TOLERANCE, so that residuals
     up to the rounding force are accepted.
 
-    Parameters
-    ----------
-    effective : EffectiveCoefficients
-        by_u, by_v and by_a: change of displacement, velocity and acceleration for a unit change of
-        x.
-    factors : int
-        First scratch row of the factorization.
-    previous, trial : int
-        First rows of the blocks of the law states at the start and at the end of the path.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    memory : Memory
-        Law states and scratch rows U (m) and V (m/s); block `trial` and rows SUM, TANGENT and SIZE
-        are set.
+    `effective` is the by_u, by_v and by_a: change of displacement, velocity and acceleration for a
+    unit change of x. `factors` is the first scratch row of the factorization.
 
     Returns
     -------
@@ -393,16 +381,14 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
     force of the story below minus the force of the story above (row SUM, N), with story dampers.
     C contains the floor dampers and modal damping.
 
+    `is_last` is True if no further iteration is allowed. The largest relative residual above the
+    tolerance is then stored in `step_status`.
+
     Parameters
     ----------
-    is_last : bool
-        True if no further iteration is allowed. The largest relative residual above the tolerance
-        is then stored in `step_status`.
     linear_terms : ndarray
         Properties of the building, one column per floor. Rows MASS, FLOOR_DAMPER and LINK are used.
         P-delta and story dampers are already included in the story forces (row SUM).
-    modal : ndarray
-        Rows w of the modal damping matrix, the sum of w w^T: one row per damped mode.
     scratch : ndarray
         The following rows are used: LOAD, p (N); V (m/s); A (m/s^2); SUM, story forces (N); SIZE,
         |story force| + (rounding force) / RESIDUAL_TOLERANCE (N). The rounding force corresponds to
@@ -449,15 +435,6 @@ def _evaluate_laws(previous, trial, scene, memory):
 
     The states move from block `previous` to block `trial` of the law states. The story forces in
     row SUM are not updated.
-
-    Parameters
-    ----------
-    previous, trial : int
-        First rows of the blocks of the law states at the start and at the end of the path.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    memory : Memory
-        Law states and scratch rows.
     """
     linear_terms, _, law_parameters, _, _ = scene
     _, law_state, scratch, _ = memory
@@ -480,18 +457,9 @@ def _correct(fraction, row, effective, scratch, n):
 
     Displacement, velocity and acceleration are u = U + by_u x, v = V + by_v x, a = A + by_a x.
 
-    Parameters
-    ----------
-    fraction : float
-        Fraction of the correction, of either sign.
-    row : int
-        Scratch row of the correction.
-    effective : EffectiveCoefficients
-        Change of displacement, velocity and acceleration for a unit change of x.
-    scratch : ndarray
-        Rows X (m/s^2), U (m), V (m/s) and A (m/s^2) are updated.
-    n : int
-        Number of floors.
+    `fraction` is the fraction of the correction, of either sign. `row` is the scratch row of the
+    correction. `effective` is the change of displacement, velocity and acceleration for a unit
+    change of x. `scratch`: rows X (m/s^2), U (m), V (m/s) and A (m/s^2) are updated.
 
     Returns
     -------

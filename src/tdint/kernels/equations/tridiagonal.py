@@ -126,8 +126,6 @@ def invert(scratch, first, size):
 
     Parameters
     ----------
-    scratch : ndarray
-        Table with the matrix in rows `first` to `first + size - 1` and columns 0 to `size - 1`.
     first : int
         First row of the matrix.
     size : int
@@ -186,16 +184,7 @@ def _store_woodbury(factors, modal, scale, n):
     For m damped modes, scratch rows `store` to `store + m - 1` receive T^-1 W^T, one row per mode.
     The next m rows receive the matrix in brackets.
 
-    Parameters
-    ----------
-    factors : Factors
-        Scratch array, factorization of T, and row number `store`.
-    modal : ndarray
-        W, one row per damped mode.
-    scale : float
-        Factor of the modal damping matrix.
-    n : int
-        Number of floors.
+    `factors` is the scratch array, factorization of T, and row number `store`.
     """
     scratch, _, _, store = factors
     modes = modal.shape[0]
@@ -248,18 +237,7 @@ def _apply_woodbury(scratch, modal, store, x, n):
 
         y = x - T^-1 W^T [s (I + s W T^-1 W^T)^-1] W x
 
-    Parameters
-    ----------
-    scratch : ndarray
-        Scratch array with T^-1 W^T and the matrix in brackets (`_store_woodbury`).
-    modal : ndarray
-        W, one row per damped mode.
-    store : int
-        First row of T^-1 W^T; the matrix in brackets and one temporary row follow.
-    x : int
-        Row that contains x and receives y.
-    n : int
-        Number of floors.
+    `store` is the first row of T^-1 W^T; the matrix in brackets and one temporary row follow.
     """
     modes = modal.shape[0]
     inverse_row = store + modes
@@ -521,13 +499,6 @@ def _is_full(modal, n):
     2 n / 3. For each such m it also needs fewer operations: about (2 n)^3 / 3 for the
     factorization, compared with about (2 m)^3 + 4 m^2 n + 32 m n for the terms of the Woodbury
     formula, which is at least 4 n^3.
-
-    Parameters
-    ----------
-    modal : ndarray
-        W, one row per damped mode.
-    n : int
-        Number of floors.
     """
     return 3 * modal.shape[0] >= 2 * n
 
@@ -544,15 +515,8 @@ def _factor_full(factors, damping, n):
     lower part of the building, for which the same step has a unique solution. If a pivot were
     singular, the solution would be infinite or nan, and the step would report a failure.
 
-    Parameters
-    ----------
-    factors : Factors
-        Rows of the diagonal blocks and couplings as `factor_blocks` receives them, and row number
-        `store`.
-    damping : ModalBlocks
-        Modal damping.
-    n : int
-        Number of floors.
+    `factors`: rows of the diagonal blocks and couplings as `factor_blocks` receives them, and row
+    number `store`.
     """
     scratch, blocks, coupling, xx = factors
     modal = damping.modal
@@ -618,15 +582,9 @@ def _solve_full(scratch, xx, x, y, n):
 
     Parameters
     ----------
-    scratch : ndarray
-        Scratch array.
     xx : int
         First of the 4 n rows of the block L U factorization: n rows with the entries xx of the
         2 x 2 blocks, then the entries xy, yx and yy. The diagonal contains inverse pivots.
-    x, y : int
-        Rows of the right side; they receive the solution.
-    n : int
-        Number of floors.
     """
     xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
     # Forward substitution with L, which has a unit diagonal
@@ -735,10 +693,6 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
 
     Parameters
     ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    law_state : ndarray
-        Row SLOPE of the committed states is used.
     root : tuple of float
         Real and imaginary part of l, in s.
     factors : Factors
@@ -749,8 +703,6 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     damping : ModalBlocks
         Modal part of l C. With l = re + i im, the coefficients of the real part x and of the
         imaginary part y of an unknown are xx = re, xy = -im, yx = im and yy = re.
-    n : int
-        Number of floors.
     """
     re, im = root
     scratch, pivot, coupling, _ = factors
@@ -820,8 +772,6 @@ def solve_pairs(factors, x, y, n):
         imaginary part of the inverse pivots g, two rows from `coupling` on the multipliers m.
     x, y : int
         Rows of the real and imaginary part of the right side; they receive the solution.
-    n : int
-        Number of floors.
     """
     scratch, pivot, coupling, _ = factors
     # Forward substitution: (x0, y0) is the complex value of the floor below, (by_re, by_im) is the
@@ -861,11 +811,8 @@ def _woodbury_storing_function(solve_undamped):
     The formula gives the solution of a system with modal damping from solutions without modal
     damping.
 
-    Parameters
-    ----------
-    solve_undamped : function
-        (factors, x, y, n). Solves the system without modal damping, with the right side in the rows
-        x and y: `solve_blocks` or `solve_pairs`.
+    `solve_undamped` is the (factors, x, y, n). Solves the system without modal damping, with the
+    right side in the rows x and y: `solve_blocks` or `solve_pairs`.
 
     Returns
     -------
@@ -897,14 +844,7 @@ def _woodbury_storing_function(solve_undamped):
                         and in row 2 j + 1 for y
             2 m rows    the inverse of the small matrix I + D U T^-1 U^T
 
-        Parameters
-        ----------
-        factors : Factors
-            Factorization without modal damping, and row number `store`.
-        damping : ModalBlocks
-            Modal damping.
-        n : int
-            Number of floors.
+        `factors` is the factorization without modal damping, and row number `store`.
         """
         scratch, _, _, store = factors
         modal, xx, xy, yx, yy = damping
@@ -958,12 +898,6 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
         Table with the terms of the formula from row `store` on: T^-1 U^T, the inverse of the small
         matrix (order 2 m for m modes), and a temporary row. The table has at least 2 m columns
         (`tdint.methods.workspace`).
-    damping : ModalBlocks
-        Modal damping.
-    x, y : int
-        Rows of the solution z, which receive z'.
-    n : int
-        Number of floors.
     """
     scratch, _, _, store = factors
     modal, xx, xy, yx, yy = damping
@@ -1041,8 +975,6 @@ def solve_pairs_damped(factors, damping, x, y, n):
     x, y : int
         Rows of the real and of the imaginary parts. They contain the right side and receive the
         solution.
-    n : int
-        Number of floors.
     """
     solve_pairs(factors, x, y, n)
     if _MODAL and damping.modal.shape[0] > 0:

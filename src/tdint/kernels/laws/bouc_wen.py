@@ -96,16 +96,8 @@ def _functions() -> LawFunctions:
         dx. u2 to u4 are the values of u at the later stages of the step, and p1 to p4 are the
         values of q u^n at all four stages.
 
-        Parameters
-        ----------
-        u : float
-            |w| at the start of the path.
-        q : float
-            2 beta - 1, with the parameter beta of the law.
-        n : float
-            Exponent.
-        r : float
-            Drift change, a multiple of Fy / k (yield force over initial stiffness).
+        `q` is 2 beta - 1, with the parameter beta of the law. `r` is the drift change, a multiple
+        of Fy / k (yield force over initial stiffness).
 
         Returns
         -------
@@ -132,14 +124,8 @@ def _functions() -> LawFunctions:
         values of w at the later stages of the step, and p1 to p4 are the values of w^n at all four
         stages.
 
-        Parameters
-        ----------
-        w : float
-            Dimensionless hysteretic force at the start of the path, not negative.
-        n : float
-            Exponent.
-        r : float
-            Drift change, a multiple of Fy / k (yield force over initial stiffness).
+        `w` is the dimensionless hysteretic force at the start of the path, not negative. `r` is the
+        drift change, a multiple of Fy / k (yield force over initial stiffness).
 
         Returns
         -------
@@ -239,19 +225,7 @@ def _functions() -> LawFunctions:
         a force that is smooth enough at w = 0. The dissipation is a multiple of (1 - a) Fy^2 / k.
         FORCE, INTERNAL (w) and DISSIPATED (J) are written to block `trial`.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        drift : float
-            Drift, m.
+        `drift` is the drift, m.
         """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
@@ -366,18 +340,6 @@ def _functions() -> LawFunctions:
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
         """Do nothing: the function `force` of this law computes the dissipated energy together with
         the force. The arguments are not used.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
         """
         pass
 
@@ -395,19 +357,6 @@ def _functions() -> LawFunctions:
         The integral over s is computed by the Gauss rule with eight points. The substitution makes
         the integrand smooth near v = 0. For q < 0 the integrand rises near v = 1, and the rule is
         applied to _PANELS parts.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            Direction of the movement, 1 or -1. The story unloads if w has the opposite sign.
         """
         u = -side * law_state[block + rows.INTERNAL, i]
         if not u > 0.0:  # w already has the sign of the direction
@@ -438,14 +387,6 @@ def _functions() -> LawFunctions:
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the current drift and w. The limit is at a
-            distance from this drift.
         block : int
             First row of the block that receives the limits UPPER and LOWER. Its row RATE_SIGN
             contains the direction of loading. The block can be the same as `previous`.
@@ -471,18 +412,6 @@ def _functions() -> LawFunctions:
 
         Small exponents are below _SMOOTH (2). The limit is the drift where the dimensionless
         hysteretic force w (row INTERNAL) changes its sign and the force has a sharp bend.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
         """
         drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
         if drift_change != 0.0:  # without a movement, the direction remains
@@ -501,14 +430,6 @@ def _functions() -> LawFunctions:
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -530,15 +451,7 @@ def _functions() -> LawFunctions:
         stiffness k and the exponent n of the law. The constants were determined by numerical
         experiments. The number is not an integer; the caller rounds it up.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story. The states are not used by this law.
-        i : int
-            Index of the story.
-        drift_change : float
-            Change of drift along the path, m, not negative.
+        `drift_change` is the change of drift along the path, m, not negative.
         """
         n = law_parameters[_EXPONENT, i]
         return (

@@ -178,15 +178,6 @@ def branch_owner(law_state, i, block):
     to that block; 0 if the trial state contains a copy of the branch. The block of the committed
     state always contains its branch.
 
-    Parameters
-    ----------
-    law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    block : int
-        First row of the block of the state.
-
     Returns
     -------
     int
@@ -361,18 +352,7 @@ def advancing(move: Any) -> Any:
         The force (row FORCE) changes by the stiffness of the branch (row SLOPE) times the change of
         drift (row DRIFT). The function `move` of the law then updates the other rows.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        drift : float
-            Drift, m.
+        `drift` is the drift, m.
         """
         step = drift - law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]

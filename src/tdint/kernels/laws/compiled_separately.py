@@ -51,23 +51,8 @@ if COMPILES:
         address is stored as a float64 in the table of law states. This is exact because addresses
         have at most 48 bits.
 
-        Parameters
-        ----------
-        address : float
-            Address of the kernel.
-        hook : int
-            Number of the function, see `_all_hooks`.
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        x : float
-            Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
+        `x` is the last argument of the function: drift (m) for `force`, event for `switch`,
+        otherwise 0.
 
         Returns
         -------
@@ -85,23 +70,8 @@ else:
 
         The law is identified by its number in `law_parameters`. The address is not used.
 
-        Parameters
-        ----------
-        address : float
-            Address of the kernel; not used.
-        hook : int
-            Number of the function, see `_all_hooks`.
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        x : float
-            Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
+        `address` is the address of the kernel; not used. `x` is the last argument of the function:
+        drift (m) for `force`, event for `switch`, otherwise 0.
 
         Returns
         -------
@@ -122,18 +92,7 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
     The force and the other rows of the new state are written to block `trial`. The compiled code of
     the law is called at the address in row ADDRESS of the table of law states.
 
-    Parameters
-    ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    previous : int
-        First row of the block of `law_state` with the state at the start of the path.
-    trial : int
-        First row of the block of `law_state` with the state at the end of the path.
-    drift : float
-        Drift, m.
+    `drift` is the drift, m.
     """
     return _call(
         law_state[rows.ADDRESS, i], _FORCE, law_parameters, law_state, i, previous, trial, drift
@@ -172,17 +131,6 @@ def _keep(law_parameters, law_state, i, previous, trial):
 
     The compiled code of the law is called at the address in row ADDRESS of the table of law states.
     The last argument, 0, is not used.
-
-    Parameters
-    ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    previous : int
-        First row of the block of `law_state` with the state at the start of the path.
-    trial : int
-        First row of the block of `law_state` with the state at the end of the path.
     """
     _call(law_state[rows.ADDRESS, i], _KEEP, law_parameters, law_state, i, previous, trial, 0.0)
 
@@ -207,13 +155,6 @@ def _switch(law_parameters, law_state, i, block, event):
 
     Parameters
     ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -256,20 +197,15 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
     `force`, `strain_energy` and the other functions that are called here are placeholders:
     `_kernel` creates a copy of this function for each law, with the functions of the law.
 
+    `x` is the last argument of the function: drift (m) for `force`, event for `switch`, otherwise
+    0.
+
     Parameters
     ----------
-    hook : int
-        Number of the function, _FORCE to _SWITCH.
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
     previous, trial : int
         First rows of the blocks of `law_state` with the states at the start and at the end of the
         path, for `force` and `keep`. For `switch`, `previous` is the block with the state that
         changes its branch. The other functions do not use these arguments.
-    x : float
-        Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
 
     Returns
     -------
@@ -322,14 +258,7 @@ def __getattr__(name: str) -> Kernel:
 
 
 def separate_kernels(law_parameters: NDArray[np.float64] | None = None) -> list[Kernel]:
-    """Return the kernels of the separately compiled laws.
-
-    Parameters
-    ----------
-    law_parameters : ndarray, optional
-        Parameters of the laws of a building, with the numbers of the laws in row CODE. Only these
-        laws are considered. Default: all laws.
-    """
+    """Return the kernels of the separately compiled laws."""
     codes = range(len(LAWS)) if law_parameters is None else _used_codes(law_parameters)
     return [_kernel(code) for code in codes if LAWS[code].compiled_separately]
 
@@ -359,11 +288,6 @@ def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     compiled laws and the values that mark a failed law.
 
     The function compiles the laws that are not yet compiled.
-
-    Parameters
-    ----------
-    law_parameters : ndarray, shape (rows, columns)
-        Parameters of the laws (`tdint.kernels.layout`).
 
     Returns
     -------

@@ -32,19 +32,7 @@ def _functions() -> LawFunctions:
         f = k d for |d| <= gap, and f = k d + stop_stiffness (|d| - gap) sgn(d) in contact with a
         stop. The force is written to block `trial`.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        drift : float
-            Drift, m.
+        `drift` is the drift, m.
         """
         force = law_parameters[rows.STIFFNESS, i] * drift
         tangent = law_parameters[rows.STIFFNESS, i]
@@ -79,19 +67,6 @@ def _functions() -> LawFunctions:
 
             within the gap    k d                                      k
             in contact        k d + stop_stiffness (d - side gap)      k + stop_stiffness
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            0 within the gap, 1 or -1 in contact with the stop on the positive or negative side.
         """
         gap = law_parameters[_GAP, i]
         drift = law_state[block + rows.DRIFT, i]
@@ -132,14 +107,6 @@ def _functions() -> LawFunctions:
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).

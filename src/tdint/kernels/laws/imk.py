@@ -103,17 +103,7 @@ def _functions() -> LawFunctions:
     def side_parameter(law_parameters, i, side, parameter):
         """Return the parameter of a side of the story from the table of parameters.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        parameter : int
-            Row of the parameter of the positive side.
+        `parameter` is the row of the parameter of the positive side.
         """
         return law_parameters[parameter if side > 0.0 else parameter + _SIDE, i]
 
@@ -129,20 +119,6 @@ def _functions() -> LawFunctions:
         Fy is the initial yield force and k the initial stiffness. r is the fraction of the strength
         that remains after deterioration (row _STRENGTH). Fc = (capping ratio) Fy is the initial
         capping force, and the plastic drift is the drift from the yield point to the capping point.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         k = law_parameters[rows.STIFFNESS, i]
         yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
@@ -164,20 +140,6 @@ def _functions() -> LawFunctions:
         drift Fy / k + (plastic drift), with the yield force Fy and the initial stiffness k.
         Deterioration multiplies the force at zero drift by the remaining fraction (row _CAPPING)
         and does not change the slope.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
         capping_force = side_parameter(law_parameters, i, side, _CAPPING_RATIO) * yield_force
@@ -207,21 +169,8 @@ def _functions() -> LawFunctions:
         `plastic_line` and `capping_line` return the force of their line at zero drift and its
         slope. The elastic part below the yield drift is not represented.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        drift : float
-            Total drift of the story, m, positive on this side; not less than the yield drift.
+        `drift` is the total drift of the story, m, positive on this side; not less than the yield
+        drift.
         """
         hardening_force, hardening_slope = plastic_line(law_parameters, law_state, i, block, side)
         capping_force, capping_slope = capping_line(law_parameters, law_state, i, block, side)
@@ -245,18 +194,9 @@ def _functions() -> LawFunctions:
         (Lambda Fy <= total work): the story then fails. If the work since the last zero crossing is
         not positive and capacity remains, beta is 0.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        capacity : int
-            Row of the capacity Lambda in the table of parameters, m.
-        work : float
-            Work done on the story since the last zero crossing of the force, J.
-        total_work : float
-            Work done on the story since the start, J.
+        `capacity` is the row of the capacity Lambda in the table of parameters, m. `work` is the
+        work done on the story since the last zero crossing of the force, J. `total_work` is the
+        work done on the story since the start, J.
         """
         # Remaining capacity, J. If the work reaches it, the story fails; the result 2 is an
         # arbitrary value above 1.
@@ -277,17 +217,6 @@ def _functions() -> LawFunctions:
         unloading from the force F with the unloading stiffness Ku would release, F^2 / (2 Ku), is
         subtracted from the work. The result is between 0 and 1, or 2 if the story would fail. The
         law state is not changed.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
         """
         first = extra_rows(law_state, block)
         force = law_state[block + rows.FORCE, i]
@@ -309,25 +238,9 @@ def _functions() -> LawFunctions:
         state; it also ends at a reversal of the drift. If the story has already reached the
         ultimate drift, it fails instead.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        branch_type : float
-            Type of the branch for row INTERNAL, a positive constant of this module.
-        slope : float
-            Stiffness of the branch, N/m.
-        end : float
-            Drift at the end of the branch, m, positive on this side.
+        `branch_type` is the type of the branch for row INTERNAL, a positive constant of this
+        module. `slope` is the stiffness of the branch, N/m. `end` is the drift at the end of the
+        branch, m, positive on this side.
         """
         ultimate = side_parameter(law_parameters, i, side, _ULTIMATE_DRIFT)
         if side * law_state[block + rows.DRIFT, i] >= ultimate * (1.0 - _REACHED_TOLERANCE):
@@ -353,20 +266,6 @@ def _functions() -> LawFunctions:
             constant force    R above this drift
 
         If deterioration has reduced the hardening line below R, the force is R there as well.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         # Forces of both lines at zero drift (h, c) and slopes (s, t). The lines intersect at the
@@ -419,20 +318,6 @@ def _functions() -> LawFunctions:
         """Set the reloading branch towards the point of maximum drift of a side.
 
         If this point is reached, the story continues on the backbone curve.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
@@ -465,20 +350,6 @@ def _functions() -> LawFunctions:
             - drift and force of the last peak are larger than the current drift and force
             - the force of the last peak is smaller than the force of the point of maximum drift
             - the line to the last peak is steeper than the line to the point of maximum drift
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -508,20 +379,6 @@ def _functions() -> LawFunctions:
         The reversal becomes the last peak of the side and, if its drift is larger, the point of
         maximum drift. The unloading stiffness is reduced by its deterioration. The branch ends at
         zero force, or, if the story is loaded again, at the reversal.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -568,20 +425,6 @@ def _functions() -> LawFunctions:
         the story fails. The rows are also changed if the story fails; the law does not use them
         after a failure.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-
         Returns
         -------
         bool
@@ -624,20 +467,6 @@ def _functions() -> LawFunctions:
            crossing, and Ku is the unloading stiffness. If kD and kF are 1, or if x is not larger
            than z, the pinched point is omitted. The branch then leads towards the last peak or the
            point of maximum drift (`set_branch_to_peak`).
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            Side that is loaded after the zero crossing: 1 for the positive side of the story, -1
-            for the negative side. Drifts and forces of a side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         law_state[block + rows.FORCE, i] = 0.0
@@ -708,20 +537,6 @@ def _functions() -> LawFunctions:
             - they are smaller than drift and force of the point of maximum drift
             - the line to the pinched point is less steep than the line to the point of maximum
               drift
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -768,14 +583,6 @@ def _functions() -> LawFunctions:
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -866,12 +673,7 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     capping ratio. The parameters of the positive side are followed by the parameters of the
     negative side.
 
-    Parameters
-    ----------
-    stiffness : float
-        Initial stiffness, N/m.
-    values : sequence of float
-        Parameters in SI units.
+    `stiffness` is the initial stiffness, N/m.
     """
     for side_values, group in ((values[:_SIDE], ""), (values[_SIDE : 2 * _SIDE], "negative.")):
         # The check does not need the plastic and post-capping drifts and the deterioration rate.

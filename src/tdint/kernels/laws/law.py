@@ -244,8 +244,6 @@ def can_fall(law: DriftLaw, stiffness: float, values: Sequence[float]) -> bool:
 
     Parameters
     ----------
-    law : DriftLaw
-        The law.
     stiffness : float
         Initial stiffness, N/m.
     values : sequence of float

@@ -17,19 +17,7 @@ def _functions() -> LawFunctions:
 
         The force is written to block `trial`.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        drift : float
-            Drift, m.
+        `drift` is the drift, m.
         """
         law_state[trial + rows.FORCE, i] = law_parameters[rows.STIFFNESS, i] * drift
         return law_parameters[rows.STIFFNESS, i]

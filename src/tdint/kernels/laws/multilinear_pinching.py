@@ -104,17 +104,7 @@ def _functions() -> LawFunctions:
     def point_drift(law_parameters, i, side, point):
         """Return the drift of point `point` (1 to 4) of the backbone curve, m.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        point : int
-            Number of the point, 1 to 4.
+        `point` is the number of the point, 1 to 4.
         """
         # The rows of a side contain drift and force of point 1, then of point 2, and so on.
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * (point - 1), i]
@@ -123,17 +113,7 @@ def _functions() -> LawFunctions:
     def point_force(law_parameters, i, side, point):
         """Return the force of point `point` (1 to 4) of the backbone curve, N.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        point : int
-            Number of the point, 1 to 4.
+        `point` is the number of the point, 1 to 4.
         """
         # The rows of a side contain drift and force of point 1, then of point 2, and so on.
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * point - 1, i]
@@ -146,18 +126,6 @@ def _functions() -> LawFunctions:
         fraction `force` of its force, where the pinched part of reloading ends. Index 2 is the
         fraction `unloading`: the story unloads to this fraction of the force of the third backbone
         point, or of the fourth point if the maximum drift exceeds the third point.
-
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        index : int
-            Index of the parameter.
         """
         return law_parameters[(_PINCHING if side > 0.0 else _PINCHING + _PINCHING_SIDE) + index, i]
 
@@ -192,17 +160,7 @@ def _functions() -> LawFunctions:
         The curve leads from zero through four points and is linear in between. Beyond the last
         point it continues with the slope `last_slope`.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        drift : float
-            Drift, m, positive on this side.
+        `drift` is the drift, m, positive on this side.
         """
         # Find the line that contains the drift; `start` and `end` are the drifts of its ends.
         start, start_force = 0.0, 0.0
@@ -265,19 +223,9 @@ def _functions() -> LawFunctions:
         The five parameters of a type are in consecutive rows, from `row` on: peak, work,
         peak_exponent, work_exponent and limit. `degradation` describes the effect of the fraction.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        row : int
-            First of the five rows of the type of degradation.
-        drift_ratio : float
-            Maximum drift over the drift of the last backbone point.
-        used_capacity : float
-            Dissipated work over the energy capacity; not positive if the response is elastic. For 1
-            and more, the result is the limit.
+        `drift_ratio` is the maximum drift over the drift of the last backbone point.
+        `used_capacity` is the dissipated work over the energy capacity; not positive if the
+        response is elastic. For 1 and more, the result is the limit.
         """
         limit = law_parameters[row + 4, i]
         # The limit is reached when the energy capacity is used up.
@@ -298,17 +246,6 @@ def _functions() -> LawFunctions:
         LOW_DRIFT) are both positive in this law. They are updated only at reversals. The current
         drift is therefore included if the story is on the backbone curve. Row INTERNAL is the type
         of the branch (_ON_PATH or _ON_BACKBONE) with the sign of its side.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
         """
         side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
         is_on_backbone = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
@@ -355,17 +292,6 @@ def _functions() -> LawFunctions:
         The fractions are zero if all limits are zero (`degrades`) and before the first yielding
         (`has_yielded`). Above the last drift, they are constant: `switch` has stored them in the
         rows _LAST_LOSSES when the drift reached the last drift.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
 
         Returns
         -------
@@ -442,17 +368,11 @@ def _functions() -> LawFunctions:
                if the slope of the direct line is between `min_slope` and `max_slope`
             3. otherwise, the direct line
 
-        Parameters
-        ----------
-        start_drift, start_force : float
-            Drift (m) and force (N) at the start of the path. All drifts and forces are positive in
-            the direction of the path.
-        points : tuple of float
-            Drift and force of the end of unloading, of the end of the pinched part, and of the
-            point of maximum drift.
-        min_slope, max_slope : float
-            Limits of the slope of the direct line between which the two lines through the origin
-            are used, N/m.
+        `start_drift` and `start_force` are the drift (m) and force (N) at the start of the path.
+        All drifts and forces are positive in the direction of the path. `points` is the drift and
+        force of the end of unloading, of the end of the pinched part, and of the point of maximum
+        drift. `min_slope` and `max_slope`: limits of the slope of the direct line between which the
+        two lines through the origin are used, N/m.
 
         Returns
         -------
@@ -491,23 +411,8 @@ def _functions() -> LawFunctions:
               exceed this fraction, the reloading is not pinched, and the force is replaced.
             - If the last part would be steeper than the loading stiffness, the drift is reduced.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        strength_factor : float
-            Remaining fraction of the strength.
-        k : float
-            Loading stiffness, N/m.
-        max_drift, force : float
-            Point of maximum drift, m and N.
-        is_beyond_third : bool
-            True if the maximum drift exceeds the third point of the backbone curve.
+        `k` is the loading stiffness, N/m. `is_beyond_third` is True if the maximum drift exceeds
+        the third point of the backbone curve.
         """
         force_fraction = pinching(law_parameters, i, side, 1)
         unloading_fraction = pinching(law_parameters, i, side, 2)
@@ -566,19 +471,12 @@ def _functions() -> LawFunctions:
         If a drift or force still decreases along the path after the corrections, `validated_path`
         replaces the path by the direct line, or by two lines through the origin.
 
+        `start_drift` and `start_force` are the drift (m) and force (N) at the reversal.
+        `previous_max_drift` is the maximum drift of this side before its increase by degradation,
+        m.
+
         Parameters
         ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        i : int
-            Index of the story.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        start_drift, start_force : float
-            Drift (m) and force (N) at the reversal.
-        previous_max_drift : float
-            Maximum drift of this side before its increase by degradation, m.
         losses : tuple of float
             Fractions of stiffness, maximum drift and strength from `degradation`. Stiffness and
             strength are reduced, the maximum drift is increased by its fraction.
@@ -669,25 +567,9 @@ def _functions() -> LawFunctions:
         the rows INTERNAL, SLOPE, RATE_SIGN, UPPER and LOWER of the law state; it also ends at a
         reversal of the drift.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        branch_type : float
-            Type of the branch for row INTERNAL, a positive constant of this module.
-        slope : float
-            Stiffness of the branch, N/m.
-        end : float
-            Drift at the end of the branch, m, positive on this side; infinite for no end.
+        `branch_type` is the type of the branch for row INTERNAL, a positive constant of this
+        module. `slope` is the stiffness of the branch, N/m. `end` is the drift at the end of the
+        branch, m, positive on this side; infinite for no end.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         end = min(end, law_parameters[_ULTIMATE, i])
@@ -710,20 +592,6 @@ def _functions() -> LawFunctions:
         The backbone curve consists of four lines through its points and a last line without end.
         Forces and slopes are multiplied by the fraction of the strength that remains after the last
         reversal.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         strength_factor = 1.0 - law_state[extra_rows(law_state, block) + _STRENGTH_LOSS, i]
@@ -767,20 +635,6 @@ def _functions() -> LawFunctions:
         The path leads from the last reversal to the end of unloading (point 1), to the end of the
         pinched part (point 2) and to the point of maximum drift (point 3). After the end of the
         path, the story continues on the backbone curve.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -804,20 +658,6 @@ def _functions() -> LawFunctions:
         The losses of stiffness and strength replace the losses stored at the last reversal. The
         three points of the path (end of unloading, end of the pinched part, point of maximum drift)
         are computed and stored in the law state, and the first part of the path is set as branch.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
@@ -864,14 +704,6 @@ def _functions() -> LawFunctions:
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -908,12 +740,8 @@ def _functions() -> LawFunctions:
         direction of the path, so that the force is negative at first and increases. The energy is
         the area between the path and the drift axis, up to the drift where the force is zero.
 
-        Parameters
-        ----------
-        start_drift, start_force : float
-            Drift (m) and negative force (N) at the start.
-        points : tuple of float
-            Drift (m) and force (N) of point 1, of point 2 and of point 3 of the path.
+        `start_drift` and `start_force` are the drift (m) and negative force (N) at the start.
+        `points` is the drift (m) and force (N) of point 1, of point 2 and of point 3 of the path.
         """
         # Sum up the areas of the linear parts: trapezoids as long as the force is negative, then
         # the triangle up to zero force. Points behind the start have already been passed.
@@ -1095,10 +923,11 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     The bounds of the parameter `backbone` ensure that all drifts and forces are positive. The drift
     of the first point is therefore not checked.
 
+    `stiffness` is the initial stiffness, N/m; not used. All laws have the same arguments for this
+    check.
+
     Parameters
     ----------
-    stiffness : float
-        Initial stiffness, N/m; not used. All laws have the same arguments for this check.
     values : sequence of float
         Parameters in SI units, in the order of `LAW.parameters`: drift and force of the four points
         of the positive side, then of the negative side, then other parameters.

@@ -121,20 +121,6 @@ def _functions() -> LawFunctions:
         The second and the third value are lower bounds that ensure that no branch creates energy;
         the docstring of this module contains the proof. Before the first yielding, dmax is dy, and
         the result is k.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            Positive for the positive side of the story, otherwise the negative side. Only the sign
-            is used, so that a force can be passed.
         """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]

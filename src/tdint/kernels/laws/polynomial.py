@@ -19,20 +19,7 @@ def _functions() -> LawFunctions:
         different ways in different variants of the code, and the results would differ by rounding.
         The force is written to block `trial`.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block with the state at the start of the path; not used, because an
-            elastic force depends on the drift only.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        drift : float
-            Drift, m.
+        `drift` is the drift, m.
         """
         secant = 0.0  # secant stiffness c1 + c2 d + ..., N/m
         slope = 0.0  # derivative of the secant stiffness, N/m^2
@@ -70,16 +57,7 @@ def _functions() -> LawFunctions:
         polynomial exactly. The number is a float because other laws return a number that is not an
         integer; the caller rounds it up.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws: one row per parameter, one column per story.
-        law_state : ndarray
-            States of the hysteretic laws; not used by this law.
-        i : int
-            Index of the story.
-        drift_change : float
-            Change of drift along the path, m; not used by this law.
+        `drift_change` is the change of drift along the path, m; not used by this law.
         """
         # The table can have more rows than this story has coefficients; they are zero.
         degree = law_parameters.shape[0] - rows.FIRST_PARAMETER

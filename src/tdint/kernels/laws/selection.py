@@ -50,10 +50,7 @@ def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
     tuple of constants. Kernels in plain Python use a `_Codes` instead, because a tuple would not
     contain the laws that plug-ins register later.
 
-    Parameters
-    ----------
-    has_property : callable
-        Law -> True if it has the property.
+    `has_property` is the law -> True if it has the property.
     """
     if not COMPILES:
         return _Codes(has_property)
@@ -296,8 +293,6 @@ def case_with_4_arguments(decorate: Any, has_law: Any, implementation: Any, othe
         Decorator of the result: `inline` or `specialized`.
     has_law : function
         (law_parameters, law_state, i) -> bool.
-    implementation, other : function
-        Functions of four arguments.
     """
 
     @decorate
@@ -329,8 +324,6 @@ def case_with_5_arguments(decorate: Any, has_law: Any, implementation: Any, othe
         Decorator of the result: `inline` or `specialized`.
     has_law : function
         (law_parameters, law_state, i) -> bool.
-    implementation, other : function
-        Functions of five arguments.
     """
 
     @decorate
@@ -362,8 +355,6 @@ def case_with_6_arguments(decorate: Any, has_law: Any, implementation: Any, othe
         Decorator of the result: `inline` or `specialized`.
     has_law : function
         (law_parameters, law_state, i) -> bool.
-    implementation, other : function
-        Functions of six arguments.
     """
 
     @decorate

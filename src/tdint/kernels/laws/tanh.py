@@ -22,19 +22,7 @@ def _functions() -> LawFunctions:
         F is the strength and k the initial stiffness. The tangent is k (1 - tanh^2(k d / F)). The
         force is written to block `trial`.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        drift : float
-            Drift, m.
+        `drift` is the drift, m.
         """
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         ratio = math.tanh(law_parameters[rows.STIFFNESS, i] * drift / strength)
@@ -70,15 +58,7 @@ def _functions() -> LawFunctions:
         rounds it up. It increases with the change of x because tanh has poles near the real axis,
         at x = +-i pi / 2, which limit the convergence of the Gauss rule.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story. The states are not used by this law.
-        i : int
-            Index of the story.
-        drift_change : float
-            Absolute change of drift along the path, m.
+        `drift_change` is the absolute change of drift along the path, m.
         """
         return (
             3.0

@@ -88,19 +88,6 @@ def _functions() -> LawFunctions:
 
         Row HIGH_DRIFT contains the maximum drift of the positive side, row LOW_DRIFT the minimum
         drift of the story, which is negative.
-
-        Parameters
-        ----------
-        law_state : ndarray
-            States of the hysteretic laws: one row per quantity, one column per story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         reached = (
             law_state[block + rows.HIGH_DRIFT, i]
@@ -118,20 +105,6 @@ def _functions() -> LawFunctions:
         k is the initial stiffness, dy the yield drift, dmax the maximum drift on this side
         (`max_drift`, equal to dy before the first yielding), and `unloading` the parameter of the
         law with this name.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         k = law_parameters[rows.STIFFNESS, i]
         return (
@@ -144,26 +117,10 @@ def _functions() -> LawFunctions:
     def set_loading_branch(law_state, i, block, side, branch_type, slope, end, rate_sign):
         """Set a loading branch of a side that ends at the drift `end`.
 
-        Parameters
-        ----------
-        law_state : ndarray
-            States of the hysteretic laws: one row per quantity, one column per story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        branch_type : float
-            Type of the branch for row INTERNAL, a positive constant of this module.
-        slope : float
-            Stiffness of the branch, N/m.
-        end : float
-            Drift at the end of the branch, m, positive on this side; infinite for no end.
-        rate_sign : float
-            Direction of the branch: `side`, or 0 if it is valid in both directions.
+        `branch_type` is the type of the branch for row INTERNAL, a positive constant of this
+        module. `slope` is the stiffness of the branch, N/m. `end` is the drift at the end of the
+        branch, m, positive on this side; infinite for no end. `rate_sign` is the direction of the
+        branch: `side`, or 0 if it is valid in both directions.
         """
         law_state[block + rows.INTERNAL, i] = side * branch_type
         law_state[block + rows.SLOPE, i] = slope
@@ -178,24 +135,8 @@ def _functions() -> LawFunctions:
         In the direction of `side`, the line ends at the drift `end`. In the opposite direction, it
         ends where the force is zero.
 
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws; not used by this function.
-        law_state : ndarray
-            States of the hysteretic laws: one row per quantity, one column per story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        slope : float
-            Unloading stiffness, N/m.
-        end : float
-            Drift at the end of the line, m, positive on this side.
+        `slope` is the unloading stiffness, N/m. `end` is the drift at the end of the line, m,
+        positive on this side.
         """
         zero_drift = law_state[block + rows.DRIFT, i] - law_state[block + rows.FORCE, i] / slope
         # RATE_SIGN 0, the last argument: a reversal does not end the branch.
@@ -220,23 +161,8 @@ def _functions() -> LawFunctions:
         point of maximum drift reaches the force p Fmax at the drift dmax - (1 - p) Fmax / ku. The
         first part covers the fraction p of the distance from z to this drift.
 
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
-        target, force : float
-            Maximum drift dmax (m) on this side, and its force Fmax (N).
-        slope : float
-            Unloading stiffness ku, N/m.
+        `target` and `force` are the maximum drift dmax (m) on this side, and its force Fmax (N).
+        `slope` is the unloading stiffness ku, N/m.
         """
         zero_drift = side * law_state[block + _ZERO, i]
         pinching = law_parameters[_PINCHING, i]
@@ -249,20 +175,6 @@ def _functions() -> LawFunctions:
         Reloading towards the point of maximum drift has two parts; the first (pinched) part is
         flatter. From the point of maximum drift on, the branch is the hardening part of the
         backbone curve, and above the ultimate drift its constant part.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            1 for the positive side of the story, -1 for the negative side. Drifts and forces of a
-            side are positive in its direction.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         current_force = side * law_state[block + rows.FORCE, i]
@@ -329,20 +241,6 @@ def _functions() -> LawFunctions:
         Otherwise, the next branch is a line from the zero crossing with the unloading stiffness. It
         ends where it meets the second part, or at the backbone curve if it does not meet the second
         part.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
-        side : float
-            Side that is loaded after the zero crossing: 1 for the positive side of the story, -1
-            for the negative side. Drifts and forces of a side are positive in its direction.
         """
         zero_drift = side * law_state[block + rows.DRIFT, i]
         law_state[block + rows.FORCE, i] = 0.0
@@ -408,14 +306,6 @@ def _functions() -> LawFunctions:
 
         Parameters
         ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        block : int
-            First row of the state in `law_state`: 0 for the committed state (the end of the last
-            step or substep), otherwise the first row of a trial state.
         event : float
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -487,13 +377,8 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     The ultimate force must be at least the yield force, the ultimate drift must exceed the yield
     drift, and the ultimate point must be below the line of the initial stiffness.
 
-    Parameters
-    ----------
-    stiffness : float
-        Initial stiffness, N/m.
-    values : sequence of float
-        Parameters in SI units, in the order of `LAW.parameters`; the first three are yield force,
-        ultimate force and ultimate drift.
+    `stiffness` is the initial stiffness, N/m. `values` contains the parameters in SI units, in the
+    order of `LAW.parameters`; the first three are yield force, ultimate force and ultimate drift.
     """
     strength, ultimate_force, ultimate_drift = values[:3]
     if ultimate_force < strength:

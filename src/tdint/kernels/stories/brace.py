@@ -140,18 +140,10 @@ def follow_brace(linear_terms, i, h, rise, bend, force_0, scratch, row):
 
     Parameters
     ----------
-    linear_terms : ndarray
-        Properties of the building that act linearly.
-    i : int
-        Index of the story.
-    h : float
-        Length of the step, s.
     rise, bend : float
         Coefficients of the drift, m.
     force_0 : float
         Force at the start of the step (BRACE_FORCE), N.
-    scratch : ndarray
-        Scratch array of the step.
     row : int
         First of the BRACE_RESULT_ROWS rows that are set. The force at the end is `force_0` plus the
         row MOMENT.
@@ -282,19 +274,11 @@ def commit_brace(linear_terms, i, h, rates, state, scratch, row):
 
     Parameters
     ----------
-    linear_terms : ndarray
-        Properties of the building that act linearly.
-    i : int
-        Index of the story.
-    h : float
-        Length of the step, s.
     rates : tuple of float
         Drift rates at both ends of the step, and the rate d' for a stiff damper, m/s. The last is
         the mean rate if the method does not damp its rates at the ends.
     state : ndarray
         State of the method, whose last rows are updated.
-    scratch : ndarray
-        Scratch array of the step.
     row : int
         First row of the results of `follow_brace` or `follow_brace_at_midpoint`.
     """

@@ -109,13 +109,6 @@ def _keep_branch_after(law_parameters, law_state, i, block, event):
 
     Parameters
     ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -168,13 +161,6 @@ def switch(law_parameters, law_state, i, block, event):
 
     Parameters
     ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
     event : float
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).
@@ -292,18 +278,12 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
 
     Parameters
     ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    h : float
-        Length of the step, s.
     state : ndarray
         State at the start of the step; only its row VELOCITY (m/s) is used.
     law_state : ndarray
         Committed states of the laws at the start of the step: DRIFT (d0, m), limits UPPER and LOWER
         of the branch (m), RATE_SIGN (1, -1, or 0 for a branch that is valid for both signs of the
         rate).
-    scratch : ndarray
-        Scratch array of the step: one row per quantity, one column per floor or story.
     u1, v1 : int
         Rows of `scratch` with displacements (m) and velocities (m/s) at the end of the step.
     ignored : int
@@ -398,12 +378,10 @@ def _crossing(cubic, limit, tolerance, known_event):
     - It starts above the limit and only falls: the result is `NONE`.
     - It starts below the limit: the result is the first crossing, or `NONE` without a crossing.
 
+    `cubic` contains the bezier points of the drift, m. `limit` is the limit, m.
+
     Parameters
     ----------
-    cubic : tuple of float
-        Bezier points of the drift, m.
-    limit : float
-        Limit, m.
     tolerance : float
         Excess that is tolerated, m. The result is `NONE` if no rising part exceeds the limit by
         more than the tolerance. Otherwise the crossing of `limit` (without tolerance) is located.
@@ -458,18 +436,16 @@ def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
     (d0 >= limit) and rises at the start (d1 > d0). If this rise is smaller than the rounding errors
     of the value at its end, only the second condition detects it.
 
+    `d0`, `d1` and `d3` are the first, second and last Bezier point, m; d0 and d3 are the values at
+    both endpoints, and d1 - d0 has the sign of the slope at the start. `limit` is the limit, m.
+
     Parameters
     ----------
-    d0, d1, d3 : float
-        First, second and last Bezier point, m; d0 and d3 are the values at both endpoints, and d1 -
-        d0 has the sign of the slope at the start.
     value_first, value_second : float
         Values at the first and second extremum, m, which are the last values of the first and
         second part. If an extremum is outside of the step, its value is replaced by the value at
         the nearer endpoint, d0 or d3; the part before or after it is then empty. If the cubic has
         no extrema, both values are d3, and the first part is the complete step.
-    limit : float
-        Limit, m.
     """
     at_first = (d0 >= limit) & (d1 > d0)
     between = ((value_first > limit) & (value_first > d0)) | (
@@ -485,17 +461,10 @@ def _root(cubic, limit, part_start, part_end, known_event):
     The cubic is d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 + s^3 d3. Newton's method
     starts from the crossing of the secant of the part and is safeguarded by bisection.
 
-    Parameters
-    ----------
-    cubic : tuple of float
-        Bezier points d0 to d3, m.
-    limit : float
-        Limit, m.
-    part_start, part_end : tuple of float
-        Start and end of the part: the argument and the value of the cubic.
-    known_event : float
-        Fraction of the step at the first event found so far. A crossing that is not before this
-        event is not needed.
+    `cubic` is the bezier points d0 to d3, m. `limit` is the limit, m. `part_start` and `part_end`
+    are the start and end of the part: the argument and the value of the cubic. `known_event` is the
+    fraction of the step at the first event found so far. A crossing that is not before this event
+    is not needed.
 
     Returns
     -------

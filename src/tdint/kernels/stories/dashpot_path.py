@@ -111,20 +111,15 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
     The rate changes by 1 / h per unit of rise and by s / h per unit of bend. The derivatives of f
     are these changes times df/d(rate).
 
+    `s` is the position on the path, between -1/2 and 1/2. `weight` is the integration weight; the
+    weights of all points on the path have the sum 1.
+
     Parameters
     ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    i : int
-        Index of the story.
     dashpot_path : _DashpotPath
         Coefficients rise and bend of the parabola of drift (m), length h of the step (s), scratch
         array, first row of the derivatives (N/m, `story_rows`) and of the integrals (N,
         `dashpot_rows`).
-    s : float
-        Position on the path, between -1/2 and 1/2.
-    weight : float
-        Integration weight; the weights of all points on the path have the sum 1.
     """
     rise, bend, h, scratch, story_rows, dashpot_rows = dashpot_path
     # The derivative of the force (N) is with respect to the drift rate (N s/m).
@@ -153,16 +148,9 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
         s     = slow + (fast - slow) (x^3 - x_0^3) / (1 - x_0^3)
         ds/dx = (fast - slow) 3 x^2 / (1 - x_0^3)
 
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    i : int
-        Index of the story.
-    dashpot_path : _DashpotPath
-        Coefficients of the parabola of drift (m), length of the step, and rows of the integrals.
-    slow, fast : float
-        Positions of the endpoints with the smaller and the larger absolute rate.
+    `dashpot_path` contains the coefficients of the parabola of drift (m), length of the step, and
+    rows of the integrals. `slow` and `fast` are the positions of the endpoints with the smaller and
+    the larger absolute rate.
     """
     # These are h times the absolute drift rates at both endpoints of the part, m.
     min_rate = abs(dashpot_path.rise + dashpot_path.bend * slow)
@@ -212,16 +200,8 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
 
     Parameters
     ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    i : int
-        Index of the story.
-    h : float
-        Time step, s.
     rise, bend : float
         Coefficients of the parabola of drift, m.
-    scratch : ndarray
-        Scratch array of the step: one row per quantity, one column per floor or story.
     story_rows : int
         First row of the integrals of the story: MEAN, MOMENT (N) and their derivatives with respect
         to rise and bend (N/m). The integrals of the dashpot force and their derivatives are added.

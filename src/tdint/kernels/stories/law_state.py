@@ -59,19 +59,6 @@ _hysteretic_energy = select_function(
 def _copy_dissipation(law_parameters, law_state, i, previous, trial):
     """Copy the dissipated energy (J) from state `previous` to state `trial`, for laws that do not
     accumulate it.
-
-    Parameters
-    ----------
-    law_parameters : ndarray
-        Parameters of the hysteretic laws; not used.
-    law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    previous : int
-        First row of the block of `law_state` with the state at the start of the path.
-    trial : int
-        First row of the block of `law_state` with the state at the end of the path.
     """
     law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
 
@@ -83,17 +70,6 @@ def _no_rows(law_parameters, law_state, i, previous, trial):
     `keep` copies further rows of a law from the trial state to the committed state. The states of
     most laws consist of the common rows only, so that there are no further rows. No argument is
     used.
-
-    Parameters
-    ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
-    previous : int
-        First row of the block of `law_state` with the state at the start of the path.
-    trial : int
-        First row of the block of `law_state` with the state at the end of the path.
     """
     pass
 
@@ -535,10 +511,6 @@ def start(law_parameters, law_state, i, drift):
 
     Parameters
     ----------
-    law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
     drift : float
         Initial drift, m.
     """
@@ -597,10 +569,6 @@ def follow(law_parameters, i, drifts, law_state, result):
 
     Parameters
     ----------
-    law_parameters : ndarray
-        Parameters of the hysteretic laws: one row per parameter, one column per story.
-    i : int
-        Index of the story.
     drifts : ndarray
         Drifts of the path, m.
     law_state : ndarray

@@ -621,12 +621,8 @@ def time_to(limit, segment, t_now, direction):
     ----------
     limit : float
         Drift to be reached, m.
-    segment : PathSegment
-        Parabola of drift.
     t_now : float
         Time on the path, as a fraction of the step.
-    direction : float
-        Direction of the movement, 1 or -1.
 
     Returns
     -------

@@ -35,8 +35,6 @@ def ground_at(ground, step, per_sample, stride):
 
     Parameters
     ----------
-    ground : ndarray
-        Samples, m/s^2.
     step : int
         Index of the step.
     per_sample, stride : int
@@ -65,8 +63,6 @@ def fitted_line(ground, begin, end):
 
     Parameters
     ----------
-    ground : ndarray
-        Samples, m/s^2.
     begin, end : float
         Times of the endpoints divided by the sampling interval.
 
@@ -121,8 +117,6 @@ def fitted_line_between_samples(ground, first, last):
 
     Parameters
     ----------
-    ground : ndarray
-        Samples, m/s^2; zero after the last sample.
     first, last : int
         Indices of the samples at the start and at the end of the step.
 

@@ -97,14 +97,6 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
         Kernel that moves the laws to the initial drifts.
     sum_law_energies : Kernel
         Kernel that sums the energies of the laws.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    ground : float
-        Initial ground acceleration, m/s^2.
-    memory : Memory
-        State, law states, scratch array and status of the step.
-    seen : Seen
-        Arrays of the observer.
     """
     n = scene.linear_terms.shape[1] - 1
     state = memory.state
@@ -146,18 +138,10 @@ def observe_span(update_shear_peaks, scene, points, span, slope, memory, seen):
     ----------
     update_shear_peaks : Kernel
         Kernel that computes the shears at reversals.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
     points : ndarray
         Points of the tables of forces.
-    span : Span
-        Step or substep: end time, length and ground acceleration.
     slope : float
         Rate of the ground acceleration in the span, m/s^3.
-    memory : Memory
-        State, law states, scratch array and status of the step.
-    seen : Seen
-        Arrays of the observer.
     """
     # `observe` processes the end of the span. It returns True if a peak may be exceeded at the end
     # or within the span.
@@ -183,14 +167,6 @@ def check_limits(sum_law_energies, scene, memory, steps, seen):
     ----------
     sum_law_energies : Kernel
         Kernel that sums the energies of the laws.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    memory : Memory
-        State and law states.
-    steps : int
-        Number of complete steps.
-    seen : Seen
-        Arrays of the observer.
     """
     if seen.totals[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE and exceeds_limits(
         memory.law_state, seen
@@ -204,18 +180,7 @@ def _record_collapse(sum_law_energies, scene, memory, steps, seen):
 
     The function is compiled separately because it is called once per run at most.
 
-    Parameters
-    ----------
-    sum_law_energies : Kernel
-        Kernel that sums the energies of the laws.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    memory : Memory
-        State and law states.
-    steps : int
-        Number of complete steps.
-    seen : Seen
-        Arrays of the observer; the totals of the run are changed.
+    `seen`: arrays of the observer; the totals of the run are changed.
     """
     update_law_energies(sum_law_energies, scene, memory, seen)
     record_collapse(memory.law_state, steps, seen)
@@ -230,17 +195,9 @@ def _fit_ground(ground, position, step_ratio, load):
     a complete step that starts and ends at samples, `fitted_line_between_samples` is used, because
     it is faster than `fitted_line`.
 
-    Parameters
-    ----------
-    ground : ndarray
-        Ground acceleration at the samples, m/s^2.
-    position : tuple
-        Index of the step; completed part of the step and length of the substep, as fractions of the
-        step.
-    step_ratio : tuple of int
-        (per_sample, stride): `per_sample` steps have the length of `stride` sampling intervals.
-    load : ndarray
-        Load of the step.
+    `position` is the index of the step; completed part of the step and length of the substep, as
+    fractions of the step. `step_ratio` is the (per_sample, stride): `per_sample` steps have the
+    length of `stride` sampling intervals.
     """
     step_index, completed_fraction, substep_fraction = position
     per_sample, stride = step_ratio
@@ -310,8 +267,6 @@ def integrate(
 
     Parameters
     ----------
-    step : Kernel
-        Step of the method.
     initialize_laws, sum_law_energies, update_shear_peaks : Kernel
         Operations with the laws of all stories: move them to the initial drifts, sum their
         energies, and compute their forces at reversals within a step.
@@ -331,26 +286,12 @@ def integrate(
         `per_sample` steps have the length of `stride` sampling intervals.
     max_halvings : int
         Maximum number of halvings of a step.
-    h : float
-        Length of a step, s.
-    ground : ndarray
-        Ground acceleration at the samples, m/s^2.
     points : ndarray
         Points of the tables of forces: times (s) and values; empty without tables. The rows of
         `forces` that are tables contain the lines of the current step, which this function changes.
-    coefficients : ndarray
-        Coefficients of the method, which the time loop passes to the step.
     shifts : ndarray
         Change of each row of the state per unit increase of the floor accelerations, at a jump of
         the ground acceleration between two steps.
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building and forces on its floors (fields of `Scene`).
-    state, law_state, scratch, step_status : ndarray
-        Memory of the method and of the laws, and scratch arrays (fields of `Memory`).
-    load : ndarray
-        Scratch array for the load of a step.
-    observer_state, peaks, limits, totals, history : ndarray
-        Memory and results of the observer (fields of `Seen`).
 
     Returns
     -------
@@ -595,22 +536,9 @@ def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory,
     The steps per row of the history (1) and the number of earlier rows (0) have no effect, because
     the history has no rows.
 
-    Parameters
-    ----------
-    kernels : _Kernels
-        Addresses of the kernels that the run calls.
-    common : _CommonData
-        Common data of all runs.
-    step_ratio : tuple of int
-        (per_sample, stride): `per_sample` steps have the length of `stride` sampling intervals.
-    last_step, first_step : int
-        Number of steps that are complete at the end of the call and before the call.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    memory : Memory
-        State, law states, scratch array and status of the step.
-    seen : Seen
-        Arrays of the observer.
+    `step_ratio` is the (per_sample, stride): `per_sample` steps have the length of `stride`
+    sampling intervals. `last_step` and `first_step` are the number of steps that are complete at
+    the end of the call and before the call.
 
     Returns
     -------
@@ -650,18 +578,15 @@ def _start_window(memory, peaks, previous_peaks, n):
 
     `_end_window` restores the peaks of the run after the window.
 
+    `peaks`: peaks of the run; row PEAK_VELOCITY (m/s) is set to zero. `previous_peaks` is the
+    receives the peak velocities until now, m/s.
+
     Parameters
     ----------
     memory : Memory
         Scratch array and status of the step. A method can keep a copy of the peaks in the scratch
         array. Element RUN_PEAKS of the status is the first row of the copy, or 0 without a copy.
         The peak velocities in the copy are set to zero as well.
-    peaks : ndarray
-        Peaks of the run; row PEAK_VELOCITY (m/s) is set to zero.
-    previous_peaks : ndarray
-        Receives the peak velocities until now, m/s.
-    n : int
-        Number of floors.
     """
     _, _, scratch, step_status = memory
     for i in range(n):
@@ -678,14 +603,7 @@ def _end_window(peaks, previous_peaks, n):
     The peak velocities of the run are restored: the peak velocity of each floor is the maximum of
     its values before the window and in the window.
 
-    Parameters
-    ----------
-    peaks : ndarray
-        Peaks of the run; row PEAK_VELOCITY contains the peaks in the window.
-    previous_peaks : ndarray
-        Peak velocities before the window, m/s.
-    n : int
-        Number of floors.
+    `previous_peaks` contains the peak velocities before the window, m/s.
 
     Returns
     -------
@@ -756,10 +674,6 @@ def integrate_many(
     ----------
     integrate, step, initialize_laws, sum_law_energies, update_shear_peaks : Kernel
         Time loop, step and operations with the laws.
-    max_halvings : int
-        Maximum number of halvings of a step.
-    h : float
-        Length of a step, s.
     samples : ndarray
         Samples of all ground motions, m/s^2.
     runs : ndarray
@@ -770,21 +684,11 @@ def integrate_many(
         Points of the tables of forces, which all runs share.
     coefficients, shifts : ndarray
         Coefficients of the method, and changes of its state at a jump of the ground acceleration.
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building and forces on its floors (fields of `Scene`).
     state_0, law_state_0, scratch_0, step_status_0, totals_0 : ndarray
         Initial memory and totals, which each run copies. `scratch_0` is not used: the scratch array
         of a run is set to zero.
-    state, law_state, scratch, step_status, load, ground, observer_state : ndarray
-        Memory and scratch arrays of the current run.
-    limits : ndarray
-        Collapse limits of the stories: rows LIMIT, HEIGHT and FAILED of the layout.
     previous_peaks : ndarray
         Scratch array for peak velocities, with one element for each story.
-    history : ndarray
-        Array without rows, because no history is stored. The time loop has this argument.
-    window_steps, max_windows : int
-        Number of steps of a window, and maximum number of windows.
     velocity_limit : float
         Maximum velocity in a window in which the building is at rest, divided by the maximum
         displacement of the run, 1/s.

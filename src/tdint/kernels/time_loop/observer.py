@@ -129,9 +129,6 @@ def observe(scene, span, slope, memory, seen):
     ----------
     slope : float
         Rate of the ground acceleration in the step, m/s^3.
-    memory : Memory
-        State, law states and status at the end of the step. The response at its start is in the
-        rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS of `seen.observer_state`.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state = memory.state, memory.law_state
@@ -951,8 +948,6 @@ def update_shear_peaks(law_parameters, law_state, previous, reversal_drifts, row
 
     Parameters
     ----------
-    previous : int
-        First row of the block of `law_state` from which the law moves (`step_start`).
     reversal_drifts : ndarray
         Table with the drifts of the reversals, m, in row `row`; the drift at the end of the step
         for a story without a reversal.
