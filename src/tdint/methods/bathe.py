@@ -72,22 +72,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients gamma, q0, q1 and q2.
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows of `solve_equilibrium` and two factorizations.
     step_status : ndarray
         FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
 
@@ -156,17 +148,7 @@ def _guess_inner(half_length, state, scratch, n):
     With displacement u0, velocity v0 and acceleration a0 at the start and the length 2 d of the
     substep, the guess at its end is v = v0 + 2 d a0 and u = u0 + d (v0 + v).
 
-    Parameters
-    ----------
-    half_length : float
-        Half of the length of the substep, d, s.
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
-    scratch : ndarray
-        Rows U (m), V (m/s) and A (m/s^2) are set.
-    n : int
-        Number of floors.
+    `half_length` is the half of the length of the substep, d, s.
     """
     for i in range(n):
         v = state[rows.VELOCITY, i] + 2.0 * half_length * state[rows.ACCELERATION, i]
@@ -186,21 +168,6 @@ def _guess_end(coefficients, h, state, scratch, n):
     velocity vg at the inner point, and the coefficients q0, q1 and q2 of the method, the guess is
 
         v = v0 + h (q0 a0 + (q1 + q2) ag),   u = u0 + h (q0 v0 + q1 vg + q2 v)
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients gamma, q0, q1 and q2.
-    h : float
-        Time step, s.
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
-    scratch : ndarray
-        Rows V and A contain velocity and acceleration at the inner point. U (m) and V (m/s) are
-        replaced by the guess at the end of the step; A remains.
-    n : int
-        Number of floors.
     """
     q0 = coefficients[Q0]
     q1 = coefficients[Q1]

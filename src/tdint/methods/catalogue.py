@@ -177,13 +177,6 @@ def _evaluate_with_defaults(method: Method, where: str) -> None:
 
     The coefficients of a family with `prepare` depend on the building and are not evaluated.
 
-    Parameters
-    ----------
-    method : Method
-        Method that is registered.
-    where : str
-        Origin of the method for messages.
-
     Raises
     ------
     UsageError
@@ -397,12 +390,8 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
     plug-in cannot be loaded, the result contains an `_Unknown` method, which raises the error when
     it is used.
 
-    Parameters
-    ----------
-    text : str
-        Specification of the method.
-    file, digest : str
-        File of the plug-in and its SHA-256 in the process that pickled the integrator.
+    `file` and `digest` are the file of the plug-in and its SHA-256 in the process that pickled the
+    integrator.
     """
     method = catalogue().get(text.partition(":")[0])
     try:

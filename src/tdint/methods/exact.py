@@ -64,24 +64,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Matrix of `prepare`, column by column; a column has 2 n values.
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground; updated in
         place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Rows 0 and 1 accumulate displacements (m) and velocities (m/s) at the end.
-    step_status : ndarray
-        Not used.
 
     Returns
     -------
@@ -217,16 +207,11 @@ def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Ar
     displacement g and the velocity a22. Row 0 of a matrix is the displacement and row 1 the
     velocity at the end; the columns are u0, v0, p0 and p1.
 
-    Parameters
-    ----------
-    w : ndarray, shape (k,)
-        Circular frequency times the time step h, because the time is divided by h.
-    g, i1, i2 : ndarray, shape (k,)
-        Displacement at the end of the step after a unit initial velocity (impulse response), and
-        its first and second integral over the step.
-    a11, a22 : ndarray, shape (k,)
-        Displacement at the end after a unit initial displacement, and velocity at the end after a
-        unit initial velocity.
+    `w` is the circular frequency times the time step h, because the time is divided by h. `g`, `i1`
+    and `i2` are the displacement at the end of the step after a unit initial velocity (impulse
+    response), and its first and second integral over the step. `a11` and `a22` are the displacement
+    at the end after a unit initial displacement, and velocity at the end after a unit initial
+    velocity.
 
     Returns
     -------
@@ -248,12 +233,7 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     The matrix exponential of the matrix of this system maps (u0, v0, p0, d) to the values at the
     end of the step.
 
-    Parameters
-    ----------
-    k, c : ndarray, shape (n, n)
-        Stiffness and damping matrix, divided by the masses.
-    patterns : ndarray, shape (n, loads)
-        Distribution P of each load over the floors, divided by the masses.
+    `patterns` is the distribution P of each load over the floors, divided by the masses.
 
     Returns
     -------
@@ -291,10 +271,6 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     ----------
     building : Building
         Building with n floors.
-    forces : ndarray
-        Forces on floors. With the ground acceleration there are 1 + len(forces) loads.
-    h : float
-        Time step, s.
 
     Returns
     -------
@@ -358,14 +334,7 @@ def _moment_columns(building: Building, patterns: Array, h: float) -> list[Array
     With x from -1 to 1 over the step, the response to the load P_k(x) is the integral of the
     impulse response g(h (1 - x) / 2) times P_k(x) h / 2.
 
-    Parameters
-    ----------
-    building : Building
-        Building with n floors.
-    patterns : ndarray, shape (n, forces)
-        Acceleration of each floor per unit of each force, 1/kg.
-    h : float
-        Time step, s.
+    `patterns` is the acceleration of each floor per unit of each force, 1/kg.
 
     Returns
     -------

@@ -145,22 +145,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Parameter beta.
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows of `impulse_momentum` and `_TangentRows`.
     step_status : ndarray
         FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
 
@@ -226,17 +218,6 @@ def _store_load(linear_terms, forces, h, load, scratch):
     The load of a floor with the mass m is p = -m ag + forces on the floor, with the ground
     acceleration ag. The impulse follows from the trapezoidal rule (eq. 13 of the publication of
     2022), I = h (p0 + p1) / 2 with the loads p0 and p1 at the start and at the end of the step.
-
-    Parameters
-    ----------
-    linear_terms, forces : ndarray
-        Masses, dampers and geometric stiffnesses of the building; forces on its floors.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    scratch : ndarray
-        Rows LOAD (N) and IMPULSE (N s) are set.
     """
     # Row IMPULSE first receives the load p0.
     floor_load(
@@ -272,12 +253,6 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
 
     Parameters
     ----------
-    coefficients : ndarray
-        Parameter beta.
-    linear_terms, law_parameters : ndarray
-        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
-    h : float
-        Time step, s.
     memory : Memory
         State at the start of the step; law states (block FIRST_TRIAL is set). Rows DU (m) and DV
         (m/s) of the scratch array contain the increments u1 - u0 and v1 - v0. The function sets the
@@ -376,18 +351,8 @@ def _factor(coefficients, linear_terms, modal, h, factors):
 
     The derivative of k_T is omitted.
 
-    Parameters
-    ----------
-    coefficients : ndarray
-        Parameter beta of the method, which occurs only in the integral q.
-    linear_terms, modal : ndarray
-        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
-        matrix C = sum of w w^T.
-    h : float
-        Time step, s.
-    factors : Factors
-        Scratch array and the rows of the factorization. Row TANGENT of the scratch array contains
-        k_T without P-delta for each story, N/m.
+    `factors` contains the scratch array and the rows of the factorization. Row TANGENT of the
+    scratch array contains k_T without P-delta for each story, N/m.
     """
     scratch = factors.table
     n = linear_terms.shape[1] - 1

@@ -131,22 +131,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients th, al, be, w0, wc, w1 and those of the inner point (function `coefficients`).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows and factorizations of `tdint.kernels.equations.impulse4`.
     step_status : ndarray
         If the step is divided into substeps, STEP_PEAKS and RUN_PEAKS receive the row of the peaks
         in the scratch array, and the number of branch changes is added to BRANCH_CHANGES. RESIDUAL
@@ -228,14 +220,6 @@ def _take_substeps(coefficients, scene, h, load, memory):
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients of the method (function `coefficients`), which are passed to the equations.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the time step, s.
-    load : ndarray
-        Time at the start (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
         State and law states, which are moved to the end of the step; scratch array with rows DU (m)
         and DV (m/s), the changes of displacements and velocities over a substep; status of the
@@ -409,20 +393,8 @@ def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
     Otherwise Newton's method is used, and reversals with a negligible effect are marked in row KINK
     (`keep_negligible_kinks`), so that the substep is not divided at these reversals.
 
-    Parameters
-    ----------
-    has_guess : bool
-        True if the rows DU and DV contain the first estimate for Newton's method.
-    coefficients : ndarray
-        Coefficients of the method (function `coefficients`), which are passed to the equations.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Length of the substep, s.
-    memory : Memory
-        State, law states, scratch array and status of the step.
-    factors : int
-        First row of the factorization in the scratch array.
+    `has_guess` is True if the rows DU and DV contain the first estimate for Newton's method.
+    `factors` is the first row of the factorization in the scratch array.
 
     Returns
     -------
@@ -444,19 +416,15 @@ def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
 def _accept_substep(is_divided, story, event, scene, span, memory):
     """Move state and law states to the end of a substep, and update the peaks of a divided step.
 
+    `story` and `event` are the branch change at the end of the substep: the story, and ABOVE or
+    BELOW if its drift reaches a limit of its branch, otherwise REVERSED.
+
     Parameters
     ----------
     is_divided : bool
         True if the time step is divided into substeps. The observer of the response processes only
         the end of the time step; the peaks in the substeps are therefore updated in the rows PEAKS
         of the scratch array.
-    story, event : int, float
-        Branch change at the end of the substep: the story, and ABOVE or BELOW if its drift reaches
-        a limit of its branch, otherwise REVERSED.
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    span : Span
-        End time, length and ground acceleration of the substep.
     memory : Memory
         State and law states at the start of the substep, which are replaced; scratch array with the
         solution in rows DU, DV and A1; status of the step. If `is_divided` is True, two elements of
@@ -512,18 +480,8 @@ def _shorten_increments(fraction, h, state, scratch, n):
 
     The result is the first estimate of Newton's method for the shortened substep.
 
-    Parameters
-    ----------
-    fraction : float
-        Length of the first part divided by the length of the substep, between 0 and 1.
-    h : float
-        Length of the substep, s.
-    state : ndarray
-        State at the start of the substep.
-    scratch : ndarray
-        Rows DU (m) and DV (m/s), the changes over the substep, are replaced.
-    n : int
-        Number of floors.
+    `fraction` is the length of the first part divided by the length of the substep, between 0 and
+    1.
     """
     remaining = 1.0 - fraction
     # Evaluate the cubic Hermite polynomial at `fraction`, and its derivative with respect to time.
@@ -555,19 +513,15 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     then changes the acceleration of the floor above by -J / m and the acceleration of the floor
     below by J / m, with the mass m of each floor.
 
+    `law_parameters` and `law_state` are the parameters and states of the laws. The committed state
+    of the story is changed. `state` is the state of the floors; row ACCELERATION (m/s^2) may be
+    changed.
+
     Parameters
     ----------
-    linear_terms : ndarray
-        Linear terms of the building; rows INVERSE_MASS (1/kg) and LINK are used.
-    law_parameters, law_state : ndarray
-        Parameters and states of the laws. The committed state of the story is changed.
-    state : ndarray
-        State of the floors; row ACCELERATION (m/s^2) may be changed.
     story, column : int
         Index of the story; column of the law whose branch ends. At a reversal of a story with
         elements, it is the story, and all elements with its direction change their branches.
-    event : float
-        Event at the end of the branch: ABOVE, BELOW or REVERSED.
     """
     force = law_state[rows.FORCE, story]
     slope = law_state[rows.SLOPE, story]
@@ -694,20 +648,10 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
 
     Parameters
     ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    h : float
-        Length of the substep, s.
-    state, law_state : ndarray
-        State and law states at the start of the substep.
     scratch : ndarray
         Rows U1 (m) and V1 (m/s) contain the response at the end of the substep. Row KINK is not 0
         for a story with a reversal inside the substep that is accepted, because its effect is
         negligible.
-    story : int
-        Index of the story that changes its branch.
-    event : float
-        Event at the end of its branch: ABOVE, BELOW or REVERSED.
 
     Returns
     -------
@@ -768,15 +712,6 @@ def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch
     The force of each law changes by the stiffness of its branch times the change of drift. The
     drift of a story is the difference of the displacements of the floors above and below; LINK is 0
     for a story on the ground.
-
-    Parameters
-    ----------
-    linear_terms, law_parameters : ndarray
-        Linear terms of the building (only row LINK is used); parameters of the laws.
-    state, law_state : ndarray
-        State and law states at the start of the substep, which are replaced.
-    scratch : ndarray
-        Rows DU (m), DV (m/s) and A1 (m/s^2) contain the solution of the substep.
     """
     u_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -816,10 +751,6 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
     linear_terms, law_parameters : ndarray
         Linear terms of the building; parameters of the laws. Of the linear terms, only row LINK is
         used: 0 for a story on the ground, otherwise 1. Several stories can be on the ground.
-    state, law_state : ndarray
-        State and law states at the start, which are replaced.
-    scratch : ndarray
-        Rows DU (m), DV (m/s) and A1 (m/s^2) contain the solution.
     """
     u_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -882,15 +813,7 @@ def _store_end_forces(story, event, linear_terms, memory):
     the old branch, and can exceed the strength of the story. The peaks use the force at the limit
     instead. The floor accelerations change by the difference of the forces divided by the mass.
 
-    Parameters
-    ----------
-    story, event : int, float
-        Branch change at the end of the substep (`_accept_substep`).
-    linear_terms : ndarray
-        Linear terms of the building; rows INVERSE_MASS (1/kg) and LINK are used.
-    memory : Memory
-        State and law states at the end of the substep. Rows END_EXCESS (drift minus limit, m),
-        END_FORCE (N) and END_ACCELERATION (m/s^2) of the scratch array are set.
+    `story` and `event` are the branch change at the end of the substep (`_accept_substep`).
     """
     state, law_state, scratch, _ = memory
     for i in range(linear_terms.shape[1] - 1):
@@ -958,10 +881,6 @@ def _update_substep_peaks(scene, span, memory):
 
     Parameters
     ----------
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    span : Span
-        End time, length and ground acceleration of the substep.
     memory : Memory
         State and law states at the end of the substep. In the scratch array, rows SUBSTEP_START
         contain the response at the start, rows END_FORCE and END_ACCELERATION story forces and
@@ -1033,16 +952,6 @@ def _save_start(state, law_state, scratch, n):
 
     The three rows of the state are displacements, velocities and accelerations. The committed block
     of the law states starts at row 0.
-
-    Parameters
-    ----------
-    state, law_state : ndarray
-        State and law states.
-    scratch : ndarray
-        Rows SAVED are set. A law with more variables than a block has rows uses extra rows of
-        `law_state`. They are stored in the extra rows of THIRD_TRIAL, a trial state.
-    n : int
-        Number of floors.
     """
     for i in range(n):
         for row in range(3):
@@ -1075,17 +984,10 @@ def _restore_start(flags, state, law_state, scratch, n):
 
     Parameters
     ----------
-    flags : ndarray
-        Properties of the building (`store_step_start`).
-    state, law_state : ndarray
-        State and law states, which are replaced by the stored values. `_save_start` has stored the
-        extra rows of laws in the extra rows of block THIRD_TRIAL of `law_state`.
     scratch : ndarray
         Rows SAVED are used. Rows PEAKS are set to zero, because the substeps are discarded:
         PEAK_ROWS rows of regular peaks, then PEAK_ROWS rows of possible peaks. Possible peaks are
         extrema between the endpoints of a substep that does not resolve the motion.
-    n : int
-        Number of floors.
     """
     for i in range(n):
         for row in range(2 * rows.PEAK_ROWS):

@@ -107,22 +107,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients alpha_m, alpha_f, beta and gamma.
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground, and q in row
         ACCELERATION (m/s^2); updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows `_StepRows` and the rows for modal damping.
     step_status : ndarray
         STEPS_DONE is used, FACTORED_STEP is updated.
 
@@ -185,18 +177,8 @@ def _initialize_q(linear_terms, law_parameters, by_k, state, factors, n):
     with the mass and damping matrices M and C, the initial stiffness matrix K0, the loads p and the
     restoring forces f. The equation for q0 is the difference of these equations.
 
-    Parameters
-    ----------
-    linear_terms, law_parameters : ndarray
-        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
-    by_k : float
-        beta h^2, s^2.
-    state : ndarray
-        Row ACCELERATION contains a0 from equilibrium, then q0 (m/s^2).
-    factors : Factors
-        Scratch array and the rows of the factorization, which is overwritten.
-    n : int
-        Number of floors.
+    `by_k` is the beta h^2, s^2. `factors` contains the scratch array and the rows of the
+    factorization, which is overwritten.
     """
     scratch = factors.table
     assemble_combination(
@@ -218,20 +200,8 @@ def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
     p0 and p1 are the loads at the start and at the end of the step. If the weight 1 - alpha_f is 1,
     p0 is not computed.
 
-    Parameters
-    ----------
-    linear_terms, forces : ndarray
-        Masses, dampers and geometric stiffnesses of the building; forces on its floors.
-    end_weight : float
-        Weight 1 - alpha_f of the load at the end of the step.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    scratch : ndarray
-        Row LOAD is set; row LOAD_0 receives p0 if it is needed.
-    n : int
-        Number of floors.
+    `end_weight` is the weight 1 - alpha_f of the load at the end of the step. `scratch`: row LOAD
+    is set; row LOAD_0 receives p0 if it is needed.
     """
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     if end_weight != 1.0:
@@ -269,16 +239,11 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
     k0 its initial stiffness including P-delta and c its damper. dq and dv are the differences of q0
     and v between the floors above and below the story.
 
+    `end_weight` is the weight 1 - alpha_f of the forces at the end of the step. `by_k` is the
+    factor beta h^2 of the initial stiffness, s^2.
+
     Parameters
     ----------
-    linear_terms, law_parameters : ndarray
-        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
-    end_weight : float
-        Weight 1 - alpha_f of the forces at the end of the step.
-    by_k : float
-        Factor beta h^2 of the initial stiffness, s^2.
-    h : float
-        Time step, s.
     memory : Memory
         State, law states and scratch array. Row DISPLACEMENT of the state and the law states are
         moved to the end of the step; the other rows of the state are not changed. Rows V (m/s) and
@@ -345,24 +310,14 @@ def chang_step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients of the method; not used, because this method has no parameters.
     linear_terms, modal, law_parameters, forces : ndarray
         Building (linear terms, modal damping, parameters of the laws) and forces on floors; not
         changed.
-    flags : ndarray
-        Properties of the building; not used. All steps have this argument.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows `_StepRows` and the rows for modal damping of two matrices.
     step_status : ndarray
         FACTORED_STEP is updated.
 
@@ -427,18 +382,7 @@ def _displacement_right_side(linear_terms, law_parameters, half_h, state, scratc
     stiffnesses of the stories and P-delta. The forces h/2 k0 (drift rate) of the stories, with the
     stiffness k0 of a story, are stored in row SUM.
 
-    Parameters
-    ----------
-    linear_terms, law_parameters : ndarray
-        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
-    half_h : float
-        Half of the time step, s.
-    state : ndarray
-        Rows VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors at the start of the step.
-    scratch : ndarray
-        Rows SUM and X are set, N.
-    n : int
-        Number of floors.
+    `half_h` is the half of the time step, s.
     """
     v_below = 0.0
     for i in range(n):
@@ -465,17 +409,8 @@ def _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n
 
     M, C and K0 are the mass, damping and initial stiffness matrices.
 
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters : ndarray
-        Masses, dampers and geometric stiffnesses of the building; modal damping; parameters of the
-        laws.
-    half_h : float
-        Half of the time step, s.
-    factorizations : tuple of Factors
-        Rows of both factorizations, which are overwritten.
-    n : int
-        Number of floors.
+    `half_h` is the half of the time step, s. `factorizations` contains the rows of both
+    factorizations, which are overwritten.
     """
     displacement_factors, acceleration_factors = factorizations
     factor_combination(

@@ -110,23 +110,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        r, 12 / (1 + 6 r) and the tolerance of the residuals, with
-        r = (1 - rho_inf) / (6 (1 + rho_inf)).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground; updated in
         place. Row ACCELERATION (m/s^2) is only the first guess of the next step.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows of `tdint.kernels.equations.moment4`.
     step_status : ndarray
         STEP_PEAKS, RUN_PEAKS, WORK_INPUT and WORK_VISCOUS are updated; RESIDUAL and WORST_STORY
         are set if there is no convergence.

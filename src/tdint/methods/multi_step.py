@@ -97,22 +97,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Weights V, W and B of the mean velocities and mean accelerations, three each.
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Displacement u (m), velocity v (m/s) and acceleration a (m/s^2) of all floors; then the mean
         velocities w0 and w_ (m/s) and the mean accelerations b0 and b_ (m/s^2). Updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows of `solve_equilibrium`, the guessed mean velocity and the factorization.
     step_status : ndarray
         STEPS_DONE is used. FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is
         no convergence.
@@ -172,18 +164,6 @@ def _guess_average_acceleration(h, state, scratch, n):
     With displacement u, velocity v and acceleration a at the start of the step of length h, the
     guess is w = v + h a / 2 for the mean velocity, u + h w for the displacement and v + h a for the
     velocity at the end. The step then computes the change of the acceleration.
-
-    Parameters
-    ----------
-    h : float
-        Time step, s.
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
-    scratch : ndarray
-        The guessed mean velocity and the rows U (m), V (m/s) and A (m/s^2) are set.
-    n : int
-        Number of floors.
     """
     for i in range(n):
         v = state[rows.VELOCITY, i]
@@ -207,17 +187,9 @@ def _guess_multi_step(coefficients, h, state, scratch, n):
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients of the method: V, W and B.
-    h : float
-        Time step, s.
     state : ndarray
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step, and mean velocities (m/s) and mean accelerations (m/s^2) of the last two steps.
-    scratch : ndarray
-        The guessed mean velocity and the rows U (m), V (m/s) and A (m/s^2) are set.
-    n : int
-        Number of floors.
     """
     for i in range(n):
         w0 = state[MEAN_VELOCITY, i]

@@ -99,24 +99,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        p, b0, bc, c0, cc, d0, dc and d1 (result of `coefficients_of`).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows `_StepRows`.
-    step_status : ndarray
-        Not used.
 
     Returns
     -------
@@ -181,12 +171,6 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
 
     Parameters
     ----------
-    linear_terms, modal : ndarray
-        Linear terms and modal damping of the building.
-    law_state : ndarray
-        State of the hysteretic laws.
-    trial : int
-        First row of the block of law states that contains the story forces.
     scratch : ndarray
         Rows LOAD (p, N) and V (v, m/s) are used. Row INNER_FORCE receives the accelerations
         (m/s^2), and row STORY_FORCE the sum of all forces of each story (N): restoring force,

@@ -122,25 +122,14 @@ def explicit_step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Number of stages, then for each further stage and the end of the step the node c_i and the
-        row of A (result of `explicit_coefficients`).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows `_ExplicitRows`.
-    step_status : ndarray
-        Not used.
 
     Returns
     -------
@@ -392,25 +381,14 @@ def implicit_step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        c, A, A^2, b and b A (result of `implicit_coefficients`).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place. ACCELERATION is only the first estimate of the next step.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows and factorization, `_ImplicitRows` and the rows of `factor_blocks` for modal
-        damping.
-    step_status : ndarray
-        Receives FACTORED_STEP and, if the iteration does not converge, RESIDUAL and WORST_STORY.
 
     Returns
     -------
@@ -497,14 +475,6 @@ def _predict_stages(coefficients, scene, h, load, memory):
 
     Parameters
     ----------
-    coefficients : ndarray
-        Nodes c, Butcher matrix A, A^2, weights b and b A (`implicit_coefficients`).
-    scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
         Rows STAGE_LOAD (N) and STAGE_A (m/s^2) of the scratch array are set. Row PREDICTED_FORCE
         (N), the extrapolated internal force, is set for curved laws if the last step had the same
@@ -553,11 +523,6 @@ def _is_curved(flags):
     is linear or piecewise linear. Any other value means that a story has a curved law. In a
     building with power-law dashpots, BRANCHES does not show this; the flag POWER_DAMPERS is then
     not 0, and the result is False.
-
-    Parameters
-    ----------
-    flags : ndarray
-        Flags of the building (`tdint.kernels.layout`).
     """
     return (
         flags[rows.LINEAR] == 0.0
@@ -580,15 +545,8 @@ def _store_internal_forces(linear_terms, h, scratch):
     the maximum of the sum of M a^2, is of order 4 in the time step, because the extrapolation is of
     order 2.
 
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Linear terms of the building; rows MASS (kg) and INVERSE_MASS are used.
-    h : float
-        Length of the step, s.
-    scratch : ndarray
-        Rows STAGE_LOAD, STAGE_A and PREDICTED_FORCE are used. Rows INTERNAL_FORCE and RUN_MAXIMA
-        are updated.
+    `scratch`: rows STAGE_LOAD, STAGE_A and PREDICTED_FORCE are used. Rows INTERNAL_FORCE and
+    RUN_MAXIMA are updated.
     """
     n = linear_terms.shape[1] - 1
     mismatch = size = 0.0
@@ -621,12 +579,6 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
 
     Parameters
     ----------
-    coefficients : ndarray
-        Nodes c, Butcher matrix A, A^2, weights b and b A (`implicit_coefficients`).
-    linear_terms, law_parameters : ndarray
-        Linear terms of the building and parameters of the hysteretic laws.
-    h : float
-        Time step, s.
     memory : Memory
         State at the start of the step, law states, scratch array and step status. Of the scratch
         array, rows STAGE_A (m/s^2) contain the stage accelerations, and rows FACTORED_TANGENT and
@@ -776,21 +728,15 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
     A residual is small enough if it is at most `tolerance` times the sum of the absolute values of
     its terms. f is the force of the story below the floor minus the force of the story above.
 
+    `tolerance` is the maximum residual relative to the sum of the absolute values of its terms.
+    `step_status`: row RESIDUAL is reset to 0; RESIDUAL and WORST_STORY are set if `is_last`.
+
     Parameters
     ----------
     is_last : bool
         True if no further iteration is allowed: the largest relative residual above the tolerance
         and the index of its floor are then stored in rows RESIDUAL and WORST_STORY of
         `step_status`. Floor i and the story below this floor have the same index.
-    tolerance : float
-        Maximum residual relative to the sum of the absolute values of its terms.
-    linear_terms, modal : ndarray
-        Linear terms and modal damping of the building.
-    scratch : ndarray
-        Rows STAGE_LOAD, STAGE_A, STAGE_V, STORY_FORCE and FORCE_SCALE are used; the rows RESIDUAL
-        receive the residuals, N.
-    step_status : ndarray
-        Row RESIDUAL is reset to 0; RESIDUAL and WORST_STORY are set if `is_last`.
 
     Returns
     -------
@@ -842,19 +788,6 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
 
     in row i and column j, where delta_ij is 1 for i = j and 0 otherwise. The equations of each
     stage i use the tangent stiffness k and the damping coefficient c of the same stage.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Nodes c, Butcher matrix A, A^2, weights b and b A (`implicit_coefficients`).
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
-    h : float
-        Time step, s.
-    factors : Factors
-        Scratch array and the rows of the factorization.
-    damping : ModalBlocks
-        Modal part of h A (x) C.
     """
     scratch = factors.table
     n = linear_terms.shape[1] - 1
@@ -909,16 +842,8 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
     The acceleration, the first estimate of the next step, is extrapolated linearly from both
     stages.
 
-    Parameters
-    ----------
-    coefficients : ndarray
-        Nodes c, Butcher matrix A, A^2, weights b and b A (`implicit_coefficients`).
-    linear_terms, law_parameters : ndarray
-        Linear terms of the building and parameters of the hysteretic laws.
-    h : float
-        Time step, s.
-    memory : Memory
-        State and law states, which are updated, and the scratch array with the stage accelerations.
+    `memory`: state and law states, which are updated, and the scratch array with the stage
+    accelerations.
     """
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1

@@ -85,22 +85,14 @@ def step(
 
     Parameters
     ----------
-    coefficients : ndarray
-        Coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of Zhou and Tamma (2004).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
     law_state : ndarray
         State of the hysteretic laws; updated in place.
-    scratch : ndarray
-        Scratch rows of `solve_equilibrium`, _LOAD_0 and the factorization.
     step_status : ndarray
         FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
 
@@ -167,22 +159,8 @@ def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, 
         load p = (1 - W1) p0 + W1 p1
         u = u0 + W1 h v0 + L2W2 h^2 a0,   v = v0 + W1 h a0,   a = a0
 
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients of the method; W1 and L2W2 are used.
-    linear_terms, forces : ndarray
-        Masses, dampers and geometric stiffnesses of the building; forces on its floors.
-    h : float
-        Time step, s.
-    load : ndarray
-        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step.
-    scratch : ndarray
-        Rows LOAD (N), U (m), V (m/s) and A (m/s^2) are set. Row _LOAD_0 receives p0 (N) if W1 is
-        not 1; otherwise p0 is not required.
+    `scratch`: rows LOAD (N), U (m), V (m/s) and A (m/s^2) are set. Row _LOAD_0 receives p0 (N) if
+    W1 is not 1; otherwise p0 is not required.
     """
     n = linear_terms.shape[1] - 1
     w1 = coefficients[W1]
@@ -449,16 +427,11 @@ def _family_member(
 ) -> Method:
     """Return the entry of the catalogue for one generalized single-step method.
 
+    `row` is the parameter values -> coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the
+    method.
+
     Parameters
     ----------
-    name : str
-        Name of the method.
-    row : callable
-        Parameter values -> coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the method.
-    source : str
-        Publication.
-    *parameters : Parameter
-        Parameters of the method.
     **declared
         Further fields of `Method`. By default, the spectral radius at infinite frequency is
         computed from the coefficients, and the method is implicit unless L3W3 is 0.
@@ -492,17 +465,7 @@ def _family_member(
 
 
 def _newmark(name: str, beta: float, source: str) -> Method:
-    """Return the entry of the catalogue for Newmark's method with a fixed beta and gamma = 1/2.
-
-    Parameters
-    ----------
-    name : str
-        Name of the method.
-    beta : float
-        Parameter beta of Newmark's formula for the displacement.
-    source : str
-        Publication.
-    """
+    """Return the entry of the catalogue for Newmark's method with a fixed beta and gamma = 1/2."""
     return _family_member(
         name, lambda: newmark(beta, 0.5), source, stability_limit=lambda: _newmark_limit(beta, 0.5)
     )

@@ -126,8 +126,6 @@ def integrate_in_python(
 
     Parameters
     ----------
-    law : str
-        Name of the hysteresis model of the stories.
     integrator : Integrator
         The method.
     parts : int
@@ -295,8 +293,6 @@ def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING
 
     Parameters
     ----------
-    integrator : Integrator
-        The method.
     laws : iterable of str
         Names of the hysteresis models, which are tested in this order.
 
@@ -334,14 +330,7 @@ def _relative_error(arrays: Workspace, parts: int, reference: Array) -> float:
     """Return the maximum error of the displacements of an integration, divided by the maximum
     reference displacement.
 
-    Parameters
-    ----------
-    arrays : Workspace
-        Results of the integration with the time step `_H` / parts.
-    parts : int
-        Number of time steps in `_H`.
-    reference : ndarray
-        Reference displacements at multiples of `_H`, m.
+    `reference` contains the reference displacements at multiples of `_H`, m.
     """
     maximum = float(np.max(np.abs(reference)))
     return _distance(_displacements(arrays, parts), reference) / maximum
@@ -358,16 +347,8 @@ def _order_fault(
     the interval `_H` (0.01 s): log2(e_1 / e_4) / 2 or log2(e_2 / e_4), whichever is larger. An
     error e_4 of at most _NEGLIGIBLE is accepted with any order.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        The method.
-    law : str
-        Name of the hysteresis model.
-    integrations : mapping of int to Workspace
-        Results with 1, 2 and 4 time steps in `_H`.
-    reference : ndarray
-        Reference displacements at multiples of `_H`, m.
+    `integrations` contains the results with 1, 2 and 4 time steps in `_H`. `reference` contains the
+    reference displacements at multiples of `_H`, m.
     """
     errors = {
         parts: _relative_error(arrays, parts, reference) for parts, arrays in integrations.items()
@@ -399,14 +380,7 @@ def _energy_fault(integrator: Integrator, law: str, arrays: Workspace) -> str:
     """Return a message if the input energy differs from the sum of the stored, damped and
     dissipated energy; otherwise an empty text.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        The method.
-    law : str
-        Name of the hysteresis model.
-    arrays : Workspace
-        Results with the time step `_H` / 4.
+    `arrays` contains the results with the time step `_H` / 4.
     """
     balance = abs(_imbalance(arrays.totals))
     if balance <= _ENERGY_TOLERANCE:
@@ -427,17 +401,9 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     therefore cleared once, before step 60 of 120. The displacements of both integrations are
     compared.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        The method.
-    law : str
-        Name of the hysteresis model.
-    arrays : Workspace
-        Results with the time step `_H`, without clearing.
-    reference : ndarray
-        Reference displacements at multiples of `_H`, m. Differences of up to _NEGLIGIBLE times
-        their maximum absolute value are accepted.
+    `arrays` contains the results with the time step `_H`, without clearing. `reference` contains
+    the reference displacements at multiples of `_H`, m. Differences of up to _NEGLIGIBLE times
+    their maximum absolute value are accepted.
     """
     # Step 60 is in the middle of the duration, after the first yielding. The argument 1 of the
     # following calls is the number of time steps in `_H`.
@@ -458,16 +424,8 @@ def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     The error may then be at most twice the error without a halved step, plus _NEGLIGIBLE. Methods
     that do not allow halved steps are not tested.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        The method.
-    law : str
-        Name of the hysteresis model.
-    arrays : Workspace
-        Results with the time step `_H`, without a halved step.
-    reference : ndarray
-        Reference displacements at multiples of `_H`, m.
+    `arrays` contains the results with the time step `_H`, without a halved step. `reference`
+    contains the reference displacements at multiples of `_H`, m.
     """
     if not integrator.family.halvable:
         return ""

@@ -120,8 +120,6 @@ def workspace(
         Number of rows of the history; 0 to store no history.
     collapse_drift : float, default infinity
         Drift ratio above which a story has collapsed.
-    forces : ndarray, optional
-        Forces on floors, which are copied. Default: no forces.
 
     Raises
     ------
@@ -262,13 +260,6 @@ def state_jumps(integrator: Integrator, h: float) -> Array:
 
     A row with the unit of the derivative of order k of the displacement changes by its factor
     `Family.shifts` times h^(2 - k).
-
-    Parameters
-    ----------
-    integrator : Integrator
-        Method.
-    h : float
-        Time step, s.
 
     Returns
     -------
