@@ -165,11 +165,6 @@ def is_same_event(event: Earthquake, other: Earthquake) -> bool:
 def _time_of(match: re.Match[str]) -> datetime | None:
     """Return the date and time of day in a header, converted to UTC.
 
-    Parameters
-    ----------
-    match : re.Match
-        Match of a pattern in `_DATES`.
-
     Returns
     -------
     datetime or None
@@ -204,10 +199,7 @@ def _names_agree(name: str, other: str) -> bool:
     Numbers must be equal (Imperial Valley-06 is not Imperial Valley-07). The longer name may have
     additional words at its end (Loma Prieta; LOMA PRIETA, CA EARTHQUAKE).
 
-    Parameters
-    ----------
-    name, other : str
-        Names of events without dates.
+    `name` and `other` are the names of events without dates.
     """
     first_words, first_numbers = _words_and_numbers(name)
     other_words, other_numbers = _words_and_numbers(other)

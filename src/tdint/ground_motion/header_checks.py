@@ -174,13 +174,6 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
 
     A statement of equal numbers is added for the checksum of each section, because ObsPy has
     already compared the checksums.
-
-    Parameters
-    ----------
-    counts : list of int
-        Number of samples stated for each section.
-    traces : list of obspy.Trace
-        Traces of the file.
     """
     return [
         *_section_statements(counts, traces, "sections"),
@@ -191,14 +184,7 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
 def _section_statements(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
     """Return the stated and the read number of samples of each section of a file.
 
-    Parameters
-    ----------
-    counts : list of int
-        Number of samples stated for each section.
-    traces : list of obspy.Trace
-        Traces of the file, one per section.
-    name : str
-        Plural name of the sections in the error message.
+    `traces` contains the traces of the file, one per section.
 
     Raises
     ------
@@ -216,14 +202,8 @@ def _section_statements(counts: list[int], traces: list[Any], name: str) -> list
 def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:
     """Check that the compressed samples (CM6) of a section of a GSE file are complete.
 
-    Parameters
-    ----------
-    lines : list of bytes
-        Lines of the section after its header.
-    begin, end : bytes
-        Starts of the lines before and after the samples.
-    count : int
-        Number of samples stated in the header.
+    `lines` contains the lines of the section after its header. `begin` and `end` are the starts of
+    the lines before and after the samples.
 
     Raises
     ------
@@ -276,13 +256,6 @@ def _timeseries_counts(data: bytes) -> list[int]:
 def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
     """Return the stated and the read number of samples of each section of a SLIST, TSPAIR or SH_ASC
     file.
-
-    Parameters
-    ----------
-    counts : list of int
-        Number of samples stated for each section.
-    traces : list of obspy.Trace
-        Traces of the file.
     """
     return _section_statements(counts, traces, "headers of channels")
 
@@ -406,8 +379,6 @@ def compare_with_statements(format_name: str, looked_at: Any, traces: list[Any])
         ObsPy name of the format.
     looked_at
         Result of `look_at`.
-    traces : list of obspy.Trace
-        Traces of the file.
 
     Returns
     -------

@@ -150,13 +150,6 @@ def _check_directions(first: Record, second: Record, source: str) -> list[str]:
 
     Names without directions, such as A and B, are accepted with a note.
 
-    Parameters
-    ----------
-    first, second : Record
-        Horizontal components.
-    source : str
-        Names of the files, for messages.
-
     Returns
     -------
     list of str
@@ -191,13 +184,6 @@ def _check_same_recording(first: Record, second: Record, source: str) -> None:
     component.
 
     The sampling interval, station, event and start must agree. The samples must differ.
-
-    Parameters
-    ----------
-    first, second : Record
-        Horizontal components.
-    source : str
-        Names of the files, for messages.
     """
     _check_sampling_intervals(first, second, source)
     # Network and station are the first two codes of the id NET.STA.LOC.CHA.
@@ -247,15 +233,8 @@ def check_components(first: Record, second: Record) -> None:
 
 
 def _check_sampling_intervals(first: Record, second: Record, source: str) -> None:
-    """Raise RecordError if the sampling intervals of two components differ by more than rounding.
-
-    Parameters
-    ----------
-    first, second : Record
-        Horizontal components.
-    source : str
-        Names of the files, for messages.
-    """
+    """Raise RecordError if the sampling intervals of two components differ by more than
+    rounding."""
     if not isclose(first.dt, second.dt, rel_tol=1e-6):
         raise RecordError(
             f"{source}: the components have different sampling intervals, {first.dt:g} and "
@@ -267,13 +246,6 @@ def _check_events(first: Record, second: Record, source: str) -> None:
     """Raise RecordError if the files of two components name different earthquakes.
 
     A file without the name of an earthquake is accepted.
-
-    Parameters
-    ----------
-    first, second : Record
-        Horizontal components.
-    source : str
-        Names of the files, for messages.
     """
     events = parse_event(first.event), parse_event(second.event)
     if all(event.is_known for event in events) and not is_same_event(*events):
@@ -284,15 +256,7 @@ def _check_events(first: Record, second: Record, source: str) -> None:
 
 
 def _check_lengths(first: Record, second: Record, source: str) -> None:
-    """Raise RecordError if the lengths of two components differ by more than 5 %.
-
-    Parameters
-    ----------
-    first, second : Record
-        Horizontal components.
-    source : str
-        Names of the files, for messages.
-    """
+    """Raise RecordError if the lengths of two components differ by more than 5 %."""
     sizes = first.acceleration.size, second.acceleration.size
     if abs(sizes[0] - sizes[1]) > _MAX_TRIMMED * max(sizes):
         raise RecordError(
@@ -311,11 +275,6 @@ def azimuth(component: str) -> float | None:
 
     Recognized are degrees (067), quadrants (N23E is 23, S10W is 190), and names of north and east
     (NS, HNN, EW, HNE).
-
-    Parameters
-    ----------
-    component : str
-        Name of the component.
 
     Returns
     -------
@@ -364,13 +323,6 @@ def _trimmed_to_equal_length(
     first: Record, second: Record, source: str
 ) -> tuple[Record, Record, list[str]]:
     """Remove the excess samples at the end of the longer component.
-
-    Parameters
-    ----------
-    first, second : Record
-        Components with the same sampling interval and start.
-    source : str
-        File names, for messages.
 
     Returns
     -------
@@ -511,11 +463,6 @@ def motion_names(files: Sequence[str]) -> list[str]:
     their end (GIL-067.mseed and GIL-337.mseed, x_S16W.csv and x_S74E.csv), if the two directions
     are at right angles and no third file is named in the same way.
 
-    Parameters
-    ----------
-    files : sequence of str
-        File names.
-
     Returns
     -------
     list of str
@@ -546,13 +493,9 @@ def motion_names(files: Sequence[str]) -> list[str]:
 def _replace_component(file: str, match: re.Match[str] | None) -> str:
     """Replace the component in a file name by a question mark.
 
-    Parameters
-    ----------
-    file : str
-        File name, with or without directories.
-    match : re.Match or None
-        Match of a pattern of this module in the last part of the file name. Its group
-        `component` is replaced. With None, the name is unchanged.
+    `file` is the file name, with or without directories. `match` is the match of a pattern of this
+    module in the last part of the file name. Its group `component` is replaced. With None, the name
+    is unchanged.
     """
     if not match:
         return file
@@ -671,11 +614,6 @@ def _find_component(name: str) -> re.Match[str] | None:
 def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
     """Return pairs of file name patterns that could identify the components of one ground motion.
 
-    Parameters
-    ----------
-    files : sequence of str
-        File names; directories are ignored.
-
     Returns
     -------
     list of tuple of two str
@@ -720,13 +658,7 @@ def _is_in_number(text: str, index: int) -> bool:
 
 
 def _common_start(text: str, other: str) -> int:
-    """Return the number of characters that two texts have in common at their start.
-
-    Parameters
-    ----------
-    text, other : str
-        Texts to compare.
-    """
+    """Return the number of characters that two texts have in common at their start."""
     return next(
         (i for i, (a, b) in enumerate(zip(text, other, strict=False)) if a != b),
         min(len(text), len(other)),

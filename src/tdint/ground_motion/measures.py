@@ -296,8 +296,6 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
 
     Parameters
     ----------
-    records : iterable of Record
-        Ground motions of the analysis.
     end : float
         End of the analysis, s.
 
@@ -625,14 +623,7 @@ def _peak(record: Record, column: int, name: str) -> float:
     """Return the peak velocity or displacement of the ground: the value stored in the record file
     if it has one, otherwise the peak of the integrated acceleration.
 
-    Parameters
-    ----------
-    record : Record
-        Ground motion record.
-    column : int
-        Index of the peak in `record.peaks`: 0 for the velocity, 1 for the displacement.
-    name : str
-        Attribute with the peak in the result of `integrate`.
+    `column` is the index of the peak in `record.peaks`: 0 for the velocity, 1 for the displacement.
     """
     peak = record.peaks[column]
     return float(getattr(integrate(record), name)) if peak is None else peak

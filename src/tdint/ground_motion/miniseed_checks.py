@@ -371,12 +371,7 @@ def _warn_about_breaks(name: str, records: list[DataRecord]) -> None:
     """Warn about small gaps and overlaps between the records of a channel, where libmseed joins
     the samples as if their times were continuous.
 
-    Parameters
-    ----------
-    name : str
-        Id of the channel, for the warning.
-    records : list of DataRecord
-        Records of the channel in any order; records without a sampling rate are ignored.
+    `records`: records of the channel in any order; records without a sampling rate are ignored.
     """
     ordered = sorted((record for record in records if record.rate), key=lambda record: record.start)
     breaks = []  # (length in s, negative for an overlap; number of the record after the break)
@@ -401,11 +396,6 @@ def _data_records(data: bytes) -> Iterator[DataRecord]:
     """Yield the headers of the data records of a MiniSEED or SEED file, in the order of the file.
 
     Blank blocks and the control headers of a full SEED volume are skipped.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
 
     Raises
     ------
@@ -455,10 +445,7 @@ def _control_length(data: bytes) -> int | None:
     It is stated in the first blockette of the volume. Otherwise, it is the position of the next
     header.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of the file, which starts with a volume control header.
+    `data` is the content of the file, which starts with a volume control header.
 
     Returns
     -------
@@ -489,14 +476,7 @@ def _begins_record(header: bytes) -> bool:
 def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     """Read the header of a data record, and check it against the bytes of the record.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    offset : int
-        Position of the record in the file, bytes.
-    number : int
-        Number of the record, counted from 1.
+    `number` is the number of the record, counted from 1.
 
     Returns
     -------
@@ -578,11 +558,6 @@ def _nominal_rate(factor: int, multiplier: int) -> float:
 
     The rate is the product of two numbers. A negative number is a divisor (SEED manual, fields 10
     and 11). The rate is 0 if a number is 0, as in records that contain text.
-
-    Parameters
-    ----------
-    factor, multiplier : int
-        Sampling rate factor and sampling rate multiplier.
     """
     if not (factor and multiplier):
         return 0.0
@@ -594,15 +569,6 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
     """Return the position in a record at which another record of the same channel starts, bytes.
 
     Such a position shows that the stated length of the record is too large.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    record : DataRecord
-        Header of the record.
-    offset : int
-        Position of the record in the file, bytes.
 
     Returns
     -------
@@ -624,18 +590,8 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
 def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) -> dict[int, int]:
     """Find the blockettes (additional headers) of a record, which form a linked list.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    offset : int
-        Position of the record in the file.
-    first : int
-        Position of the first blockette in the record; 0 if the record has no blockettes.
-    order : str
-        Byte order, > or <.
-    where : str
-        Name of the record in error messages.
+    `first` is the position of the first blockette in the record; 0 if the record has no blockettes.
+    `order` is the byte order, > or <.
 
     Returns
     -------
@@ -663,16 +619,8 @@ def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) ->
 def _check_space(record: DataRecord, content: bytes, headers_end: int, is_big_endian: bool) -> None:
     """Raise Damaged if a record does not have enough space for its samples after its headers.
 
-    Parameters
-    ----------
-    record : DataRecord
-        Header of the record.
-    content : bytes
-        Bytes of the record.
-    headers_end : int
-        Minimum position of the end of the last blockette, bytes from the start of the record.
-    is_big_endian : bool
-        True if the data have big-endian byte order.
+    `headers_end` is the minimum position of the end of the last blockette, bytes from the start of
+    the record. `is_big_endian` is True if the data have big-endian byte order.
     """
     if not record.samples or record.encoding == _TEXT:
         return

@@ -71,13 +71,8 @@ def _samples_of_record(record: Record, shortest_period: float) -> tuple[Array, f
 def _band_limited_points(record: Record, shortest_period: float) -> tuple[Array, float]:
     """Return points of the band-limited motion of a record for linear interpolation.
 
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
-    shortest_period : float
-        Shortest period of the oscillators, s. The interval of the points is at most 1/16 of this
-        period.
+    `shortest_period` is the shortest period of the oscillators, s. The interval of the points is at
+    most 1/16 of this period.
 
     Returns
     -------
@@ -271,8 +266,6 @@ def processed(record: Record, steps: Processing) -> Record:
     ----------
     record : Record
         Record to process; it is not changed.
-    steps : Processing
-        Processing steps.
 
     Raises
     ------
@@ -307,18 +300,9 @@ def _replace_samples(
     The step is added to the notes and to the processing steps of the record. The peak velocity and
     displacement in the file are removed, because they belong to the unprocessed record.
 
-    Parameters
-    ----------
-    record : Record
-        Record before the step.
-    samples : ndarray, shape (samples,)
-        New acceleration, m/s^2.
-    note : str
-        Sentence that reports the step.
-    dt : float or None
-        New sampling interval, s; None keeps the interval.
-    later : float
-        Change of the start time, s. Default 0.
+    `record` is the record before the step. `samples` is the new acceleration, m/s^2. `dt` is the
+    new sampling interval, s; None keeps the interval. `later` is the change of the start time, s.
+    Default 0.
     """
     start = record.start
     if start and later:
@@ -344,8 +328,6 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
 
     Parameters
     ----------
-    record : Record
-        Record to trim.
     start, end : float or None
         Times from the first sample, s. `Processing` has checked that `start` is not negative.
         Samples at these times are included. None means the first sample for `start` and the last
@@ -408,8 +390,6 @@ def pad(record: Record, *seconds: float) -> Record:
 
     Parameters
     ----------
-    record : Record
-        Record to pad.
     *seconds : float
         Two durations, s: before and after the record. They are rounded up to whole samples.
 
@@ -441,14 +421,10 @@ def butterworth(record: Record, filter_type: str, corner: float, order: int) -> 
 
     Parameters
     ----------
-    record : Record
-        Record to filter.
     filter_type : str
         `highpass` or `lowpass`.
     corner : float
         Corner frequency, Hz.
-    order : int
-        Order of the filter.
 
     Raises
     ------
@@ -484,8 +460,6 @@ def zero_phase(
         `highpass` or `lowpass`.
     corner : float
         Corner frequency, Hz.
-    order : int
-        Order of the filter.
     label : str
         Name of the samples in error messages.
     held : bool
@@ -526,16 +500,7 @@ def zero_phase(
 def _design_filter(filter_type: str, corner: float, order: int, dt: float) -> tuple[Array, int]:
     """Return the second-order sections of a Butterworth filter and its settling time in samples.
 
-    Parameters
-    ----------
-    filter_type : str
-        `highpass` or `lowpass`.
-    corner : float
-        Corner frequency, Hz.
-    order : int
-        Order of the filter.
-    dt : float
-        Sampling interval, s.
+    `corner` is the corner frequency, Hz. `dt` is the sampling interval, s.
 
     Returns
     -------

@@ -176,8 +176,6 @@ def motion_text(motion: Artificial, *, unit: str) -> str:
 
     Parameters
     ----------
-    motion : VelocityPulse or Sweep
-        Artificial ground motion.
     unit : str
         Unit of acceleration of the samples, a key of `tdint.units.ACCELERATION`.
     """

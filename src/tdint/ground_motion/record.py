@@ -229,12 +229,8 @@ def masked_samples(samples: NDArray[Any]) -> int:
 def _validated_samples(acceleration: Any, source: str) -> NDArray[np.float64]:
     """Return acceleration samples as a contiguous float64 array, without a copy if possible.
 
-    Parameters
-    ----------
-    acceleration : array_like
-        Samples, m/s^2.
-    source : str
-        File name for messages; empty if unknown.
+    `acceleration` contains the samples, m/s^2. `source` is the file name for messages; empty if
+    unknown.
 
     Raises
     ------

@@ -49,11 +49,6 @@ def is_afad(file: Any, **_: Any) -> bool:
 def read_afad(lines: Lines) -> list[Series]:
     """Read an AFAD file, and return its components with the units and the peaks in the header.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
     Raises
     ------
     RecordError

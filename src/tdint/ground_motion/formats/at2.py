@@ -48,11 +48,6 @@ def is_at2(file: Any, **_: Any) -> bool:
 def read_at2(lines: Lines) -> list[Series]:
     """Read a PEER file or a similar file, and return its only component.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
     Raises
     ------
     RecordError

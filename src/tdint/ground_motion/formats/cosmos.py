@@ -146,12 +146,7 @@ def read_cosmos(lines: Lines) -> list[Series]:
 def _read_announcement(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
     """Read the next line, which states the number of values or lines that follow.
 
-    Parameters
-    ----------
-    pattern : re.Pattern
-        Pattern of the line; its first group is the number.
-    lines : Lines
-        Lines of the file.
+    `pattern` is the pattern of the line; its first group is the number.
 
     Returns
     -------
@@ -174,12 +169,7 @@ def _read_announcement(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
 def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
     """Read the integers or the reals of the header of a channel.
 
-    Parameters
-    ----------
-    pattern : re.Pattern
-        Pattern of the line before the values; its first group is their number.
-    lines : Lines
-        Lines of the file.
+    `pattern` is the pattern of the line before the values; its first group is their number.
 
     Raises
     ------
@@ -213,16 +203,7 @@ def _series(
 ) -> Series:
     """Check a block of samples and return it with the data of the channel header.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (samples,)
-        Samples of the block.
-    block : re.Match
-        Match of `_BLOCK` in the line before the samples.
-    texts : list of str
-        Lines of text and comments of the channel.
-    integers, reals : list of float
-        Header values of the channel.
+    `block` is the match of `_BLOCK` in the line before the samples.
 
     Raises
     ------

@@ -208,12 +208,8 @@ def read_csmip(lines: Lines) -> list[Series]:
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
     """Read the acceleration of a channel of volume 1.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file after the text header; the lines that are read are consumed.
-    texts : list of str
-        Lines of the text header.
+    `lines` contains the lines of the file after the text header; the lines that are read are
+    consumed.
 
     Raises
     ------
@@ -243,12 +239,8 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
 def _volume_2(lines: Lines, texts: list[str]) -> Series:
     """Read the acceleration and the peaks of velocity and displacement of a channel of volume 2.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file after the text header; the lines that are read are consumed.
-    texts : list of str
-        Lines of the text header.
+    `lines` contains the lines of the file after the text header; the lines that are read are
+    consumed.
 
     Raises
     ------
@@ -282,16 +274,7 @@ def _peak_in_block(
     """Return the maximum absolute value of a block of velocities or displacements, and compare it
     with the peak in the header if the header states it.
 
-    Parameters
-    ----------
-    word : str
-        Quantity of the block, `VELOC` or `DISPL`.
-    block : re.Match
-        Match of `_BLOCK` in the line before the samples.
-    samples : ndarray, shape (samples,)
-        Samples in the units of the block.
-    texts : list of str
-        Lines of text of the channel.
+    `block` is the match of `_BLOCK` in the line before the samples.
 
     Returns
     -------

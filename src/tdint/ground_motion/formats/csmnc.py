@@ -68,11 +68,6 @@ def is_csmnc(file: Any, **_: Any) -> bool:
 def read_csmnc(lines: Lines) -> list[Series]:
     """Read a CSMNC file, and return its only component, an acceleration.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
     Raises
     ------
     RecordError

@@ -71,11 +71,6 @@ def is_cwb(file: Any, **_: Any) -> bool:
 def read_cwb(lines: Lines) -> list[Series]:
     """Read a CWB file, and return its components with the units and the peaks in the header.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
     Raises
     ------
     RecordError

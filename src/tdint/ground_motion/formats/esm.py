@@ -60,11 +60,6 @@ def read_esm(lines: Lines) -> list[Series]:
     """Read an ESM file, and return its only component: an acceleration, a velocity or
     a displacement.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
     Raises
     ------
     RecordError

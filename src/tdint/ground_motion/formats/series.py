@@ -197,14 +197,7 @@ def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]
 def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
     """Convert a component to an ObsPy trace with the attributes of tdint in its header.
 
-    Parameters
-    ----------
-    part : Series
-        Component of the file.
-    compared : tuple of str
-        Header values that were compared with the samples.
-    headonly : bool
-        Return the header without samples.
+    `headonly` is True to return the header without samples.
     """
     codes = {name: getattr(part, name) for name in ("network", "station", "location", "channel")}
     header: dict[str, Any] = codes | {

@@ -108,8 +108,6 @@ def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
     ----------
     text : str
         Line of the header.
-    width : int
-        Number of columns.
 
     Raises
     ------
@@ -141,8 +139,6 @@ def column_index(text: str, names: tuple[ColumnName, ...], width: int) -> int:
         Number, counted from 1, or name in upper or lower case.
     names : tuple of ColumnName
         Names of the columns; may be empty.
-    width : int
-        Number of columns.
 
     Raises
     ------
@@ -174,12 +170,7 @@ def _index_of_name(name: str, names: tuple[ColumnName, ...]) -> int:
     The name is compared with the complete column names, then with the names without units, and then
     with the components.
 
-    Parameters
-    ----------
-    name : str
-        Name of a column, with or without units, or name of a component.
-    names : tuple of ColumnName
-        Names of all columns.
+    `name` is the name of a column, with or without units, or name of a component.
 
     Raises
     ------
@@ -223,13 +214,7 @@ def _split_names(text: str) -> list[str]:
 
 
 def _interpret_names(name_texts: list[str]) -> list[ColumnName]:
-    """Return the meanings of column names; return an empty list if a name is empty.
-
-    Parameters
-    ----------
-    name_texts : list of str
-        Column names in the spelling of the file, with units.
-    """
+    """Return the meanings of column names; return an empty list if a name is empty."""
     names_and_units = [name_and_units(text) for text in name_texts]
     if not names_and_units or any(not name for name, _ in names_and_units):
         return []
@@ -387,8 +372,6 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
     ----------
     lines : list of str
         All lines between the skipped lines and the numbers.
-    width : int
-        Number of columns of the table.
     skipped : int
         Number of lines skipped before the header, for error messages.
 
@@ -428,11 +411,6 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
 def declared_in(line: str) -> list[tuple[str, str]] | None:
     """Return the declarations in a header line.
 
-    Parameters
-    ----------
-    line : str
-        Line of the header.
-
     Returns
     -------
     list of tuple of str, or None
@@ -468,14 +446,8 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
 def _convert_quantity(text: str, units: dict[str, float], quantity: str) -> float:
     """Convert a positive number with a unit, such as `10 ms`, to SI units.
 
-    Parameters
-    ----------
-    text : str
-        Number and unit in the header.
-    units : dict of str to float
-        Allowed units and their values in SI units; the key "" allows a number without a unit.
-    quantity : str
-        Name of the quantity for the error message.
+    `units` contains the allowed units and their values in SI units; the key "" allows a number
+    without a unit.
 
     Raises
     ------

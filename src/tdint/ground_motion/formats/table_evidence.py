@@ -256,8 +256,6 @@ def first_numbers(
     ----------
     values : ndarray, shape (values,)
         Values of the block in the order of the file.
-    widths : sequence of int
-        Number of values in each line.
     """
     lines, first_width = len(widths), int(widths[0])
     if lines < _MIN_TIMES:
@@ -284,11 +282,6 @@ def unexplained_first_line(lines: Sequence[str]) -> str:
 
     In a table of numbers with decimal points, a whole number without a point is a number of
     samples or of a station, never a sample.
-
-    Parameters
-    ----------
-    lines : sequence of str
-        First lines of the block.
     """
     rows = [re.split(r"[\s,;]+", line.strip(" \t,;")) for line in lines]
     # The first two lines of a column may contain a number each.

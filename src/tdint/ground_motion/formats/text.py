@@ -104,12 +104,8 @@ def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
 def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
     """Read the start of a table with a user-specified layout.
 
-    Parameters
-    ----------
-    file : str, Path or object open for reading bytes
-        File to read.
-    layout : TextLayout
-        Layout specified by the user, with the number of lines to skip.
+    `file` is the file to read. `layout` is the layout specified by the user, with the number of
+    lines to skip.
 
     Returns
     -------
@@ -346,12 +342,8 @@ def _check_first_name(header_lines: list[str], skipped: int) -> None:
 
     The other names would be shifted by one column.
 
-    Parameters
-    ----------
-    header_lines : list of str
-        Lines between the skipped lines and the first row of numbers.
-    skipped : int
-        Number of lines skipped before the header, for the line number in the message.
+    `header_lines` contains the lines between the skipped lines and the first row of numbers.
+    `skipped` is the number of lines skipped before the header, for the line number in the message.
     """
     filled = [index for index, line in enumerate(header_lines) if line.strip()]
     if filled and lacks_first_name(header_lines[filled[-1]]):
@@ -368,14 +360,9 @@ def _sampling_interval(
     """Return the sampling interval of a text table, s, and True if the file states it, False if
     only the user specifies it.
 
-    Parameters
-    ----------
-    header : TableHeader
-        Declarations of the header, which may include the interval or the sampling rate.
-    times : ndarray, shape (samples,), or None
-        Times in the table, s; None if the table has no column of times.
-    layout : TextLayout
-        Layout specified by the user, with the interval that is used if the file states none.
+    `header` contains the declarations of the header, which may include the interval or the sampling
+    rate. `times` contains the times in the table, s; None if the table has no column of times.
+    `layout`: layout specified by the user, with the interval that is used if the file states none.
 
     Raises
     ------
@@ -416,12 +403,8 @@ def _accelerations(names: Names, columns: range) -> list[int]:
     states a quantity, the only column that is not the time is returned; without such a column the
     list is empty.
 
-    Parameters
-    ----------
-    names : tuple of ColumnName
-        Names of all columns; empty if the header does not name them.
-    columns : range
-        Indices of the columns that may be components; used only if `names` is empty.
+    `names` contains the names of all columns; empty if the header does not name them. `columns`
+    contains the indices of the columns that may be components; used only if `names` is empty.
 
     Raises
     ------
@@ -447,18 +430,8 @@ def _series(
 ) -> Series:
     """Return the component in a column, with its units, channel and quantity.
 
-    Parameters
-    ----------
-    common : Series
-        Codes, sampling interval and event of all components.
-    columns : list of ndarray
-        All columns of the table.
-    header : TableHeader
-        Declarations and column names.
-    index : int
-        Index of the column.
-    component_columns : list of int
-        Indices of all columns that are read as components.
+    `header` contains the declarations and column names. `index` is the index of the column.
+    `component_columns` contains the indices of all columns that are read as components.
     """
     names, declared = header.names, header.get("units")
     component = replace(common, samples=columns[index])
@@ -513,16 +486,8 @@ def _times(
     the first of several columns contains times unless the user selects it as data, or specifies a
     sampling interval and the column does not increase or only numbers the samples.
 
-    Parameters
-    ----------
-    columns : list of array
-        Numbers of each column of the table.
-    names : tuple of ColumnName
-        Names of the columns in the header; empty if the header does not name them.
-    selected : list of int
-        Indices of the columns specified by the user.
-    layout : TextLayout
-        Layout specified by the user, with the sampling interval.
+    `columns` contains the numbers of each column of the table. `names` contains the names of the
+    columns in the header; empty if the header does not name them.
 
     Raises
     ------
@@ -596,12 +561,8 @@ def _matches(lines: list[str]) -> bool:
 def _columns(lines: Lines, name_count: int) -> Columns:
     """Read the columns of numbers to the end of the file; comment lines are skipped.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file; the next line is the first row.
-    name_count : int
-        Number of column names in the header.
+    `lines` contains the lines of the file; the next line is the first row. `name_count` is the
+    number of column names in the header.
 
     Raises
     ------

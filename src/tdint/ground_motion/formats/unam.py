@@ -62,11 +62,6 @@ def is_unam(file: Any, **_: Any) -> bool:
 def read_unam(lines: Lines) -> list[Series]:
     """Read an ASA file, and return its channels with the units and the peaks in the header.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
     Raises
     ------
     RecordError
@@ -130,12 +125,9 @@ def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]
     Empty values are omitted, because a line may have places for unused channels. The caller
     compares the number of values with the number of channels.
 
-    Parameters
-    ----------
-    pattern : re.Pattern
-        Pattern of the lines of the key; its first group is a list of values between slashes.
-    texts : list of str
-        Lines of the header. A key has a second line if there are more than six channels.
+    `pattern` is the pattern of the lines of the key; its first group is a list of values between
+    slashes. `texts` contains the lines of the header. A key has a second line if there are more
+    than six channels.
     """
     values: list[str] = []
     for match in filter(None, map(pattern.search, texts)):
@@ -148,12 +140,7 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
 
     Public files repeat the last row, although the header does not count these rows.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file after the rows stated in the header.
-    columns : ndarray, shape (channels, rows)
-        Samples of each channel.
+    `lines` contains the lines of the file after the rows stated in the header.
 
     Raises
     ------
@@ -187,11 +174,6 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
 
 def _times(texts: list[str]) -> tuple[datetime | None, str]:
     """Return the time of the first sample (UTC) and the date and origin time of the earthquake.
-
-    Parameters
-    ----------
-    texts : list of str
-        Lines of the header.
 
     Returns
     -------

@@ -93,11 +93,6 @@ def is_usc(file: Any, **_: Any) -> bool:
 def read_usc(lines: Lines) -> list[Series]:
     """Read a USC file, and return its only component, an acceleration.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
     Raises
     ------
     RecordError

@@ -83,11 +83,6 @@ def read_smc(lines: Lines) -> list[Series]:
     """Read an SMC file, and return its only component: an acceleration, a velocity or
     a displacement.
 
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file.
-
     Raises
     ------
     RecordError
@@ -192,12 +187,7 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
     The format specifies the day of the year. Some programs write month and day instead, which
     shifts all following integers by one position.
 
-    Parameters
-    ----------
-    integers : list of float
-        Integers of the header; the first marks unknown values.
-    texts : list of str
-        Lines of text of the header.
+    `integers` contains the integers of the header; the first marks unknown values.
     """
     year, day = integers[_YEAR], integers[_DAY]
     # The day of the year is the day counted from the first day of January.
@@ -232,8 +222,6 @@ def _header_time(
 
     Parameters
     ----------
-    unknown : float
-        Value that marks unknown numbers.
     year, month, day, hour, minute, second, thousandths : float
         Time in UTC. The day is counted from the first day of the month and may be up to 366. Hour,
         minute and second may have any value; they are added to the day.

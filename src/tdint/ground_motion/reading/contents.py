@@ -129,13 +129,6 @@ def register_input(data: bytes, source: str | Path) -> Input:
     """Return the name of a file with the SHA-256 of its content.
 
     The file is also added to the inputs of the present command, which are listed with its results.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    source : str or Path
-        Name of the file.
     """
     record_digest(source, data)
     return Input(str(source), hashlib.sha256(data).hexdigest())
@@ -152,13 +145,6 @@ def archive_files(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
     Names have the form `archive.zip/directory/file`. The checksum of each file is verified. The
     uncompressed bytes are counted while they are read, because the sizes stated in an archive may
     be wrong. Hidden and empty files are skipped.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the archive.
-    source : str
-        Name of the archive.
 
     Raises
     ------
@@ -179,16 +165,9 @@ def _archive_files(
     A zip file in the archive is replaced by its files down to `_MAX_ARCHIVE_DEPTH` levels. A zip
     file at a lower level is yielded as a file.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of the archive.
-    source : str
-        Name of the archive; the names of its files start with this name.
-    budget : list of int
-        Remaining number of uncompressed bytes, in a list so that all nested archives share it.
-    depth : int
-        Nesting level of the archive, from 1.
+    `source` is the name of the archive; the names of its files start with this name. `budget` is
+    the remaining number of uncompressed bytes, in a list so that all nested archives share it.
+    `depth` is the nesting level of the archive, from 1.
     """
     import zipfile  # imported late: needed only for archives
 
@@ -237,17 +216,8 @@ def _is_visible_file(entry: ZipInfo) -> bool:
 def _read_archive_file(archive: ZipFile, entry: ZipInfo, name: str, budget: list[int]) -> bytes:
     """Return the uncompressed content of a file in a zip file, and subtract its size from `budget`.
 
-    Parameters
-    ----------
-    archive : ZipFile
-        Open archive.
-    entry : ZipInfo
-        Entry of the file in the archive.
-    name : str
-        Name of the file, for messages.
-    budget : list of int
-        List with a single value: the number of bytes that may still be uncompressed. The list is
-        changed.
+    `budget` is the list with a single value: the number of bytes that may still be uncompressed.
+    The list is changed.
 
     Raises
     ------
@@ -388,8 +358,6 @@ def read_all_contents(
 
     Parameters
     ----------
-    data : bytes
-        Content of the file.
     source : str
         Name of the file. The names of archived files start with this name.
     layout : TextLayout
@@ -520,12 +488,8 @@ def plugins() -> tuple[Plugin, ...]:
 def _plugins_by_name(entry_points: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
     """Yield the formats that a distribution registers with a check and a reader.
 
-    Parameters
-    ----------
-    entry_points : EntryPoints
-        Entry points of the distribution.
-    names : iterable of str
-        Names of formats, in the order of the result. Unregistered names are skipped.
+    `names` contains the names of formats, in the order of the result. Unregistered names are
+    skipped.
     """
     by_group_and_name = {(entry.group, entry.name): entry for entry in entry_points}
     for name in names:
@@ -539,15 +503,6 @@ def _plugins_by_name(entry_points: EntryPoints, names: Iterable[str]) -> Iterato
 
 def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized:
     """Return the format of a file.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    source : str
-        Name of the file, for messages.
-    layout : TextLayout
-        Layout of text tables specified by the user.
 
     Raises
     ------
@@ -596,13 +551,6 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
 
     Tables with a free header are tried after all formats. With a layout, the format of text tables
     is tried once more at the end, because the layout permits tables that have no sufficient header.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    layout : TextLayout
-        Layout of text tables specified by the user.
     """
     from tdint.ground_motion.formats.free_table import find_table
 
@@ -632,14 +580,7 @@ def _spectra_in(data: bytes) -> str:
 def _recognizes(plugin: Plugin, data: bytes, **options: Any) -> bool:
     """Return True if the check of a format accepts a file.
 
-    Parameters
-    ----------
-    plugin : Plugin
-        Format to test.
-    data : bytes
-        Content of the file.
-    **options
-        Arguments of the check: `layout` for the format of text tables.
+    `**options` contains the arguments of the check: `layout` for the format of text tables.
     """
     try:
         return bool(_import_function(plugin.is_format)(BytesIO(data), **options))

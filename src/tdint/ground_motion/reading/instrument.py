@@ -152,11 +152,6 @@ def read_instruments(source: str | Path) -> Instruments:
     """Read the instrument responses in a StationXML file, and add the file to the inputs of the
     command.
 
-    Parameters
-    ----------
-    source : str or Path
-        File name.
-
     Raises
     ------
     RecordError
@@ -274,15 +269,6 @@ def remove_response(
 
 def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
     """Return the response of a channel at the start time of a trace.
-
-    Parameters
-    ----------
-    trace : obspy.Trace
-        Trace with the id of the channel and the start time.
-    instruments : Instruments
-        Inventory with the responses.
-    label : str
-        File and channel, for messages.
 
     Raises
     ------
@@ -440,12 +426,7 @@ def _transition_band(response: Any, dt: float) -> tuple[float, float] | None:
     """Return the start and the end of the transition band of the digital filters, Hz; None if the
     filters pass all frequencies.
 
-    Parameters
-    ----------
-    response : obspy.core.inventory.Response
-        Response of the channel, with its stages.
-    dt : float
-        Sampling interval, s.
+    `dt` is the sampling interval, s.
     """
     digital = []
     for stage in response.response_stages:

@@ -95,15 +95,7 @@ class _Channel:
 
 
 def _group_by_channel(source: str, contents: Contents) -> list[_Channel]:
-    """Group the traces by channel, in the order of the file.
-
-    Parameters
-    ----------
-    source : str
-        Name of the file.
-    contents : Contents
-        Traces of the file.
-    """
+    """Group the traces by channel, in the order of the file."""
     traces_by_id: dict[str, list[Any]] = {}
     for trace in contents.traces:
         traces_by_id.setdefault(trace.id, []).append(trace)
@@ -148,13 +140,6 @@ def _join_traces(channel: _Channel) -> Any:
 def _check_trace(trace: Any, label: str) -> None:
     """Raise RecordError unless a trace has a positive sampling interval, valid dates and no masked
     samples.
-
-    Parameters
-    ----------
-    trace : obspy.Trace
-        Trace to check.
-    label : str
-        File and channel, for messages.
     """
     dt = float(trace.stats.delta)
     if not (isfinite(dt) and dt > 0.0):
@@ -178,13 +163,6 @@ def _check_continuity(before: Any, after: Any, label: str) -> None:
 
     Both must have the same sampling interval and number type. The second must start one
     sampling interval after the end of the first, with a tolerance of half an interval.
-
-    Parameters
-    ----------
-    before, after : obspy.Trace
-        Successive traces of a channel.
-    label : str
-        File and channel, for messages.
     """
     dt, start = float(before.stats.delta), after.stats.starttime
     if not isclose(dt, after.stats.delta, rel_tol=1e-6):
@@ -467,14 +445,8 @@ def _read_components(
 ) -> tuple[Record, ...]:
     """Read the components of a file, in m/s^2.
 
-    Parameters
-    ----------
-    source : str or Path
-        File name, or `-` for standard input.
-    choice : RecordChoice
-        Units, component, inventory and layout.
-    single : bool
-        Require exactly one component; otherwise all components of the file are read.
+    `single` is True to require exactly one component; otherwise all components of the file are
+    read.
 
     Raises
     ------
@@ -564,15 +536,6 @@ def _select_components(
 ) -> tuple[list[tuple[_Channel, Any]], Input]:
     """Read the channels of a file, or the selected channel, and join the traces of each channel.
 
-    Parameters
-    ----------
-    source : str or Path
-        File name, or `-` for standard input.
-    choice : RecordChoice
-        Component and layout.
-    single : bool
-        Require exactly one component.
-
     Returns
     -------
     channels : list of (_Channel, obspy.Trace)
@@ -628,12 +591,8 @@ def _without_exported_integrals(channels: Sequence[_Channel], requested_id: str)
     These channels have the id of the acceleration with another location code. They are selected
     only by their full id.
 
-    Parameters
-    ----------
-    channels : sequence of _Channel
-        Channels of the file.
-    requested_id : str
-        Component that the user selected, in upper case; a channel with this id is kept.
+    `requested_id` is the component that the user selected, in upper case; a channel with this id is
+    kept.
     """
     ids = {channel.id.upper() for channel in channels}
     remaining = []
@@ -654,14 +613,7 @@ def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -
     example floor F04). If it is a single letter, it is then compared with the last letters of the
     codes. The first comparison with a match decides.
 
-    Parameters
-    ----------
-    channels : sequence of _Channel
-        Channels of the file.
-    component : str
-        Code, id, station or last letter of a code, in upper or lower case.
-    source : str
-        Name of the file, for messages.
+    `component` is the code, id, station or last letter of a code, in upper or lower case.
 
     Raises
     ------
@@ -707,17 +659,6 @@ def _to_record(
 
     The instrument response is removed if an inventory is specified and the units of the samples are
     not known from the user or from the file. Warnings are stored in the record and logged.
-
-    Parameters
-    ----------
-    channel : _Channel
-        Channel of a file.
-    trace : obspy.Trace
-        Joined samples of the channel.
-    specified : FileUnits
-        Units specified by the user.
-    instruments : Instruments or None
-        Inventory with instrument responses.
 
     Raises
     ------

@@ -49,13 +49,6 @@ class FileUnits:
     def of(self, source: str, format_name: str) -> Units | None:
         """Return the units of a file by its name and its format; None for counts, or if no entry
         matches.
-
-        Parameters
-        ----------
-        source : str
-            Name of the file.
-        format_name : str
-            Name of its format.
         """
         path = _lower_path(source)
         return next(
@@ -219,17 +212,8 @@ def _lower_path(source: str) -> PurePosixPath:
 
 
 def _matches(pattern: str, path: PurePosixPath, format_name: str) -> bool:
-    """Return True if a pattern matches the end of the path of a file, or is the name of its format.
-
-    Parameters
-    ----------
-    pattern : str
-        Result of `_to_pattern`.
-    path : PurePosixPath
-        Absolute path of the file in lower case.
-    format_name : str
-        Format of the file.
-    """
+    """Return True if a pattern matches the end of the path of a file, or is the name of its
+    format."""
     return path.match(pattern) if _is_path(pattern) else pattern == format_name.lower()
 
 
@@ -243,10 +227,7 @@ def _to_pattern(name: str) -> str:
 
     A format name is checked and returned in lower case. A relative path gets the prefix `./`.
 
-    Parameters
-    ----------
-    name : str
-        Name of a format, or the end of a path, with or without wildcards.
+    `name` is the name of a format, or the end of a path, with or without wildcards.
 
     Raises
     ------

@@ -138,8 +138,6 @@ def to_motion(trace: Any, format_name: str, specified: Units | None, label: str)
         Unchanged samples of the file.
     format_name : str
         ObsPy name of the format.
-    specified : Units or None
-        Units specified by the user.
     label : str
         File and channel, for messages.
 
@@ -219,8 +217,6 @@ def declared_units(
         ObsPy name of the format.
     label : str
         File and channel, for messages.
-    specified : Units or None
-        Units specified by the user.
 
     Raises
     ------
@@ -274,17 +270,6 @@ def _convert_by_file_units(
     trace: Any, declared: Declared, specified: Units | None, label: str
 ) -> Motion:
     """Convert samples to SI units by the units stated in the file.
-
-    Parameters
-    ----------
-    trace : obspy.Trace
-        Unchanged samples of the file.
-    declared : Declared
-        Units stated in the file.
-    specified : Units or None
-        Units specified by the user.
-    label : str
-        File and channel, for messages.
 
     Raises
     ------

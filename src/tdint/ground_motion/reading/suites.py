@@ -109,13 +109,6 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
 def _records_in_directory(directory: str, layout: TextLayout) -> tuple[list[str], list[str]]:
     """Return the paths of the records in a directory and the names of its other visible content.
 
-    Parameters
-    ----------
-    directory : str
-        Path of the directory.
-    layout : TextLayout
-        Layout of text tables specified by the user.
-
     Raises
     ------
     RecordError
