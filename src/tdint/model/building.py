@@ -357,17 +357,9 @@ def _frequency_bound(
     (M^-1 K x)_i / x_i over the floors i is an upper bound of the squared frequencies (Collatz
     1942).
 
-    Parameters
-    ----------
-    stiffness : array, shape (..., n)
-        Story stiffness, N/m; its absolute value is used.
-    link : array, shape (n + 1,)
-        1 for a story on the floor below, 0 for a story on the ground, and an additional last
-        element.
-    mass : array, shape (..., n)
-        Mass of each floor, kg.
-    iterations : int
-        Number of iterations of the power iteration.
+    `stiffness`: story stiffness, N/m; its absolute value is used. `link` is 1 for a story on the
+    floor below, 0 for a story on the ground, and an additional last element. `mass` is the mass of
+    each floor, kg.
 
     Returns
     -------
@@ -705,14 +697,7 @@ def _insert_numbers(
 ) -> None:
     """Insert the values that the samples change into the tables of the buildings.
 
-    Parameters
-    ----------
-    model : Model
-        The model that is varied.
-    changed_values : mapping
-        Changed values, as from `_changed_numbers`.
-    linear_terms, law_parameters, heights : ndarray, shape (draws, ...)
-        Tables of the buildings, which are changed.
+    `linear_terms`, `law_parameters` and `heights`: tables of the buildings, which are changed.
     """
     columns = law_columns(model.stories)
     for (i, column), values_of_draws in changed_values.items():
@@ -761,15 +746,13 @@ def _yield_drifts(
 ) -> Array:
     """Verify the laws of all samples and return their yield drifts, shape (draws, stories).
 
+    `law_parameters` contains the parameters of the laws of all samples; first axis: sample.
+
     Parameters
     ----------
-    model, base
-        The model that is varied, and its building.
     changed_values : mapping
         Changed values, as from `_changed_numbers`: an array of the values of all samples for
         each key (index of the story, index of the value in `story_numbers`).
-    law_parameters : ndarray
-        Parameters of the laws of all samples; first axis: sample.
 
     Raises
     ------
@@ -808,14 +791,8 @@ def _changed_numbers(
 ) -> dict[tuple[int, int], Array]:
     """Return the values of the stories that the samples change.
 
-    Parameters
-    ----------
-    model : Model
-        The model that is varied.
-    values : mapping of str to ndarray, shape (draws,)
-        Values of parameters by name; nan if a sample does not change the parameter.
-    draws : int
-        Number of samples.
+    `values` contains the values of parameters by name; nan if a sample does not change the
+    parameter.
 
     Returns
     -------
@@ -971,8 +948,6 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
 
     Parameters
     ----------
-    building : Building
-        The building.
     forces : ndarray, optional
         Table of `force_table`. Default: no forces.
     """

@@ -118,17 +118,8 @@ def _damping_without_isolators(
     the velocity of a floor relative to the floor on top of the nearest isolator below. Dampers to
     the ground would also damp the isolators.
 
-    Parameters
-    ----------
-    linear_terms : array, shape (rows, n + 1)
-        Linear terms of the building; its dampers in stories and to the ground are changed by this
-        function.
-    stiffness : array, shape (n,)
-        Initial stiffness of each story, N/m.
-    model : Model
-        Model, which specifies the stories with Rayleigh damping.
-    damping : RayleighCoefficients
-        Coefficients of the mass and of the stiffness.
+    `linear_terms`: linear terms of the building; its dampers in stories and to the ground are
+    changed by this function. `stiffness` is the initial stiffness of each story, N/m.
 
     Returns
     -------
@@ -166,8 +157,6 @@ def rayleigh(damping: RayleighRatio, omega_1: float, omega_2: float) -> Rayleigh
 
     Parameters
     ----------
-    damping : RayleighRatio
-        Damping ratios and numbers of the two modes.
     omega_1, omega_2 : float
         Circular frequencies of the two modes, rad/s.
 

@@ -213,16 +213,7 @@ def _restore_law(
 ) -> Law:
     """Restore a law of a plug-in in another process, and load the plug-in if necessary.
 
-    Parameters
-    ----------
-    name : str
-        Name of the law.
-    parameters : tuple of float
-        Values of its parameters.
-    code : int
-        Number of the law in the arrays of buildings.
-    file, digest : str
-        Path and SHA-256 of the plug-in.
+    `file` and `digest` are the path and SHA-256 of the plug-in.
 
     Raises
     ------
@@ -759,16 +750,10 @@ class Model:
 def _story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: bool) -> Story:
     """Return a story with other numbers.
 
-    Parameters
-    ----------
-    story : Story
-        Story with the name of the law; keys that it does not have remain absent. The stiffness of a
-        story with elements is the sum of their stiffnesses.
-    numbers : sequence of float
-        Numbers in the order of `story_numbers`.
-    is_law_changed : bool
-        True if a parameter of the law has been changed. If the law defines the initial stiffness,
-        the stiffness is then computed from the parameters.
+    `story` is the story with the name of the law; keys that it does not have remain absent. The
+    stiffness of a story with elements is the sum of their stiffnesses. `is_law_changed` is True if
+    a parameter of the law has been changed. If the law defines the initial stiffness, the stiffness
+    is then computed from the parameters.
     """
     springs = []
     for spring, columns in zip(story.springs, spring_columns(story), strict=True):
@@ -832,8 +817,6 @@ def simple_model(
 
     Parameters
     ----------
-    name : str
-        Name of the model.
     stories : sequence of Story
         Stories from the ground up.
     forces : sequence of Force
@@ -1012,11 +995,6 @@ def story_numbers(story: Story) -> tuple[float, ...]:
 def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
     """Describe each number in the parameters of a law.
 
-    Parameters
-    ----------
-    law : Law
-        Law of a story with its parameters.
-
     Returns
     -------
     list of (str, int, int, LawParameter)
@@ -1062,11 +1040,6 @@ def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
     """Return the values of a story that each parameter changes, by the name of the parameter.
 
     If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
-
-    Parameters
-    ----------
-    story : Story
-        Story with its law.
 
     Returns
     -------

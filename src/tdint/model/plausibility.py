@@ -152,11 +152,6 @@ def negative_damping(building: Building) -> list[str]:
 
     Rayleigh damping with two specified ratios that differ much has a negative coefficient of the
     mass or of the stiffness. Other modes can then have negative ratios.
-
-    Parameters
-    ----------
-    building : Building
-        The building.
     """
     dampers = building.linear_terms[[rows.STORY_DAMPER, rows.FLOOR_DAMPER]]
     # Without negative dampers no ratio is negative, and the modes are not computed.
@@ -288,13 +283,8 @@ def _unusual_floors(building: Building, period: float) -> list[str]:
     usual height are skipped, because the model may represent a laboratory test or a textbook
     example.
 
-    Parameters
-    ----------
-    building : Building
-        The building.
-    period : float
-        First natural period, s. If it is unusual, another warning reports this, and the floors are
-        not checked.
+    `period` is the first natural period, s. If it is unusual, another warning reports this, and the
+    floors are not checked.
     """
     if not PERIOD.contains(period):
         return []
@@ -314,8 +304,6 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
 
     Parameters
     ----------
-    building : Building
-        The building.
     dt : float or None
         Time step, s; None: the sampling interval of the record is the time step.
     interval : float or None
@@ -383,8 +371,6 @@ def unusual_stories(usual_range: UsualRange, values: Array | Sequence[float]) ->
 
     Parameters
     ----------
-    usual_range : UsualRange
-        Range of the usual values.
     values : array, shape (n,)
         Value of each story from the ground up, SI units; nan if unknown.
     """
@@ -404,8 +390,6 @@ def unusual(usual_range: UsualRange, values: Mapping[str, float]) -> list[str]:
 
     Parameters
     ----------
-    usual_range : UsualRange
-        Range of the usual values.
     values : mapping of str to float
         Values, SI units, by the name of the story or ground motion.
     """

@@ -243,14 +243,8 @@ def _read_tables(
 ) -> tuple[TableForce, ...]:
     """Return the forces from tables.
 
-    Parameters
-    ----------
-    items : sequence of Value
-        Entries of the list of forces with the keys of `_TABLE_FORCE`.
-    unit : ModelUnits
-        Units of the model file.
-    count : int or None
-        Number of stories; None if it is unknown after an error.
+    `items` contains the entries of the list of forces with the keys of `_TABLE_FORCE`. `count` is
+    the number of stories; None if it is unknown after an error.
     """
     if not items:
         return ()
@@ -287,14 +281,8 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
 
     Invalid values are reported and replaced by nan or 0.
 
-    Parameters
-    ----------
-    value : Value
-        Entry of the list of forces.
-    unit : ModelUnits
-        Units of the model file.
-    count : int or None
-        Number of stories, which is the highest floor; None if it is unknown after an error.
+    `count` is the number of stories, which is the highest floor; None if it is unknown after an
+    error.
     """
     section = value.section(_FORCE)
     if section is None:
@@ -503,15 +491,7 @@ def model_from_mapping(value: Value, origin: SourceText) -> Model | None:
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:
-    """Return the model. Invalid values are reported and replaced by nan or None.
-
-    Parameters
-    ----------
-    section : Section
-        Section with the keys of a model file.
-    origin : SourceText
-        File that contains the model.
-    """
+    """Return the model. Invalid values are reported and replaced by nan or None."""
     unit = read_units(section.inner("units"))
     p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
@@ -550,12 +530,8 @@ def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUni
     Without `output_units` in the file, tables are in SI units, and reports in the units of the
     file.
 
-    Parameters
-    ----------
-    value : Value or None
-        Value of the key `output_units`, one text or a list of texts; None if it is missing.
-    unit : ModelUnits
-        Units of the model file.
+    `value` is the value of the key `output_units`, one text or a list of texts; None if it is
+    missing.
 
     Returns
     -------
@@ -577,14 +553,8 @@ def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUni
 def _read_initial(section: Section, unit: ModelUnits, count: int | None) -> Initial:
     """Return the initial state of the floors, m and m/s. The default is zero.
 
-    Parameters
-    ----------
-    section : Section
-        Section with the keys of `_INITIAL`: lists with one number per story.
-    unit : ModelUnits
-        Units of the model file.
-    count : int or None
-        Number of stories; None if it is unknown after an error.
+    `section` is the section with the keys of `_INITIAL`: lists with one number per story. `count`
+    is the number of stories; None if it is unknown after an error.
     """
     states: list[tuple[float, ...]] = []
     for name in _INITIAL:
@@ -610,17 +580,7 @@ def _read_damage(value: Value | None) -> DamageStates | None:
 def _read_limits(
     section: Section, unit: ModelUnits, stories: tuple[Story, ...]
 ) -> tuple[Limit, ...]:
-    """Return the limits of a model; empty without limits.
-
-    Parameters
-    ----------
-    section : Section
-        Section of the model.
-    unit : ModelUnits
-        Units of the model file.
-    stories : tuple of Story
-        Stories from the ground up.
-    """
+    """Return the limits of a model; empty without limits."""
     value = section.get("limits")
     if value is None:
         return ()
@@ -636,15 +596,6 @@ def _read_stories(
     """Return stories, number of stories and damping, from `stories` or derived from `building`.
 
     The number of stories is None after an error.
-
-    Parameters
-    ----------
-    section : Section
-        Section of the model.
-    unit : ModelUnits
-        Units of the model file.
-    p_delta : bool
-        Require the height of every story of the list `stories`.
     """
     building, damping = section.get("building"), section.get("damping")
     if building is None:
@@ -716,10 +667,6 @@ def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None
     ----------
     original : Model
         Model read from the file.
-    changed : Model
-        Same model with other stiffnesses and damping.
-    new_path : Path
-        Path of the new file.
 
     Returns
     -------
@@ -756,15 +703,8 @@ def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None
 def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, str]]:
     """Return the replacements of the relative paths in `excitation`: record and tables of forces.
 
-    Parameters
-    ----------
-    root : yaml.Node
-        Root of the file.
-    model : Model
-        Model with the paths of the record and of its station metadata, relative to the working
-        directory.
-    folder : Path
-        Directory of the new file. The new paths are relative to it.
+    `model` is the model with the paths of the record and of its station metadata, relative to the
+    working directory. `folder` is the directory of the new file. The new paths are relative to it.
 
     Returns
     -------
@@ -853,14 +793,8 @@ def _end_index(node: Any) -> int:
 def _replace_parts(text: str, edits: Sequence[tuple[int, int, str]], offset: int = 0) -> str:
     """Return a text with replaced parts.
 
-    Parameters
-    ----------
-    text : str
-        Original text.
-    edits : sequence of (int, int, str)
-        Start and end of each replaced part, as indices in the file, and its new text.
-    offset : int
-        Index of the first character of `text` in the file to which the indices refer.
+    `edits` is the start and end of each replaced part, as indices in the file, and its new text.
+    `offset` is the index of the first character of `text` in the file to which the indices refer.
     """
     # Replace from the end to the start, because a replacement changes the indices after it.
     for start, end, replacement in sorted(edits, reverse=True):
@@ -873,15 +807,8 @@ def _stiffness_edit(
 ) -> tuple[int, int, str]:
     """Return the replacement of an entry of `stories` with scaled stiffnesses.
 
-    Parameters
-    ----------
-    text : str
-        Text of the file.
-    entry, stories : yaml.Node
-        Entry of the list `stories`, and this list.
-    factors : sequence of float
-        Factor on the stiffness of each story of the entry. If all are equal, the entry is written
-        once, otherwise once per story.
+    `factors` is the factor on the stiffness of each story of the entry. If all are equal, the entry
+    is written once, otherwise once per story.
 
     Returns
     -------

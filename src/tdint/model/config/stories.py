@@ -61,12 +61,8 @@ def _law_keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
     A parameter with `group` "pinching.force" is a key of the mapping `force`, which is the value of
     a key of the mapping `pinching`, which is the value of a key of the law.
 
-    Parameters
-    ----------
-    law : DriftLaw
-        Law that declares the parameters.
-    group : str
-        Names of the nested groups, separated by dots; "" for the mapping of the law.
+    `group` contains the names of the nested groups, separated by dots; "" for the mapping of the
+    law.
     """
     keys: dict[str, Key] = {}
     for parameter in law.parameters:
@@ -236,15 +232,6 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     A parameter may be in a group, which is a mapping inside the section. Its name is a path with
     dots, and "" is the complete section. A parameter of several points is a list of pairs. After an
     error, which is added to the errors of the file, the values of a parameter are nan.
-
-    Parameters
-    ----------
-    section : Section
-        Section with the parameters.
-    law : DriftLaw
-        Law that declares the parameters.
-    unit : ModelUnits
-        Units of the model file.
     """
     # Sort the groups by depth: an outer group must be read before its inner groups.
     names = sorted(
@@ -284,17 +271,9 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
 def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: ModelUnits) -> Group:
     """Return the values of a group of parameters in the mapping of a hysteretic law.
 
-    Parameters
-    ----------
-    groups : mapping of str to Group
-        Outer groups that have been read; "" is the section of the law.
-    law : DriftLaw
-        Law that declares the group.
-    group : str
-        Name of the group with the names of its outer groups, separated by dots; "" for parameters
-        without a group.
-    unit : ModelUnits
-        Units of the model file.
+    `groups` contains the outer groups that have been read; "" is the section of the law. `group` is
+    the name of the group with the names of its outer groups, separated by dots; "" for parameters
+    without a group.
 
     Returns
     -------
@@ -340,17 +319,13 @@ def _read_points(
     Infinite points complete an open-ended list; `four_points` completes four points. All numbers
     are nan after reporting an error.
 
+    `earlier` contains the parameters that have already been read, in SI units.
+
     Parameters
     ----------
     group : Section, float or None
         Values of the group of the parameter (`_read_group`): a section, or nan after an error that
         `_read_group` has reported. None for an optional group that the file omits.
-    parameter : LawParameter
-        Declaration of the points.
-    unit : ModelUnits
-        Units of the model file.
-    earlier : mapping of str to tuple of float
-        Parameters that have already been read, in SI units.
     """
     invalid_points = (math.nan,) * (2 * parameter.points)
     point_list = f"{parameter.point_count_text} [drift, force]"
@@ -402,16 +377,7 @@ def _read_number(
 ) -> float:
     """Return a parameter in SI units, its default if it is omitted, or nan after an error.
 
-    Parameters
-    ----------
-    group : Section, float or None
-        Values of the group of the parameter (`_read_group`).
-    parameter : LawParameter
-        Declaration of the parameter.
-    unit : ModelUnits
-        Units of the model file.
-    earlier : mapping of str to tuple of float
-        Parameters that have already been read, in SI units.
+    `earlier` contains the parameters that have already been read, in SI units.
     """
     bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
     default = (
@@ -528,17 +494,7 @@ def read_stories(
 
 
 def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, int | None]:
-    """Return the story of one entry and its number of repetitions, which is None after an error.
-
-    Parameters
-    ----------
-    entry : Value
-        Entry of the list of stories.
-    unit : ModelUnits
-        Units of the model file.
-    p_delta : bool
-        Require the height of the story.
-    """
+    """Return the story of one entry and its number of repetitions, which is None after an error."""
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
@@ -676,17 +632,8 @@ def _read_stiffness(
     If the parameters of the law determine the initial stiffness, the key `stiffness` is optional,
     and a different value is an error.
 
-    Parameters
-    ----------
-    section : Section
-        Section of the story.
-    law_name : str
-        Name of the law, for the message.
-    stiffness_of_law : float or None
-        Initial stiffness that follows from the parameters of the law, N/m; None if the law does not
-        determine it.
-    unit : ModelUnits
-        Units of the model file.
+    `stiffness_of_law` is the initial stiffness that follows from the parameters of the law, N/m;
+    None if the law does not determine it.
     """
     factor = unit.factor(force=1, length=-1)
     if stiffness_of_law is None:
@@ -705,15 +652,7 @@ def _read_stiffness(
 
 
 def _read_mass(section: Section, unit: ModelUnits) -> float:
-    """Return the mass of the floor, kg, from the key `mass` or `weight`.
-
-    Parameters
-    ----------
-    section : Section
-        Section of the story.
-    unit : ModelUnits
-        Units of the model file.
-    """
+    """Return the mass of the floor, kg, from the key `mass` or `weight`."""
     if section.has("weight"):
         if section.has("mass"):
             section.value.fault("give either mass or weight, not both")
@@ -741,12 +680,7 @@ def _read_dashpot(
     mapping defines a power-law dashpot, possibly with a brace. The coefficient is 0 or the
     power-law dashpot None. The coefficient is nan after an error.
 
-    Parameters
-    ----------
-    value : Value or None
-        Value of the key `dashpot`; None for a story without a dashpot.
-    unit : ModelUnits
-        Units of the model file.
+    `value` is the value of the key `dashpot`; None for a story without a dashpot.
     """
     if value is None:
         return 0.0, None, 1.0
