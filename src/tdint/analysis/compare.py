@@ -66,8 +66,6 @@ class RecordedFloor:
         ----------
         interval : float
             Interval of the times, s.
-        count : int
-            Number of times.
         shift : float
             Shift of the recording to later times, s.
         """
@@ -255,15 +253,6 @@ def _base_motion(
 ) -> tuple[Record, float]:
     """Return the ground motion that drives the model: the mean acceleration of the base sensors.
 
-    Parameters
-    ----------
-    signals : sequence of Signal
-        Signals of the sensors of the base.
-    source : str
-        File that describes the recording.
-    notes : dict
-        Notes as keys, to which changes of the signals are added.
-
     Returns
     -------
     record : Record
@@ -301,15 +290,6 @@ def _base_motion(
 def _floor_signal(signals: Sequence[Signal], label: str, notes: dict[str, None]) -> Signal:
     """Return the translation of a floor: the mean of its sensors, in which rotations cancel.
 
-    Parameters
-    ----------
-    signals : sequence of Signal
-        Signals of the sensors of the floor.
-    label : str
-        Name of the floor in messages.
-    notes : dict
-        Notes, to which assumptions are added.
-
     Raises
     ------
     RecordError
@@ -336,14 +316,7 @@ def _mean_signal(
 ) -> tuple[Signal, float]:
     """Return the mean of signals over their common time, and the start of this time.
 
-    Parameters
-    ----------
-    signals : sequence of Signal
-        Signals of one quantity.
-    label : str
-        Name of the signals in messages.
-    notes : dict
-        Notes as keys, to which assumptions about the clocks are added.
+    `notes`: notes as keys, to which assumptions about the clocks are added.
 
     Returns
     -------
@@ -640,8 +613,6 @@ def case_under(model: Model, event: Event, method: str | None = None) -> Case:
     ----------
     model : Model
         Model of the building.
-    event : Event
-        Recorded event.
     method : str, optional
         Method; default is the method of the model, otherwise `exact` for a linear building.
     """
@@ -713,8 +684,6 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
     ----------
     response : Response
         Response with its history, with one or several time steps in a sampling interval.
-    event : Event
-        Recorded event.
 
     Returns
     -------
@@ -752,8 +721,6 @@ def compared_floors(
 
     Parameters
     ----------
-    event : Event
-        Recorded event.
     computed : sequence of ndarray, shape (count,)
         Computed motions of the recorded floors, as from `computed_floors`.
     shift : float
@@ -792,8 +759,6 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
 
     Parameters
     ----------
-    event : Event
-        Recorded event.
     computed : sequence of ndarray
         Computed motions of the recorded floors at the sampling times of the base.
     """

@@ -364,19 +364,13 @@ def _run_worker(
 ) -> tuple[dict[str, Any], str]:
     """Run OpenSeesPy in a separate process, because its libraries would stay loaded and may crash.
 
+    `share` is the fraction of `opensees_worker.SECONDS` that each integrator may use.
+
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
-    runs : sequence of tuple
-        Methods and time steps.
     reference : Reference
         Reference solution. Its maximum inertia force scales the tolerance of OpenSees' iterations,
         and its peak drifts scale the drifts of the force tables that replace curved laws.
-    repeats : int
-        Number of times that each run is timed.
-    share : float
-        Fraction of `opensees_worker.SECONDS` that each integrator may use.
 
     Returns
     -------
@@ -479,16 +473,8 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
 def _motion(problem: Problem, steps: Steps, motion_rows: Array, peak_drift: Array) -> FloorMotion:
     """Return a motion of the worker with absolute instead of relative accelerations.
 
-    Parameters
-    ----------
-    problem : Problem
-        Building with its excitation.
-    steps : Steps
-        Time steps of the run.
-    motion_rows : ndarray, shape (3, rows, floors)
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) relative to the ground.
-    peak_drift : ndarray
-        Maximum absolute drift of each story, m.
+    `motion_rows` is the displacement (m), velocity (m/s) and acceleration (m/s^2) relative to the
+    ground. `peak_drift` is the maximum absolute drift of each story, m.
     """
     ground = np.interp(
         problem.interval * steps.stride * np.arange(motion_rows.shape[1]),
@@ -620,14 +606,9 @@ def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: 
     u and v are the displacements and velocities of the floors relative to the ground, and z the
     hysteretic forces of the stories. Without bilinear stories, z is omitted.
 
-    Parameters
-    ----------
-    problem : Problem
-        Building with its excitation.
-    law : tuple of ndarray
-        Elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
-    deadline : float
-        Reading of `tdint.system.seconds` after which the function raises `_TimeExceeded`, s.
+    `law` is the elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
+    `deadline` is the reading of `tdint.system.seconds` after which the function raises
+    `_TimeExceeded`, s.
     """
     building = problem.building
     floor_count = building.stories
@@ -680,20 +661,8 @@ def _solve(
 ) -> Point | None:
     """Return the point of one run; None if the run exceeds its time limit.
 
-    Parameters
-    ----------
-    problem : Problem
-        Building with its excitation.
-    reference : Reference
-        Reference solution of the errors.
-    law : tuple of ndarray
-        Elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
-    method : str
-        Method of solve_ivp.
-    tolerance : float
-        Relative tolerance.
-    seconds : float
-        Time limit, s.
+    `law` is the elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
+    `seconds` is the time limit, s.
     """
     from scipy.integrate import solve_ivp
 
@@ -768,8 +737,6 @@ def with_plugins(
         Building with its excitation.
     chart : Chart
         Chart to which the points are added.
-    repeats : int
-        Number of times that each function is timed.
     progress : callable
         Function that receives, before each peer is run, the name of its plug-in and the fraction of
         the peers that are completed.
@@ -816,16 +783,8 @@ def _plugin_point(
 ) -> Point:
     """Time a function of a plug-in and return its point; the caller adds the name of the point.
 
-    Parameters
-    ----------
-    problem : Problem
-        Building with its excitation.
-    reference : Reference
-        Reference solution of the errors.
-    function : callable
-        Function of the problem that returns times (s) and displacements of the floors (m).
-    repeats : int
-        Number of calls, which are all timed.
+    `function` is the function of the problem that returns times (s) and displacements of the floors
+    (m).
 
     Raises
     ------

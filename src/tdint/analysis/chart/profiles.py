@@ -248,8 +248,6 @@ class Measured:
 
         Parameters
         ----------
-        line : str
-            Name of the line of the method.
         quantity : str
             Name of the error, for example `peak_drift`.
         tolerance : float
@@ -557,17 +555,9 @@ def _repeat_contenders(
 
     Each repetition times every such point, so that a slow phase of the machine affects all points.
 
-    Parameters
-    ----------
-    posed : Problem
-        Building with its excitation.
-    points : dict
-        Points by method and time step, each timed one time. The repeated points are replaced by
-        points with further times.
-    repeats : int
-        Final number of times of a repeated point, including the first.
-    progress : callable
-        Callback for progress reports.
+    `points` contains the points by method and time step, each timed one time. The repeated points
+    are replaced by points with further times. `repeats` is the final number of times of a repeated
+    point, including the first.
     """
     contenders = _contenders(points.values())
     for repetition in range(1, repeats):
@@ -593,16 +583,7 @@ def _points_of_method(
     No smaller step is run after two successive errors far below all tolerances. Each point is timed
     one time.
 
-    Parameters
-    ----------
-    posed : Problem
-        Building with its excitation.
-    integrator : Integrator
-        Method.
-    dts : sequence of float
-        Time steps in descending order, s.
-    true_peaks : StoryPeaks
-        Peaks of the reference.
+    `dts` contains the time steps in descending order, s.
     """
     points: list[Point] = []
     for dt in dts:
@@ -659,14 +640,7 @@ def _opensees_results(
     Points are returned only if OpenSees integrates the same building: with small steps, its
     histories must equal the reference within a fifth of the smallest tolerance.
 
-    Parameters
-    ----------
-    posed : Problem
-        Building with its excitation.
-    dts : sequence of float
-        Time steps, s.
-    true_peaks : StoryPeaks
-        Peaks of the reference.
+    `dts` contains the time steps, s.
 
     Returns
     -------
@@ -944,15 +918,6 @@ def _read_problem(
     """Read one entry of the list of problems.
 
     The result is None if the entry is invalid. Its errors are then stored in the document.
-
-    Parameters
-    ----------
-    entry : Section
-        Entry of the list of problems.
-    origin : SourceText
-        Text of the file.
-    motions : sequence of str
-        Names of the ground motions of the file.
 
     Returns
     -------

@@ -161,8 +161,6 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
 
     Parameters
     ----------
-    integrator : Integrator
-        Method.
     omega, damping : ndarray, shape (k,)
         Circular frequencies (rad/s) and damping ratios.
     h : float
@@ -193,14 +191,8 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     such as displacement and velocity. Column j of a matrix contains the memory rows after one step
     that starts with the value 1 in memory row j and 0 in all further rows.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        Method.
-    building : Building
-        Result of `oscillators`: its k stories are independent oscillators, each of mass 1 kg.
-    h : float
-        Time step, s.
+    `building` is the result of `oscillators`: its k stories are independent oscillators, each of
+    mass 1 kg. `h` is the time step, s.
 
     Raises
     ------
@@ -304,8 +296,6 @@ def find_instability(
 
     Parameters
     ----------
-    integrator : Integrator
-        Method.
     omega, damping : ndarray, shape (k,)
         Circular frequencies (rad/s) and damping ratios.
     h : float

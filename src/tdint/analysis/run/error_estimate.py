@@ -256,8 +256,6 @@ def reference_steps(case: Case, steps: Steps) -> Steps:
     ----------
     case : Case
         Building, ground motion and method of the run.
-    steps : Steps
-        Time steps of the run.
     """
     if case.record is not None:
         return shorter_steps(steps)
@@ -564,15 +562,9 @@ def _chunks_with_error(
 ) -> Iterator[History]:
     """Yield the chunks of a history with the estimated errors at each row.
 
-    Parameters
-    ----------
-    chunks, other_chunks : callable
-        Functions that return the chunks of the history of the run and of the additional run, with
-        every N-th time step for the argument N.
-    ratio : int
-        Number of time steps of the additional run in one time step of the run.
-    every : int, default 1
-        Interval of the rows in time steps of the run.
+    `chunks` and `other_chunks` are the functions that return the chunks of the history of the run
+    and of the additional run, with every N-th time step for the argument N. `ratio` is the number
+    of time steps of the additional run in one time step of the run.
     """
     return map(_with_error, chunks(every), other_chunks(ratio * every))
 

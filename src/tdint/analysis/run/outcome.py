@@ -587,12 +587,9 @@ class History(Tabular):
 def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
     """Combine each array of nested dataclasses with the same array of the other dataclasses.
 
-    Parameters
-    ----------
-    parts : sequence
-        Dataclasses of one type with arrays, None or further dataclasses as fields.
-    join : callable
-        Function that combines a sequence of arrays to one array; by default, it concatenates them.
+    `parts` contains the dataclasses of one type with arrays, None or further dataclasses as fields.
+    `join` is the function that combines a sequence of arrays to one array; by default, it
+    concatenates them.
 
     Returns
     -------

@@ -82,11 +82,6 @@ class Overview(Tabular):
 def overview(source: str | Path) -> Overview:
     """Read a model file and summarize the model.
 
-    Parameters
-    ----------
-    source : str or Path
-        Model file.
-
     Returns
     -------
     Overview

@@ -291,8 +291,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrators : iterable of Integrator
-            Methods.
         progress : callable
             Function that receives the completed fraction, from 0 to 1; by default no function.
         own_loops : bool, default False
@@ -364,8 +362,6 @@ class PreparedBuilding:
         ----------
         integrator : Integrator
             Method.
-        steps : Steps
-            Time steps.
         ground : ndarray, shape (samples,), optional
             Ground acceleration at the samples, m/s^2; linear between samples and zero after the
             last sample. None means that the ground is at rest.
@@ -605,19 +601,9 @@ class PreparedBuilding:
     ) -> Callable[..., None]:
         """Return a function that integrates runs in the compiled loop with the arrays of `space`.
 
-        Parameters
-        ----------
-        integrator : Integrator
-            Method.
-        h : float
-            Time step, s.
-        samples : ndarray
-            Concatenated ground accelerations of all runs, m/s^2.
-        runs : sequence of RunSpec
-            All runs that the returned function may integrate. Only the maximum number of their
-            samples is used, as the size of a work array.
-        space : Workspace
-            Arrays of the method. They contain the initial state.
+        `h` is the time step, s. `samples` contains the concatenated ground accelerations of all
+        runs, m/s^2. `runs` contains all runs that the returned function may integrate. Only the
+        maximum number of their samples is used, as the size of a work array.
 
         Returns
         -------
@@ -895,13 +881,6 @@ def _other_kernels(
 
     The time loop does not call them. They are compiled in the background, together with the kernels
     of the loop, so that later calls do not have to wait.
-
-    Parameters
-    ----------
-    prepared : PreparedBuilding
-        Building.
-    integrator : Integrator
-        Method of the run.
     """
     # `peaks` computes response spectra. Imported here, because few runs are compiled in advance.
     from tdint.kernels.oscillators.elastic import peaks
@@ -933,8 +912,6 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
 
     Parameters
     ----------
-    prepared : PreparedBuilding
-        Building.
     methods : sequence of Integrator
         Method of the run and method of its error estimate.
     steps : int

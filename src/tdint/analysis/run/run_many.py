@@ -280,11 +280,8 @@ def run_many(
 def _run_each_method(arguments: dict[str, Any]) -> ResultList[Runs]:
     """Return the runs of each method with each time step, one result for each combination.
 
-    Parameters
-    ----------
-    arguments : dict
-        Arguments of `run_many` by name; `method` or `dt` is a list. Both are removed from the
-        dictionary.
+    `arguments` contains the arguments of `run_many` by name; `method` or `dt` is a list. Both are
+    removed from the dictionary.
 
     Raises
     ------
@@ -315,22 +312,21 @@ def _requested(
 
     The tuples contain arguments of `run_many`, in this order.
 
+    `analysis` is `method`, `dt` (s) and `duration` (s), each None for the value of the model; and
+    `check`, True if errors are estimated. `jobs` is the number of threads; None for the number of
+    processors.
+
     Parameters
     ----------
     inputs : tuple
         `models`, `records`; `scales`, factors on the ground motions; and `zip_records`, True if
         the items of these lists are combined in pairs, False for all combinations.
-    analysis : tuple
-        `method`, `dt` (s) and `duration` (s), each None for the value of the model; and `check`,
-        True if errors are estimated.
     samples : tuple
         `vary`, values of parameters by name; `product`, True for all combinations of these values;
         and `errors`: `raise` or `keep` for samples that are out of range.
     kept : tuple
         `history`, names of the histories to keep; `every`, the interval of their rows in steps; and
         `out`: None, arrays for the histories, or the path of a Parquet file for the table.
-    jobs : int or None
-        Number of threads; None for the number of processors.
 
     Returns
     -------
@@ -425,21 +421,8 @@ def _integrate_plan(
 ) -> None:
     """Integrate the runs of a plan on threads and write them to the result.
 
-    Parameters
-    ----------
-    request : RunsRequest
-        Buildings, ground motions and varied parameters.
-    result : Runs
-        Result with arrays for all runs.
-    plan : sequence of RunSpec
-        Runs to integrate.
-    threads : int
-        Number of threads.
-    progress : bool or callable
-        As for `run_many`.
-    partial : bool
-        True to return after an interrupt (Ctrl-C); the runs that were not integrated are recorded
-        as failures. Otherwise KeyboardInterrupt is raised.
+    `partial` is True to return after an interrupt (Ctrl-C); the runs that were not integrated are
+    recorded as failures. Otherwise KeyboardInterrupt is raised.
     """
     # The threads share the runs in small parts, so that they finish at about the same time.
     parts = [
@@ -487,16 +470,7 @@ def _empty_result(
 ) -> Runs:
     """Return a result whose arrays contain nan, 0 or "interrupted" until threads fill their rows.
 
-    Parameters
-    ----------
-    request : RunsRequest
-        Checked arguments.
-    plan : sequence of RunSpec
-        All runs, one row for each.
-    every : int
-        Number of time steps between two rows of a history.
-    history : dict of str to ndarray
-        Arrays of the histories, shape (runs, rows, stories).
+    `plan` contains all runs, one row for each.
     """
     peaks, errors, corrected = (
         {
@@ -599,17 +573,6 @@ def _integrate_with_histories(
     """Integrate runs of one building with one time step, and write the requested histories to
     `result`.
 
-    Parameters
-    ----------
-    subject : Subject
-        Building and method.
-    request : RunsRequest
-        Ground motions.
-    result : Runs
-        Result whose history arrays are filled.
-    runs : sequence of RunSpec
-        Runs of the building.
-
     Returns
     -------
     BatchResult
@@ -701,11 +664,6 @@ def _gradient(
 
     The errors are estimated by computing the derivatives again from a second set of runs with half
     the time step. `default_reference` selects the method of these runs.
-
-    Parameters
-    ----------
-    request, plan, peaks, history, every, names, threads
-        As for `_differentiated`.
     """
     gradient = _differentiated(request, plan, peaks, history, every, names, threads)
     if not request.check:
@@ -737,16 +695,7 @@ def _integrate_all(
 ) -> None:
     """Integrate all runs of a plan on threads, and write them to the result.
 
-    Parameters
-    ----------
-    request : RunsRequest
-        Buildings and ground motions.
-    result : Runs
-        Result with a row for each run, whose arrays are filled.
-    plan : sequence of RunSpec
-        Runs.
-    threads : int
-        Number of threads.
+    `result` is the result with a row for each run, whose arrays are filled.
     """
     # Each thread receives at least one part if there are enough runs.
     size = max(1, min(_RUNS_PER_BATCH, math.ceil(len(plan) / threads)))
@@ -769,23 +718,10 @@ def _differentiated(
     For each run and parameter, two neighboring runs are integrated with another value of only this
     parameter (`neighbors`). The derivative follows from the three results (`slopes`).
 
-    Parameters
-    ----------
-    request : RunsRequest
-        Buildings, ground motions and samples.
-    plan : sequence of RunSpec
-        Completed runs. Their attribute `number` is their row in `peaks` and `history`.
-    peaks : StoryPeaks
-        Peaks of all runs, shape (all runs, n), including runs that are not in `plan`.
-    history : mapping of str to ndarray
-        Kept histories of all runs, shape (all runs, rows, n).
-    every : int
-        Number of time steps between two rows of the histories.
-    names : sequence of str
-        Parameters of the buildings, or `record.scale` (`SCALE`) for the factor on the ground
-        motion, as in `vary` of `run_many`.
-    threads : int
-        Number of threads.
+    `plan` contains the completed runs. Their attribute `number` is their row in `peaks` and
+    `history`. `peaks` contains the peaks of all runs, shape (all runs, n), including runs that are
+    not in `plan`. `names` contains the parameters of the buildings, or `record.scale` (`SCALE`) for
+    the factor on the ground motion, as in `vary` of `run_many`.
 
     Returns
     -------
@@ -861,14 +797,7 @@ def _neighbor_runs(
 
     The runs are in the order of `plan`, then of the parameters, then of the two neighbors.
 
-    Parameters
-    ----------
-    request, plan, names
-        As for `_differentiated`.
-    numbers : mapping
-        Values of the parameters, by the indices of building and sample.
-    near : mapping
-        Two neighbors of each value, by the same indices.
+    `numbers` contains the values of the parameters, by the indices of building and sample.
 
     Returns
     -------
