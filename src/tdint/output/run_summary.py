@@ -283,18 +283,9 @@ def _with_provenance(
     These are the record, the settings, the notes, the inputs and the versions. The meanings of all
     numbers follow.
 
-    Parameters
-    ----------
-    content : dict
-        Results of the run; this dictionary is changed.
-    record : Record or None
-        Ground motion of the run; None without ground motion.
-    settings : mapping or None
-        Options of the command line that are not part of the model.
-    notes : sequence of str
-        Notes and warnings of the run.
-    inputs : sequence of Input
-        Input files.
+    `content`: results of the run; this dictionary is changed. `record` is the ground motion of the
+    run; None without ground motion. `settings` contains the options of the command line that are
+    not part of the model.
     """
     content |= {
         "record": motion_summary(record) if record else None,
@@ -427,12 +418,7 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
     """Return the part of summary.json about the error estimate of a run; None if the errors were
     not estimated.
 
-    Parameters
-    ----------
-    check : ErrorEstimate or None
-        Error estimate of the run.
-    stories : StoryPeaks
-        Peak responses of the run; the errors are the errors of these values.
+    `stories` contains the peak responses of the run; the errors are the errors of these values.
     """
     if check is None:
         return None

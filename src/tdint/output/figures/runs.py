@@ -107,16 +107,7 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
 
     All samples are shown, independently of the time steps of the run.
 
-    Parameters
-    ----------
-    axes : Axes
-        Panel.
-    record : Record
-        Ground motion.
-    end : float
-        Time of the end of the run, s.
-    units : OutputUnits
-        Units of the panel.
+    `end` is the time of the end of the run, s.
     """
     motion, unit = units.of(record.acceleration, "m/s^2"), units.label("m/s^2")
     time = record.dt * np.arange(motion.size)
@@ -141,12 +132,8 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
 def _mark_events(panels: Sequence[Any], response: Response) -> None:
     """Mark the start of each event of a sequence of ground motions by a vertical line.
 
-    Parameters
-    ----------
-    panels : sequence of Axes
-        Panels with the time on the x axis. The number of the event is written above the first.
-    response : Response
-        Result of a run; without a sequence, it has no events.
+    `panels` contains the panels with the time on the x axis. The number of the event is written
+    above the first. `response` is the result of a run; without a sequence, it has no events.
     """
     for axes in panels:
         for event in response.events[1:]:
@@ -188,16 +175,8 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
 
     The band is omitted if it would be too narrow to be visible.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    history : History
-        Response history.
-    peak : float
-        Maximum absolute roof displacement, m; it may occur between the points of the history.
-    units : OutputUnits
-        Unit of the displacement.
+    `peak` is the maximum absolute roof displacement, m; it may occur between the points of the
+    history.
     """
     roof, unit = units.of(history.displacement[:, -1], "m"), units.label("m")
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
@@ -218,16 +197,8 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     Layers that are too thin to be visible are omitted. A text states the error of the energy
     balance.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    response : Response
-        Result of the run, with the initial energy and the error of the energy balance.
-    history : History
-        Response history with its energies.
-    units : OutputUnits
-        Units of the figure, which determine the unit of the energy.
+    `response` is the result of the run, with the initial energy and the error of the energy
+    balance. `units` contains the units of the figure, which determine the unit of the energy.
     """
     energy = history.energy
     total_input = response.energy.initial + energy.input
@@ -293,18 +264,7 @@ def _mark_peak(
 
     The peak may occur between the points. A quantity that is zero is not marked.
 
-    Parameters
-    ----------
-    axes : Axes
-        Panel.
-    time, values : ndarray
-        Points of the curve.
-    peak : float
-        Maximum absolute value.
-    unit : str
-        Unit of the values.
-    more : str
-        Text after the peak; empty by default.
+    `more` is the text after the peak; empty by default.
     """
     if not np.any(values):
         return
@@ -365,17 +325,6 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
     """Plot the hysteresis loop of the story that `loop_story` selects.
 
     The title of the panel states the number of the story and the reason for its selection.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    response : Response
-        Result of the run.
-    history : History
-        Its response history.
-    units : OutputUnits
-        Units of the panel.
     """
     story, reason = loop_story(response, units)
     _draw_loop(axes, response, history, story, units)
@@ -387,18 +336,7 @@ def _draw_loop(
 ) -> None:
     """Plot the shear of a story over its drift.
 
-    Parameters
-    ----------
-    axes : matplotlib Axes
-        Panel.
-    response : Response
-        Result of the run.
-    history : History
-        Its response history.
-    story : int
-        Story, from 0.
-    units : OutputUnits
-        Units of the panel.
+    `story` is the story, from 0.
     """
     stories = response.stories
     drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
@@ -443,8 +381,6 @@ def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     response : Response
         Result of the run.
     units : OutputUnits
@@ -468,8 +404,6 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
 
     Parameters
     ----------
-    panels : sequence of Axes
-        Panels of the drifts, the accelerations and the shears.
     response : Response
         Result of a run.
     units : OutputUnits
@@ -528,13 +462,9 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     response : Response
         Result of a run. The panel also shows residual drifts, estimated errors, the collapse drift
         and the drifts of the events of a sequence, up to the number of colors.
-    units : OutputUnits
-        Unit of the drifts as lengths.
     """
     stories = response.stories
     # The height of an isolator is nan, also if the model specifies a height. `scale` converts
@@ -600,18 +530,8 @@ def _draw_separate_story(
 ) -> None:
     """Plot a hatched bar over the complete width of the panel, with the drift as text.
 
-    Parameters
-    ----------
-    axes : Axes
-        Panel.
-    index : int
-        Index of the story, from 0.
-    drift : float
-        Peak drift, m.
-    end : float
-        End of the bar, in units of the axis.
-    units : OutputUnits
-        Units of the text.
+    `index` is the index of the story, from 0. `drift` is the peak drift, m. `end` is the end of the
+    bar, in units of the axis.
     """
     axes.barh(
         index + 1,
@@ -674,17 +594,7 @@ def sensitivity_picture(
 
 
 def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: OutputUnits) -> None:
-    """Plot a tornado diagram: a bar from the low to the high value for each varied parameter.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    parameter_effects : sequence of ParameterEffect
-        Effects of each parameter on the same quantity.
-    units : OutputUnits
-        Units of the figure; ratios are in percent.
-    """
+    """Plot a tornado diagram: a bar from the low to the high value for each varied parameter."""
     first = parameter_effects[0]
     if first.quantity.unit == "1":
         factor, unit = 100.0, "%"

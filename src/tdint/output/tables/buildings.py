@@ -570,17 +570,7 @@ def _law_words(law: Law, units: OutputUnits) -> str:
 
 
 def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
-    """Return a number with its unit as text, for example 5000 kN/m.
-
-    Parameters
-    ----------
-    value : float
-        Number in SI units.
-    force, length : int
-        Exponents of force and length in its dimension.
-    units : OutputUnits
-        Units of the text.
-    """
+    """Return a number with its unit as text, for example 5000 kN/m."""
     numerator: list[str] = []
     denominator: list[str] = []
     for si, power in (("N", force), ("m", length)):
@@ -651,8 +641,6 @@ def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
 
     Parameters
     ----------
-    modes : Modes
-        Modes of the building.
     damping : ndarray, shape (n,)
         Damping ratios of the modes.
     norm : str, optional
@@ -720,12 +708,7 @@ def _by_event(
     """Return the rows of several results for each event. If there are several events, the last
     column is the file of the recordings.
 
-    Parameters
-    ----------
-    columns : sequence of Column
-        Columns of the results.
-    events : sequence of (Comparison, sequence of object)
-        Comparison with the recordings of each event, and the results of the event.
+    `events` is the comparison with the recordings of each event, and the results of the event.
     """
     has_event_column = len(events) > 1
     rows: list[tuple[Cell, ...]] = []

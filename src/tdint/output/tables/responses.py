@@ -222,8 +222,6 @@ def write_history(
 
     Parameters
     ----------
-    history : History
-        Response history.
     stream : BinaryIO
         Output.
     units : OutputUnits

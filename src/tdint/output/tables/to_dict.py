@@ -77,14 +77,8 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
 def _cells(value: Any, factor: float, row_count: int) -> Any:
     """Return the cells of a column: an array of numbers, or a list with text.
 
-    Parameters
-    ----------
-    value : ndarray, list, str, number or None
-        Cells of the column, or a value that applies to all rows; None if it is missing.
-    factor : float
-        SI value of the unit of the cells.
-    row_count : int
-        Number of rows.
+    `value` contains the cells of the column, or a value that applies to all rows; None if it is
+    missing.
     """
     if isinstance(value, np.ndarray):
         if value.dtype.kind == "U":  # text
@@ -194,8 +188,6 @@ def to_html(result: Any, caption: str) -> str:
     ----------
     result : object
         Result that `to_dict` converts to columns.
-    caption : str
-        Caption of the table.
     """
     columns = to_dict(result)
     row_count = len(next(iter(columns.values())))
@@ -335,15 +327,6 @@ def _demand_errors(result: Runs) -> _Values:
 
 def _values_of_run(values: Any, run: int, story_count: int) -> Any:
     """Return the peak responses, or their errors, of one of many runs.
-
-    Parameters
-    ----------
-    values : StoryPeaks or StoryErrors
-        Arrays of shape (runs, stories of the tallest building).
-    run : int
-        Index of the run.
-    story_count : int
-        Number of stories of the building.
 
     Returns
     -------
