@@ -162,8 +162,6 @@ def complain(text: str, settings: Settings | None = None) -> None:
 
     Parameters
     ----------
-    text : str
-        Line to write.
     settings : Settings, optional
         Settings of the command. By default, the settings of the running command.
     """
@@ -260,10 +258,6 @@ def counted(
     ----------
     items : iterable
         Items to process.
-    count : int
-        Number of items.
-    label : str
-        Label of the progress bar.
     to_terminal : bool
         True if the data are written to standard output.
     """
@@ -287,8 +281,6 @@ def part_of(progress: Progress, start: float, end: float, name: str = "") -> Pro
 
     Parameters
     ----------
-    progress : Progress
-        Callback of the complete work.
     start, end : float
         Fractions of the complete work at the start and the end of the part, 0 to 1.
     name : str
@@ -370,8 +362,6 @@ def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
     command : callable
         Function without arguments that runs the command. An integer result is the exit code; any
         other result means success (0).
-    settings : Settings
-        Settings of the command.
     """
     received: list[int] = []  # numbers of the received signals
     try:
@@ -397,13 +387,6 @@ def _report_error(error: BaseException, settings: Settings) -> int:
 
     Errors of click and of tdint, insufficient memory, a full disk and a missing package have their
     own messages. Any other exception is reported as a bug, with exit code 1.
-
-    Parameters
-    ----------
-    error : BaseException
-        The exception.
-    settings : Settings
-        Settings of the command: `debug` also prints the traceback.
     """
     # The exception is raised again, so that its type selects one of the following clauses.
     try:
@@ -615,12 +598,8 @@ _DEFAULT_HANDLERS = (signal.SIG_DFL, signal.default_int_handler, _leave_to_watch
 def _end(number: int, is_reported: threading.Event) -> None:
     """End the process immediately with the exit code of a signal.
 
-    Parameters
-    ----------
-    number : int
-        Number of the signal.
-    is_reported : threading.Event
-        Set after the command has reported its result; the signal is then not reported.
+    `is_reported` is the set after the command has reported its result; the signal is then not
+    reported.
     """
     import multiprocessing
 

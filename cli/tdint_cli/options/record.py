@@ -272,13 +272,6 @@ def notes_of_components(
     """Return the notes about the components of one file, each with the name of the file.
 
     A note that applies to all components is included only one time, without a component.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Components of the file.
-    notes_of : callable
-        Returns the notes of a component.
     """
     notes: dict[str, None] = {}  # an ordered set
     for record in records:
