@@ -397,8 +397,6 @@ def unit_advice(text: str, factors: Mapping[str, float]) -> str:
 
     Parameters
     ----------
-    text : str
-        The unknown unit.
     factors : mapping of str to float
         Units of the quantity and their factors to SI units, for example `MASS`.
     """
