@@ -29,6 +29,10 @@ def example(name, stiffness, strength):
                 math.inf,
             ),
         )
+    if name == "bilinear":
+        return Law(name, (strength, 0.1, strength))
+    if name == "bouc-wen":
+        return Law(name, (strength, 0.1, 2.0, 0.55))
     if name == "multilinear":
         side = (drift, strength, 3.0 * drift, 1.4 * strength, *76 * (math.inf,))
         return Law(name, (0.0, 0.05 * stiffness, *side, *side))

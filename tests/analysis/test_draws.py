@@ -199,7 +199,7 @@ def test_collapsed_sample_has_status_of_single_run():
         ({"stories[4].mass": [1.0]}, "has 3 stories"),
         ({"storeys[2].mass": [1.0]}, "unknown parameter"),
         ({"stories[2].mas": [1.0]}, r"did you mean 'stories\[2\]\.mass'"),
-        ({"stories[2].law.hardening": [0.1, 1.0]}, "between 0 and 1"),
+        ({"stories[2].law.hardening": [0.1, 1.0]}, "between -1 and 1"),
         ({"stories.mass": [1e5, -1e5]}, "positive"),
         ({"stories.mass": [1e5, np.nan]}, "must be"),
         ({"damping": [0.1, 1.2]}, "damping"),

@@ -133,7 +133,7 @@ def test_collapse_ends_sequence():
     weak = replace(soft.stories[0], law=Law("bilinear", (2e6, -0.3)))
     model = replace(soft, stories=(weak, *soft.stories[1:]))
     found = run_sequence(case(model=model), [MAIN.scaled(0.05), MAIN.scaled(3.0), AFTER], rest=1.0)
-    assert found.status == "collapsed"
+    assert found.status == "failed-story"
     assert found.collapse.time > found.events[1].start
     assert np.max(found.events[0].stories.peak_drift_ratio) < 0.1
 

@@ -1,5 +1,6 @@
 """Help with two levels: the common options on one screen, and all options with --help-all."""
 
+import csv
 import shlex
 import time
 from pathlib import Path
@@ -102,11 +103,10 @@ def test_examples_run(name, office, monkeypatch, tdint):
         # Fewer steps, for a faster test
         options = {"init": ["--overwrite"], "pushover": ["--points", "20"]}.get(name, [])
         result = tdint(*arguments, *options, code=0)
-        # Every table can be split at its commas, because no label contains a comma or quotes.
         tables = [result.stdout] if "," in result.stdout.partition("\n")[0] else []
         tables += [
             path.read_text() for path in Path().rglob("*.csv") if path.stat().st_mtime >= began
         ]
         for table in filter(None, tables):
-            head, *rows = (line.split(",") for line in table.splitlines())
+            head, *rows = csv.reader(table.splitlines())
             assert {len(row) for row in rows} <= {len(head)}, example

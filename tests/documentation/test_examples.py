@@ -239,10 +239,10 @@ def test_force_on_the_roof_of_an_example(checkout):
     )
     (folder / "roof.csv").write_text(readmes.block("roof-force"))
     run(readmes.block("roof-run"))
-    roof = rows(folder / "result" / "stories.csv")[-1]
+    roof = rows(folder / "gust" / "stories.csv")[-1]
     static = 60e3 * 10 / 3.5e8
     assert 1.5 * static < float(roof["peak_displacement_m"]) < 8.0 * static
-    summary = json.loads((folder / "result" / "summary.json").read_text())
+    summary = json.loads((folder / "gust" / "summary.json").read_text())
     assert any(item["file"].endswith("roof.csv") for item in summary["inputs"])
     assert "a fiftieth of the first period" in " ".join(summary["notes"])
 

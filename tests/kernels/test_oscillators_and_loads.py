@@ -103,9 +103,10 @@ def test_floor_forces_are_interpolated_at_ends_and_quarters_of_step():
     table = force_table(forces)
     t, h = 0.7, 0.05
     span = Span(t, h, 0.0, 0.0, False, False, False, False)
-    above = _add_floor_forces(span, table, 0.0, 2, (7.0, 7.0, 7.0, 7.0))  # no floor above: ignored
+    # No floor is above: the sums of the first call are ignored.
+    above, below = _add_floor_forces(span, table, 0.0, 2, (7.0, 7.0, 7.0, 7.0), len(forces))
     for link, count in ((1.0, 3), (0.0, 1)):
-        a0, a1, bulge, tilt = _add_floor_forces(span, table, link, 1, above)
+        (a0, a1, bulge, tilt), _ = _add_floor_forces(span, table, link, 1, above, below)
         for s in (0.0, 0.25, 0.75, 1.0):
             time = t - h + s * h
             expected = sum(

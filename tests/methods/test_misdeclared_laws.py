@@ -277,9 +277,11 @@ def test_each_set_of_parameters_is_verified():
     in a study of random buildings."""
     register_law(replace(law_of("enter-missing"), yield_drift=lambda stiffness, values: math.nan))
     strong = prepared("enter-missing", "bilinear").building.law_parameters.copy()
-    strong[rows.FIRST_PARAMETER, 0] = 1e12  # N: linear up to any drift of the path
+    # Strengths in both directions, N: linear up to any drift of the path, or yielding
+    strengths = [rows.FIRST_PARAMETER, rows.FIRST_PARAMETER + 2]
+    strong[strengths, 0] = 1e12
     weak = strong.copy()
-    weak[rows.FIRST_PARAMETER, 0] = 4.0
+    weak[strengths, 0] = 4.0
     verify_laws(strong)
     verify_laws(strong)
     with pytest.raises(AnalysisError, match=r"law enter-missing: .* set the ends of the branch"):

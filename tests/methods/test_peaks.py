@@ -314,6 +314,9 @@ def test_peak_shear_is_a_force_of_the_law(method):
                 # backbone at small drifts.
                 if name.startswith("multilinear") and drift < YIELD_DRIFT:
                     continue
+                # A falling line is kinematic: motion to one side raises the strength of the other.
+                if name == "falling":
+                    continue
                 # The limits of branches have a tolerance of 1e-9 of the drift.
                 limit = envelope(building, i + 1, 1.02 * drift) + 1e-8 * STIFFNESS * drift
                 # Cycles of a Bouc-Wen story approach its strength slowly.

@@ -99,6 +99,6 @@ def test_history_exceeding_memory_is_refused_with_size(
     monkeypatch.setattr("tdint.methods.workspace.available_memory", lambda: 1e6)
     with pytest.raises(
         AnalysisError,
-        match=r"1000001 rows .*0\.22 GB .*0\.001 GB",
+        match=r"1000001 rows .*0\.24 GB .*0\.001 GB",
     ):
         run(model(ONE), MOTION, dt=1e-5, duration=10.0, history=True, method="newmark-average")

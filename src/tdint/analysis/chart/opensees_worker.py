@@ -197,7 +197,8 @@ def _load_floors(ops: Any, problem: Content) -> None:
     factor sin(shift), because Trig needs a period.
     """
     tag = 2  # the ground motion has the tag 1
-    for floor, cosine, sine, omega in problem["forces"]:
+    # The remaining columns of a row belong to forces from tables, which OpenSees does not run.
+    for floor, cosine, sine, omega, *_ in problem["forces"]:
         for factor, shift in ((cosine, 0.5 * math.pi), (sine, 0.0)):
             if factor == 0.0:
                 continue
@@ -321,7 +322,8 @@ def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any)
     """
     # Damping in proportion to the mass acts on the floors, all other damping on the stories.
     force = -float(problem["alpha_mass"]) * problem["mass"] * v
-    for floor, cosine, sine, omega in problem["forces"]:
+    # The remaining columns of a row belong to forces from tables, which OpenSees does not run.
+    for floor, cosine, sine, omega, *_ in problem["forces"]:
         force[:, int(floor)] += cosine * np.cos(omega * times) + sine * np.sin(omega * times)
     drift, drift_rate = (np.diff(values, axis=1, prepend=0.0) for values in (u, v))
     shear = story_force + problem["geometric"] * drift + problem["story_damper"] * drift_rate

@@ -82,6 +82,11 @@ class Overview(Tabular):
 def overview(source: str | Path) -> Overview:
     """Read a model file and summarize the model.
 
+    Parameters
+    ----------
+    source : str or Path
+        Model file.
+
     Returns
     -------
     Overview

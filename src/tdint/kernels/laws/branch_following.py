@@ -457,6 +457,8 @@ def follow_branches(
         (law_parameters, law_state, i) -> energy stored in the committed state, J.
     enter : function
         (law_parameters, law_state, i). Sets the first branch of the committed state.
+    max_branches : int
+        Maximum number of changes of branch on a path. Default: 16.
 
     Returns
     -------
