@@ -41,7 +41,7 @@ def test_summary_report_and_rerun(folder):
     roof, first = summary["forces"]
     assert (roof["floor"], roof["table"], roof["column"]) == (2, "blast.csv", "roof_kN")
     assert (roof["peak_load_N"], first["peak_load_N"]) == (2e5, 1e5)
-    assert roof["impulse_N_s"] == pytest.approx(1e4 + 2e3)
+    assert roof["impulse_Ns"] == pytest.approx(1e4 + 2e3)
     assert [item["file"] for item in summary["inputs"]] == ["model.yaml", "blast.csv"]
     assert any("at 0.3 s, is not zero" in note for note in summary["notes"])
     assert "Forces on floors" in (folder / "out" / "report.html").read_text()

@@ -145,7 +145,12 @@ def test_quick_search_finds_all_peaks_of_full_search():
     for seed in range(300):
         quick, before, turned = observed(seed, False)
         close, _, all_turned = observed(seed, True)
-        assert np.array_equal(quick, close), f"seed {seed}"
+        assert np.array_equal(quick[: rows.PEAK_ROWS], close[: rows.PEAK_ROWS]), f"seed {seed}"
+        # The complete search also finds possible peaks that are below the recorded ones.
+        bounds, all_bounds = (
+            np.maximum(peaks[: rows.PEAK_ROWS], peaks[rows.PEAK_ROWS :]) for peaks in (quick, close)
+        )
+        assert np.array_equal(bounds, all_bounds), f"seed {seed}"
         assert turned == all_turned, f"seed {seed}"
         passed.append(np.any(quick > before))
     assert any(passed) and not all(passed)

@@ -19,7 +19,7 @@ LOAD_COLUMNS = (
     Column("first_time_s", "s", lambda force: float(force.times[0]), "time of the first force"),
     Column("last_time_s", "s", lambda force: float(force.times[-1]), "time of the last force"),
     Column("peak_load_N", "N", lambda force: _peak(force), "maximum absolute force"),
-    Column("impulse_N_s", "N*s", lambda force: _impulse(force), "integral of the force over time"),
+    Column("impulse_Ns", "N*s", lambda force: _impulse(force), "integral of the force over time"),
 )
 """Columns of the table, evaluated for each force. They are also the keys in summary.json."""
 
