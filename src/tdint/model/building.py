@@ -113,7 +113,8 @@ class Building:
     def law_codes(self) -> set[int]:
         """Numbers of all laws: of the stories with one law, and of the elements of the others."""
         codes = np.delete(self.law_parameters[rows.CODE], self.stories, axis=-1)
-        return {int(code) for code in np.unique(codes) if code > rows.ELEMENTS}
+        # Without np.unique, which imports the masked arrays of NumPy.
+        return {int(code) for code in set(codes.ravel().tolist()) if code > rows.ELEMENTS}
 
     @property
     def elements(self) -> int:

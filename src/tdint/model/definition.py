@@ -6,7 +6,6 @@ problems that are part of tdint, and models with changed parameters, for sweeps 
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 import sys
@@ -487,6 +486,8 @@ class LoadTable:
         self.sha256 = sha256
         self.columns = columns
         self.data = data
+        import hashlib  # most models have no tables of forces
+
         self.digest = hashlib.sha256(data.data).hexdigest()
 
     def __eq__(self, other: object) -> bool:
