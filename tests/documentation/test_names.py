@@ -31,7 +31,12 @@ ELSEWHERE = {
     "k_T": "equations of the paper",
     "kip_in": "refused by units.py",
     "kipin": "unit of kip in, suffix of columns",
+    "lbs": "refused by units.py",
     "leapfrog": "plug-in of a user",
+    "moat_wall": "element of a user",
+    "roof_kN": "column of a user",
+    "story_1_moat_wall": "column of a user",
+    "ton": "refused by units.py",
     "leapfrog.py": "plug-in of a user",
     "verlet.py": "plug-in of a user",
     "bracketed.py": "plug-in of a user",
@@ -51,7 +56,7 @@ ELSEWHERE = {
 """Names of other programs and of users, by the place in which they exist."""
 
 MADE_UP = re.compile(
-    r"_m_s2?$|_error$|_J$|_N$|_m$|_g$|_independent$|_correlated$|^gmv_|FACTOR|KEY|^CI\.|^HNE$|^hne$"
+    r"_m_s2?$|^_(?:MN|lbf|tf|tonf|kgf)$|_error$|_J$|_N$|_m$|_g$|_independent$|_correlated$|^gmv_|FACTOR|KEY|^CI\.|^HNE$|^hne$"
     r"|^OUT\.|^TDINT_|^DASK_|^tls_|^matplotlibrc$|\.csv$|\.$"
 )
 """Columns, codes and variables whose names are composed, and placeholders in capital letters."""
