@@ -101,7 +101,7 @@ def test_events_of_a_sequence(number):
         assert np.all(getattr(both.stories, name) >= getattr(first.stories, name))
 
 
-_DECIDED_BY_ROUNDING = {37: 2e-3, 78: 1e-8, 91: 2e-3}
+_DECIDED_BY_ROUNDING = {37: 1e-2, 78: 1e-7, 91: 1e-2}
 """Largest relative differences of compiled and interpreted loops in cases in which rounding decides
 the order of branch changes: a pinching law with a spring, a stop on isolators, Ramberg-Osgood with
 friction and tangent damping. The differences of 37 and 91 are an open fault."""
