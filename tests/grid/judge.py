@@ -5,6 +5,7 @@ A value is beyond its estimate if its error exceeds twice the error estimate of 
 the law at some drift up to the peak drift.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -184,7 +185,8 @@ def above_strength(case, response):
         elements = response.elements
         forces += zip(elements.story - 1, elements.peak_force, of_elements, strict=True)
     return [
-        (int(i), float(force / strength - 1.0))
+        # An element that is not reached at the reported peak drift has no strength.
+        (int(i), float(force / strength - 1.0) if strength > 0.0 else math.inf)
         for i, force, strength in forces
         if force > (1.0 + _ROUNDING) * strength
     ]
