@@ -250,7 +250,7 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
     step is divided into parts in which u is monotonic. PEAK is updated with |u| at the end of each
     part before the returned time. These times include all extrema of u.
 
-    `state`: state: limits UPPER and LOWER of the branch (m); PEAK (m) is updated. `middle` and
+    `state` contains the limits UPPER and LOWER of the branch, m; PEAK, m, is updated. `middle` and
     `remaining` are the ends of the two parts with a monotonic velocity, s: `middle` is the zero of
     the acceleration (or `remaining`), and `remaining` is the end of the step.
     """
