@@ -221,7 +221,7 @@ def refusal_or_errors(name, methods=METHODS):
         case.compile([parse("newmark-average")])
     except (UsageError, AnalysisError) as error:
         return str(error), {}
-    true = true_motion(law, PARAMETERS[base])
+    true = true_motion(law, Law(base, PARAMETERS[base]).parameters)
     errors = {}
     for method in methods:
         integrator = parse(method)
