@@ -265,6 +265,7 @@ def columns():
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,
         "stories.csv of tdint campaign": campaign.STORIES,
+        "elements.csv of tdint campaign": campaign.ELEMENTS,
         "shocks.csv of tdint campaign": campaign.SHOCKS,
         "profiles.csv of tdint campaign": campaign.PROFILES,
         "ratios.csv of tdint campaign": campaign.RATIOS,

@@ -330,7 +330,8 @@ class Profiles:
 
 # ---- Campaigns
 
-RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
+RUNS, STORIES, ELEMENTS = "runs.csv", "stories.csv", "elements.csv"
+SHOCKS, SUMMARY = "shocks.csv", "summary.json"
 DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
 PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet")
 SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts.geojson"
@@ -343,7 +344,19 @@ FLOOR_FILES = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
 """Names of the files of floor spectra over a suite."""
 
 _WRITTEN_FILES = (
-    *(RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES, EXCEEDANCE, PICTURE),
+    *(
+        RUNS,
+        STORIES,
+        ELEMENTS,
+        SHOCKS,
+        PROFILES,
+        RATIOS,
+        DAMAGE,
+        TYPES,
+        LOSSES,
+        EXCEEDANCE,
+        PICTURE,
+    ),
     *(MEASURES, SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS),
     SUMMARY,
 )
@@ -893,6 +906,8 @@ def _write(
     settings = store.parameters()
     if settings["stories"]:
         files[STORIES] = lambda stream: tables.campaign.write_stories(store, stream, units)
+    if next(store.elements(), None) is not None:
+        files[ELEMENTS] = lambda stream: tables.campaign.write_elements(store, stream, units)
     if next(store.shocks(), None) is not None:
         files[SHOCKS] = lambda stream: tables.campaign.write_shocks(store, stream, units)
     if settings["profiles"] and is_complete(store):

@@ -64,6 +64,60 @@ def test_run_writes_a_table_of_elements(model, tdint):
         assert sum(parts) == pytest.approx(float(row["story_1_shear_N"]), rel=1e-9, abs=1e-3)
 
 
+@pytest.mark.parametrize("check", ["--no-check", "--check"])
+def test_several_runs_and_campaigns_write_the_table_of_each_run(check, model, tdint):
+    """elements.csv of several runs, of a campaign in two shards, and of its merged store have the
+    cells of the single runs."""
+    text = yaml.safe_load(MODEL)
+    text["stories"] = [text["stories"][0], {"mass": 300, "height": 3.0, "stiffness": 2e5}]
+    del text["excitation"]
+    Path("m.yaml").write_text(yaml.safe_dump(text))
+    for name, seed in (("a", 1), ("b", 2)):
+        motion = noise(samples=101, dt=0.02, peak=6.0, seed=seed)
+        rows = [f"{0.02 * i:g},{value}" for i, value in enumerate(motion.acceleration)]
+        Path(f"{name}.csv").write_text("\n".join(["time_s,acceleration_m_s2", *rows]))
+    expected = []
+    for name in "ab":
+        for scale in "12":
+            result = tdint("run", model, f"{name}.csv", "--scale", scale, check, "-o", name + scale)
+            assert result.exit_code == 0, result.output
+            head = {"building": "m", "record": f"{name}.csv", "component": "", "scale": scale}
+            expected += [head | row for row in _rows(name + scale)]
+    result = tdint("run", model, "a.csv", "b.csv", "--scale", "1,2", check, "-o", "several")
+    assert result.exit_code == 0, result.output
+    assert _rows("several") == expected
+    assert [row["element"] for row in expected[:2]] == ["bearings", "moat wall"]
+    Path("c.yaml").write_text(
+        "buildings: {models: [m.yaml]}\nrecords: {files: [a.csv, b.csv]}\n"
+        f"intensity: {{scales: [1, 2]}}\nanalysis: {{check: {str(check == '--check').lower()}}}\n"
+        "outputs: {stories: true}\n"
+    )
+    for shard in "12":
+        tdint("campaign", "c.yaml", "-o", f"part{shard}", "--shard", f"{shard}/2")
+    result = tdint("campaign", "merge", "part1", "part2", "-o", "merged")
+    assert result.exit_code == 0, result.output
+    assert _rows("merged") == expected
+    result = tdint("rerun", "several")
+    assert result.exit_code == 0, result.output
+
+
+def test_a_sequence_lists_the_elements_over_all_events(model, tdint):
+    """The dissipated energy of a sequence contains that of its first event."""
+    motion = noise(samples=101, dt=0.02, peak=6.0)
+    rows = [f"{0.02 * i:g},{value}" for i, value in enumerate(motion.acceleration)]
+    Path("a.csv").write_text("\n".join(["time_s,acceleration_m_s2", *rows]))
+    tdint("run", model, "a.csv", "-o", "one")
+    result = tdint("run", model, "a.csv", "a.csv", "--sequence", "--rest", "1", "-o", "two")
+    assert result.exit_code == 0, result.output
+    one, two = (float(_rows(name)[0]["dissipated_energy_J"]) for name in ("one", "two"))
+    assert two > 1.1 * one
+
+
+def _rows(folder):
+    with Path(folder, "elements.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
 def test_law_tests_one_element(model, tdint):
     story = tdint("law", model, "--drift", "50mm", "--points", "5")
     bearings = tdint("law", model, "--drift", "50mm", "--points", "5", "--element", "bearings")

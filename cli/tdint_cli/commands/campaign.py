@@ -44,7 +44,7 @@ class CampaignRequest(SuiteRequest):
     output: str | None = options.output.output(
         "DIR",
         "Directory of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, "
-        "stories.csv.",
+        "stories.csv, elements.csv.",
     )
     jobs: int | None = options.output.threads("Number of threads; one per processor")
     shard: str | None = options.option(

@@ -23,9 +23,11 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import RUN, demand_columns, demand_errors
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import (
+    ELEMENT_QUANTITIES,
     NO_STEP,
     STORY_QUANTITIES,
     Collapse,
+    ElementPeaks,
     ErrorEstimate,
     EventResponse,
     FailedRun,
@@ -39,6 +41,7 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.time_steps import Steps, finer
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.units import Quantity
 
 # ---- Input of runs, and rows of results: one for each run and, if requested, one for each story
 
@@ -214,20 +217,45 @@ class StoryRow(NamedTuple):
     errors: tuple[float, ...] = ()
 
 
+class ElementRow(NamedTuple):
+    """Results of one element of a story with several elements in one run.
+
+    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `story` and
+    `number` are the numbers of the story and of the element, from 1; `yield_drift` is its drift at
+    first yield, m (nan without yielding). `values` and `errors` are as in `StoryRow`, in the order
+    of `ELEMENT_QUANTITIES`.
+    """
+
+    building: int
+    motion: int
+    scale: float
+    sample: int
+    story: int
+    number: int
+    element: str
+    law: str
+    yield_drift: float
+    values: tuple[float, ...]
+    errors: tuple[float, ...] = ()
+
+
 @dataclass
 class Rows:
-    """Results of runs: rows of runs, rows of stories (only if they are stored) and rows of events
-    (only of runs under sequences of earthquakes)."""
+    """Results of runs: rows of runs, rows of stories (only if they are stored), rows of events
+    (only of runs under sequences of earthquakes) and, with the rows of stories, rows of the
+    elements of stories with several elements."""
 
     runs: list[RunRow] = field(default_factory=list)
     stories: list[StoryRow] = field(default_factory=list)
     shocks: list[EventRow] = field(default_factory=list)
+    elements: list[ElementRow] = field(default_factory=list)
 
     def extend(self, added: Rows) -> None:
         """Append the rows of another object."""
         self.runs += added.runs
         self.stories += added.stories
         self.shocks += added.shocks
+        self.elements += added.elements
 
 
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
@@ -257,8 +285,8 @@ def story_rows(
     check : ErrorEstimate, optional
         Error estimate of the run. Without it, the errors in the rows are empty.
     """
-    values = _values_by_story(stories)
-    errors = _values_by_story(check.errors) if check else repeat(())
+    values = _values_of(STORY_QUANTITIES, stories)
+    errors = _values_of(STORY_QUANTITIES, check.errors) if check else repeat(())
     # `errors` is infinite if the errors were not estimated (`repeat`), so that `strict=True` would
     # raise an error.
     cells_by_story = zip(stories.height.tolist(), values, errors, strict=False)
@@ -269,14 +297,31 @@ def story_rows(
     ]
 
 
-def _values_by_story(peaks: Any) -> Iterable[tuple[float, ...]]:
-    """Return one tuple per story with one value per quantity of `STORY_QUANTITIES`, in that order.
+def element_rows(
+    building: int, run: Run, elements: ElementPeaks | None, check: ErrorEstimate | None = None
+) -> list[ElementRow]:
+    """Return the rows of the elements of a run, as `story_rows`; empty without elements (None)."""
+    if elements is None:
+        return []
+    values = _values_of(ELEMENT_QUANTITIES, elements)
+    estimated = check.elements if check else None
+    errors = _values_of(ELEMENT_QUANTITIES, estimated) if estimated else repeat(())
+    stories = elements.story.tolist()
+    # The elements of a story are consecutive.
+    numbers = [i - stories.index(story) + 1 for i, story in enumerate(stories)]
+    columns = (elements.element.tolist(), elements.law.tolist(), elements.yield_drift.tolist())
+    # `errors` is infinite if the errors were not estimated, as in `story_rows`.
+    cells_by_element = zip(stories, numbers, *columns, values, errors, strict=False)
+    return [ElementRow(building, *run, *cells) for cells in cells_by_element]
 
-    `peaks` contains the peak responses, or their errors: one array over the stories per quantity.
+
+def _values_of(quantities: Iterable[Quantity], peaks: Any) -> Iterable[tuple[float, ...]]:
+    """Return one tuple per story or element with one value per quantity.
+
+    `peaks` contains the peak responses, or their errors: one array over the stories or elements per
+    quantity.
     """
-    return zip(
-        *(getattr(peaks, quantity.name).tolist() for quantity in STORY_QUANTITIES), strict=True
-    )
+    return zip(*(getattr(peaks, quantity.name).tolist() for quantity in quantities), strict=True)
 
 
 def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list[EventRow]:
@@ -457,7 +502,8 @@ class Batch:
         Returns
         -------
         Rows
-            One row per run, its stories if they are stored, and its events if it is a sequence.
+            One row per run, its stories and elements if they are stored, and its events if it is a
+            sequence.
 
         Raises
         ------
@@ -504,8 +550,9 @@ class Batch:
         Returns
         -------
         Rows
-            One row for the run, the rows of its stories if they are stored, and one row per event
-            if the run did not fail. Rows of stories contain the peaks over all events.
+            One row for the run, the rows of its stories and elements if they are stored, and one
+            row per event if the run did not fail. Rows of stories and elements contain the peaks
+            over all events.
         """
         case, dt = self._case(run), self.settings.dt
         record = case.record
@@ -545,7 +592,8 @@ class Batch:
             if record.fixed and len(events) > record.fixed:
                 run_row = _with_demands_of_event(run_row, events[-1])
         stories = [story._replace(scale=run.scale) for story in joined_rows.stories]
-        return Rows([run_row._replace(scale=run.scale)], stories, rows_of_events)
+        elements = [element._replace(scale=run.scale) for element in joined_rows.elements]
+        return Rows([run_row._replace(scale=run.scale)], stories, rows_of_events, elements)
 
     def _time_steps(self, motion: int, max_step: float) -> Steps:
         """Return the time steps for a ground motion: the longest steps of at most `max_step` (s)
@@ -623,6 +671,8 @@ class Batch:
             results.runs.append(row)
             if settings.keeps_stories:
                 results.stories += story_rows(self.number, job.run, peaks, error_estimate)
+                elements = outcomes.elements_of(index, self.subject.model)
+                results.elements += element_rows(self.number, job.run, elements, error_estimate)
         return jobs_to_repeat
 
     def _row(

@@ -436,13 +436,13 @@ class Store:
         OutputError
             The disk is full, the file is corrupt, or another process is writing.
         """
-        # The fields of `result.rows` are in the order of `ROW_TABLES`: runs, stories and events of
-        # sequences. `plain` converts the values to the types of SQLite.
+        # The fields of `result.rows` are in the order of `ROW_TABLES`. `plain` converts the values
+        # to the types of SQLite.
         rows_by_table = [
             table.plain(rows)
             for table, rows in zip(schema.ROW_TABLES, vars(result.rows).values(), strict=True)
         ]
-        runs, stories, _events = rows_by_table
+        runs, stories = rows_by_table[:2]
         number, seconds = result.number, float(result.seconds)
         digest = schema.chunk_digest(number, seconds, *rows_by_table)
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
@@ -772,6 +772,11 @@ class Store:
         """Yield one tuple per story and run, with the values of the columns of
         `store_schema.STORIES`, in the order of its key."""
         yield from self.connection.execute(schema.STORIES.select())
+
+    def elements(self) -> Iterator[tuple[Any, ...]]:
+        """Yield one tuple per element and run, with the values of the columns of
+        `store_schema.ELEMENTS`, in the order of its key."""
+        yield from self.connection.execute(schema.ELEMENTS.select())
 
     def shocks(self) -> Iterator[tuple[Any, ...]]:
         """Yield one tuple per event and run under a sequence of earthquakes, with the values of the

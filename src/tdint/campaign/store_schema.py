@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.analysis.run.outcome import STORY_QUANTITIES
+from tdint.analysis.run.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
 from tdint.campaign.batch import RunRow
 from tdint.errors import OutputError
 from tdint.files import is_file, is_there, remove_abandoned
@@ -315,7 +315,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 # ---- Schema
 
-VERSION = "9"
+VERSION = "10"
 """Version of the layout; stores with another version are refused."""
 
 # Columns that identify a run, with the type of their values.
@@ -334,7 +334,7 @@ class RowTable:
         Name of the table.
     key, others : dict of str to type
         Type of each column by its name: the columns of the primary key, and the remaining columns,
-        in the order of the fields of a row (`RunRow`, `StoryRow`, `EventRow`).
+        in the order of the fields of a row (`RunRow`, `StoryRow`, `EventRow`, `ElementRow`).
     view : str
         Name of the view.
     hidden : tuple of str
@@ -428,7 +428,7 @@ class RowTable:
         Parameters
         ----------
         rows : iterable of tuple
-            Rows (`RunRow`, `StoryRow` or `EventRow`) of this table.
+            Rows (`RunRow`, `StoryRow`, `EventRow` or `ElementRow`) of this table.
 
         Returns
         -------
@@ -476,7 +476,19 @@ _STORY_COLUMN_TYPES = (
 STORIES = RowTable("story_rows", _KEY | {"story": int}, _STORY_COLUMN_TYPES, "stories")
 _SHOCK_COLUMN_TYPES = {"start_s": float, "pga_m_s2": float} | _column_types(DEMANDED)
 SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _SHOCK_COLUMN_TYPES, "shocks")
-ROW_TABLES = (RUNS, STORIES, SHOCKS)
+_ELEMENT_COLUMN_TYPES = (
+    {"element": str, "law": str, "yield_drift_m": float}
+    | _column_types(ELEMENT_QUANTITIES)
+    | _column_types(ELEMENT_QUANTITIES, "_error")
+)
+ELEMENTS = RowTable(
+    "element_rows",
+    _KEY | {"story": int, "number": int},
+    _ELEMENT_COLUMN_TYPES,
+    "elements",
+    ("number",),
+)
+ROW_TABLES = (RUNS, STORIES, SHOCKS, ELEMENTS)
 """Tables in the order of the fields of `tdint.campaign.batch.Rows`."""
 
 
@@ -533,7 +545,8 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
     seconds : float
         Processor time, s.
     *tables : iterable of tuple
-        Rows of runs, stories and events in the order of their keys, as SQLite returns them.
+        Rows of runs, stories, events and elements in the order of their keys, as SQLite returns
+        them.
     """
     digest = hashlib.sha256(repr((number, seconds)).encode())
     for row in chain(*tables):

@@ -29,8 +29,16 @@ from tdint.analysis.run.case import (
     rest_criterion,
     until_forces_end,
 )
+from tdint.analysis.run.elements import element_peaks
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
-from tdint.analysis.run.outcome import STORY_QUANTITIES, Collapse, FailedRun, Response, StoryPeaks
+from tdint.analysis.run.outcome import (
+    STORY_QUANTITIES,
+    Collapse,
+    ElementPeaks,
+    FailedRun,
+    Response,
+    StoryPeaks,
+)
 from tdint.analysis.run.prepared import NO_FREE_VIBRATION, BatchResult, Motions, PreparedBuilding
 from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, cached_property
@@ -105,6 +113,8 @@ class Outcomes:
     ----------
     stories : StoryPeaks
         Peaks of shape (runs, n), SI units.
+    elements : ndarray, shape (runs, 2, elements)
+        Results of the elements, as in `BatchResult`, of runs that are not in `responses`.
     energy_error, steps : ndarray, shape (runs,)
         Energy imbalance divided by the maximum input energy; number of completed time steps.
     at_rest : list of int or None
@@ -118,6 +128,7 @@ class Outcomes:
     """
 
     stories: StoryPeaks
+    elements: Array
     energy_error: Array
     steps: NDArray[np.int64]
     at_rest: list[int | None]
@@ -144,6 +155,7 @@ class Outcomes:
         )
         return cls(
             named_peaks(building, batch.peaks, batch.drifts),
+            batch.elements,
             energy_errors(batch.totals),
             batch.ends[:, STEPS_COMPLETED].astype(int),
             at_rest,
@@ -165,6 +177,13 @@ class Outcomes:
             quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY_QUANTITIES
         }
         return StoryPeaks(height=self.stories.height, **values)
+
+    def elements_of(self, i: int, model: Model) -> ElementPeaks | None:
+        """Return the results of the elements of the building `model` in run `i`; None without
+        stories with several elements."""
+        if i in self.responses:
+            return self.responses[i].elements
+        return element_peaks(model, self.elements[i], self.stories_of(i))
 
     def fail(self, i: int, failure: FailedRun) -> None:
         """Replace the results of run `i` by its failure."""
@@ -266,7 +285,7 @@ def run_batch(
     # of each run. Integrate the runs individually in both cases.
     if check or prepared.instability(subject.integrator, h):
         outcomes = Outcomes.of(
-            prepared.building, BatchResult.empty(len(runs), prepared.building.stories), to_rest
+            prepared.building, BatchResult.empty(len(runs), prepared.building), to_rest
         )
         for i, (_, _, steps) in enumerate(runs):
             outcomes.replace(

@@ -39,6 +39,7 @@ from tdint.analysis.run.prepared import (
     PreparedBuilding,
     RestCriterion,
     RunSpec,
+    element_results,
 )
 from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.arrays import Array, cached_property
@@ -801,7 +802,9 @@ class Case:
             residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,
             warnings=warnings,
-            elements=element_peaks(self.model, space, stories),
+            elements=element_peaks(
+                self.model, element_results(space.law_state, self.building.stories), stories
+            ),
         )
         return replace(response, notes=self._notes(response, steps))
 

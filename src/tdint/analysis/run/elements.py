@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdint.analysis.run.outcome import ElementPeaks, StoryPeaks
-from tdint.kernels import layout as rows
-from tdint.methods.workspace import Workspace
+from tdint.arrays import Array
 from tdint.model.building import element_yield_drifts
 from tdint.model.definition import Model
 
@@ -14,19 +13,17 @@ _ROUNDING = 1e-12
 """Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
 
 
-def element_peaks(model: Model, space: Workspace, stories: StoryPeaks) -> ElementPeaks | None:
-    """Return the results of the elements of all stories with several elements; None without such
-    stories."""
+def element_peaks(model: Model, results: Array, stories: StoryPeaks) -> ElementPeaks | None:
+    """Return the results of the elements of all stories with several elements in a run; None
+    without such stories. `results` is the array of `element_results`."""
     elements = [
         (i, story, j) for i, story in enumerate(model.stories) for j in range(len(story.elements))
     ]
     if not elements:
         return None
-    columns = slice(len(model.stories) + 1, None)
     yield_drift = np.array([element_yield_drifts(story)[j] for _, story, j in elements])
     indices = np.array([i for i, _, _ in elements])
-    peak_force = space.law_state[rows.PEAK_FORCE, columns].copy()
-    energy = space.law_state[rows.ENERGY_SPENT, columns].copy()
+    peak_force, energy = results.copy()
     # The difference of work and stored energy of an elastic element is a rounding error.
     energy[np.abs(energy) <= _ROUNDING * peak_force * stories.peak_drift[indices]] = 0.0
     return ElementPeaks(

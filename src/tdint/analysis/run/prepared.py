@@ -168,24 +168,36 @@ class BatchResult:
     ends : ndarray, shape (runs, END_COLUMNS)
         0 or the negative code of the failed step; number of completed steps; 1 if the building is
         at rest.
+    elements : ndarray, shape (runs, 2, elements)
+        Maximum absolute force (N) and dissipated energy (J) of the elements of stories with several
+        elements.
     """
 
     peaks: Array
     drifts: Array
     totals: Array
     ends: Array
+    elements: Array
 
     def part(self, first: int, last: int) -> BatchResult:
         """Return the results of the runs from `first` to `last` - 1 as views of the arrays."""
-        return BatchResult(
-            *(array[first:last] for array in (self.peaks, self.drifts, self.totals, self.ends))
-        )
+        return BatchResult(*(array[first:last] for array in vars(self).values()))
 
     @classmethod
-    def empty(cls, runs: int, stories: int) -> BatchResult:
-        """Return results of zeros for a number of runs and stories."""
-        shapes = (2 * rows.PEAK_ROWS, stories), (stories,), (rows.TOTALS_SIZE,), (END_COLUMNS,)
-        return cls(*(np.zeros((runs, *shape)) for shape in shapes))
+    def empty(cls, runs: int, building: Building) -> BatchResult:
+        """Return results of zeros for a number of runs of a building."""
+        n = building.stories
+        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (END_COLUMNS,)
+        return cls(*(np.zeros((runs, *shape)) for shape in (*shapes, (2, building.elements))))
+
+
+def element_results(law_state: Array, stories: int) -> Array:
+    """Return the maximum absolute force (N) and the dissipated energy (J) of the elements of
+    stories with several elements at the end of a run, shape (2, elements).
+
+    `law_state` contains the law states of a building with `stories` stories.
+    """
+    return law_state[[rows.PEAK_FORCE, rows.ENERGY_SPENT], stories + 1 :]
 
 
 @dataclass(frozen=True)
@@ -518,7 +530,7 @@ class PreparedBuilding:
             The method does not support this building.
         """
         space = self._loaded_arrays(integrator, h)
-        result = BatchResult.empty(len(runs), self.building.stories)
+        result = BatchResult.empty(len(runs), self.building)
         integrate_runs = self._batch_function(integrator, h, samples, runs, space)
         integrate_runs(runs, result, criterion)
         return result
@@ -560,7 +572,7 @@ class PreparedBuilding:
         AnalysisError
             The method does not support this building.
         """
-        result = BatchResult.empty(len(runs), self.building.stories)
+        result = BatchResult.empty(len(runs), self.building)
         specs = [spec for _, spec in runs]
         varied_arrays = ("linear_terms", "law_parameters", "modal")
         _verify_laws(drawn.law_parameters)
@@ -627,6 +639,8 @@ class PreparedBuilding:
             h,
         )
         building = self.building
+        # Each run starts from the present state of the method and the springs, and changes copies.
+        law_state = space.law_state.copy()
         last_arguments = (
             self.coefficients(integrator, h),
             state_jumps(integrator, h),
@@ -639,10 +653,7 @@ class PreparedBuilding:
             ),
             *space.memory,
             space.totals,
-            # Each run starts from copies of the present state of the method and of the springs.
-            *Memory(
-                space.state.copy(), space.law_state.copy(), space.scratch, space.step_status.copy()
-            ),
+            *Memory(space.state.copy(), law_state, space.scratch, space.step_status.copy()),
             np.zeros(rows.LOAD_SIZE),
             np.zeros(max(run.size for run in runs)),
             space.observer_state,
@@ -663,11 +674,18 @@ class PreparedBuilding:
                 (*spec[:3], spec.steps.count, spec.steps.per_sample, spec.steps.stride)
                 for spec in specs
             ]
-            integrate_many.compiled(
-                *(*first_arguments, samples, np.array(table, float), self.points, *last_arguments),
-                *(criterion.window, criterion.windows, criterion.quiet),
-                *(result.peaks, result.drifts, result.totals, result.ends),
-            )
+            # The results of elements remain in the law states until the next run, so that runs of
+            # buildings with elements are integrated one at a time.
+            count = 1 if building.elements else len(table)
+            for first in range(0, len(table), count):
+                part = result.part(first, first + count)
+                integrate_many.compiled(
+                    *(*first_arguments, samples, np.array(table[first : first + count], float)),
+                    *(self.points, *last_arguments),
+                    *(criterion.window, criterion.windows, criterion.quiet),
+                    *(part.peaks, part.drifts, part.totals, part.ends),
+                )
+                part.elements[...] = element_results(law_state, building.stories)
 
         return integrate_runs
 
@@ -720,7 +738,7 @@ class PreparedBuilding:
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
         space.steps_per_row = every
         loop = self.loop(integrator, h, ground, space)
-        result = BatchResult.empty(len(motions), self.building.stories)
+        result = BatchResult.empty(len(motions), self.building)
         for i, (acceleration, scale, steps) in enumerate(motions):
             for array, initial_values in initial:
                 array[...] = initial_values
@@ -731,6 +749,7 @@ class PreparedBuilding:
             code = loop(steps, 0, steps.count)
             result.peaks[i], result.totals[i] = space.peaks, space.totals
             result.drifts[i] = space.law_state[rows.DRIFT, : self.building.stories]
+            result.elements[i] = element_results(space.law_state, self.building.stories)
             reached = int(space.totals[rows.STEPS_REACHED])
             result.ends[i] = code, reached, 1.0
             on_history(i, space.history[: reached // every + 1])

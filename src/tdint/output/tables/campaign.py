@@ -14,9 +14,14 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.analysis.run.outcome import STORY_QUANTITIES
+from tdint.analysis.run.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
 from tdint.model.definition import parameter_meaning
-from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
+from tdint.output.tables.responses import (
+    ELEMENT_COLUMNS,
+    ELEMENT_ERROR,
+    STORY_COLUMNS,
+    STORY_ERROR,
+)
 from tdint.output.tables.spectra import FLOOR_SUITE_COLUMNS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
@@ -70,6 +75,9 @@ RUN_ERRORS = error_columns(_WITH_ERROR)
 
 STORIES = (*BUILDING_COLUMNS, *STORY_COLUMNS)
 """Columns of stories.csv of a campaign."""
+
+ELEMENTS = (*BUILDING_COLUMNS, *ELEMENT_COLUMNS)
+"""Columns of elements.csv of a campaign."""
 
 LEVEL = Column(
     "level",
@@ -312,6 +320,38 @@ def story_rows(store: Store) -> Iterator[list[Any]]:
         yield [*name_cells(building, record), scale, *sample_cell, *values[:value_count]]
 
 
+def element_columns(store: Store) -> tuple[Column, ...]:
+    """Return the columns of elements.csv, the results of the elements of stories with several
+    elements in all runs of a campaign; with the column `sample` as in `story_columns`."""
+    sample_column = (SAMPLE,) if store.count("sample > 0") else ()
+    error_columns_of_elements = ELEMENT_ERROR if store.checked else ()
+    return (*BUILDING_COLUMNS, *sample_column, *ELEMENT_COLUMNS, *error_columns_of_elements)
+
+
+def element_rows(store: Store) -> Iterator[list[Any]]:
+    """Yield the rows of elements.csv, in the order of stories.csv and of the model file."""
+    has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
+    for (
+        building,
+        record,
+        scale,
+        sample,
+        story,
+        _,
+        name,
+        law,
+        yield_drift,
+        *cells,
+    ) in store.elements():
+        values = cells[: len(ELEMENT_QUANTITIES)]
+        errors = cells[len(ELEMENT_QUANTITIES) :] if store.checked else []
+        sample_cell = (sample,) if has_samples else ()
+        # The yield drift precedes the ductility, which is the last quantity.
+        results = [*values[:-1], yield_drift, values[-1], *errors]
+        head = [*name_cells(building, record), scale, *sample_cell]
+        yield [*head, story, cell_text(name), cell_text(law), *results]
+
+
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write runs.csv, the table of all runs of a campaign, to a stream."""
     write_rows(run_columns(store), run_rows(store), stream, units)
@@ -320,6 +360,11 @@ def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write stories.csv, the peak responses of all stories in all runs of a campaign."""
     write_rows(story_columns(store), story_rows(store), stream, units)
+
+
+def write_elements(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write elements.csv, the results of the elements in all runs of a campaign."""
+    write_rows(element_columns(store), element_rows(store), stream, units)
 
 
 def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
