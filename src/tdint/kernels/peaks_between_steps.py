@@ -23,11 +23,11 @@ Accelerations
 -------------
 The tilt depends on displacements, divided by h^2. A displacement error d of the time-integration
 method in one step changes a(s) by up to 5.8 d / h^2. For second-order methods this change is of the
-size of a1 - a0, so the tilt is not reliable. The weight of B and D therefore depends on |D / B|:
+size of a1 - a0, so the tilt is not reliable. The weight w of B and D therefore depends on |D / B|:
 
-    |D| <= |B|              B and D are used fully: a(s) stays on one side of the straight line
-    |B| < |D| < 2 |B|       both are multiplied by 2 - |D / B|, so that peaks change continuously
-    |D| >= 2 |B|            both are ignored: the maximum is the larger endpoint value
+    |D| <= |B|              w = 1: a(s) stays on one side of the straight line
+    |B| < |D| < 2 |B|       w = 2 - |D / B|, so that peaks change continuously
+    |D| >= 2 |B|            the interior is not searched: the maximum is the larger endpoint value
 
 Search criteria
 ---------------
@@ -40,7 +40,10 @@ contain no branches. The interior is then searched if
     velocity, drift rate      the acceleration changes its sign
 
 and if a Bezier point of the quantity exceeds the recorded peak. A polynomial does not exceed its
-Bezier points, so every extremum above the peak is searched. The Bezier points of the quintic are
+Bezier points, so every extremum above the peak is searched. With V = max(|v0|, |v1|), the bounds
+that contain no branches use V / 2: this also covers the middle Bezier point (u0 + u1) / 2 - h (v1 -
+v0) / 4 of the parabola of methods with parabolic displacements. The Bezier points of the quintic
+are
 
     u0,  u0 + h v0 / 5,  u0 + 2 h v0 / 5 + h^2 a0 / 20,  u1 - 2 h v1 / 5 + h^2 a1 / 20,
     u1 - h v1 / 5,  u1
@@ -67,8 +70,9 @@ An interior maximum is unreliable in three cases:
 
 The maximum is then recorded as a possible peak, PEAK_ROWS rows after the row of the peak
 (`tdint.kernels.layout`). For displacements and drifts, it is the maximum of the cubic Hermite
-interpolant of u0, v0, u1 and v1. If the method itself defines a parabola for the displacements
-within a step, the extremum of the parabola is recorded as a regular peak instead.
+interpolant of u0, v0, u1 and v1. `row`, `peak_row` and `i` are the row and column of the regular
+peak. If the method itself defines a parabola for the displacements within a step, the extremum of
+the parabola is recorded as a regular peak instead.
 
 References
 ----------
@@ -121,30 +125,19 @@ def raise_peak(peaks, row, i, value):
 def raise_peak_at_nodes(scratch, first, column, count, row, i):
     """Raise a peak by values at successive times and by the parabolas through them.
 
-    The parabolas interpolate the nodes (0, 1, 2), (2, 3, 4) and so on. The middle node of each
-    parabola is at half of its time interval. With x = 0, 1, 2 at the nodes, the parabola is p0 +
-    linear x + quadratic x^2, and its extremum p0 - linear^2 / (4 quadratic).
-
-    Parameters
-    ----------
-    first : int
-        Row of the value at the first node; later nodes follow in the next rows.
-    count : int
-        Number of nodes: 1, or an odd number. If there are several nodes, the first is the start of
-        the step. Its value is not recorded, because it was the end of the previous step.
-    row, i : int
-        Row and column of the peak.
+    The parabolas interpolate the nodes (0, 1, 2), (2, 3, 4) and so on, with the middle node at half
+    of the time interval. `count` is 1 or an odd number. The first of several nodes is not recorded,
+    because it was the end of the previous step.
     """
     if count == 1:
         raise_peak(scratch, row, i, scratch[first, column])
-    # Node k is the first node of a parabola.
     for k in range(0, count - 2, 2):
         p0, p1 = scratch[first + k, column], scratch[first + k + 1, column]
         p2 = scratch[first + k + 2, column]
         raise_peak(scratch, row, i, p1)
         raise_peak(scratch, row, i, p2)
-        # The extremum at x = -linear / (2 quadratic) is inside if its distance from x = 1 is less
-        # than 1.
+        # With x = 0, 1, 2 at the nodes, the extremum at x = -linear / (2 quadratic) is inside if
+        # its distance from x = 1 is less than 1.
         linear = 0.5 * (4.0 * p1 - 3.0 * p0 - p2)
         quadratic = 0.5 * (p0 - 2.0 * p1 + p2)
         if abs(linear + 2.0 * quadratic) < 2.0 * abs(quadratic):
@@ -155,32 +148,12 @@ def raise_peak_at_nodes(scratch, first, column, count, row, i):
 def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     """Return True if a displacement or velocity of a floor may exceed its recorded peak in a step.
 
-    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
-    the step of length h. With V = max(|v0|, |v1|) and A = max(|a0|, |a1|), the upper bounds are
-
-        displacement    max(|u0|, |u1|) + h (V / 2 + h A / 20)
-        velocity        max(V + h A / 4, |middle Bezier point of the velocity|)
-
-    A polynomial does not exceed its Bezier points. The bounds cover the Bezier points of the
-    quintic with all six values, for example u0 + 2 h v0 / 5 + h^2 a0 / 20, and of its derivative,
-    the velocity. The factor 1/2 of V instead of 2/5 also covers methods with parabolic
-    displacements: the middle Bezier point of the parabola is (u0 + u1) / 2 - h (v1 - v0) / 4.
-
     The bounds apply to the interior and to the end of the step. The function has no branches,
-    because the observer calls it for each floor in each step.
-
-    Parameters
-    ----------
-    h, by_h : float
-        Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
-        passes h = 0 and by_h = 0.
-    floor : Ends
-        Motion of floor `i` relative to the ground at both endpoints of the step: displacement (m),
-        velocity (m/s) and acceleration (m/s^2).
+    because the observer calls it for each floor in each step. At the start of a run, the observer
+    passes h = 0 and by_h = 0 (1 / h elsewhere).
     """
     v_max = max(abs(floor.v0), abs(floor.v1))
     a_max = max(abs(floor.a0), abs(floor.a1))
-    # Compare bounds of the Bezier points of the displacement and of the velocity with the peaks.
     max_displacement = max(abs(floor.u0), abs(floor.u1)) + h * (0.5 * v_max + 0.05 * h * a_max)
     exceeds = max_displacement > peaks[rows.PEAK_DISPLACEMENT, i]
     middle_velocity = abs(_middle_velocity_bezier_point(h, by_h, floor))
@@ -200,51 +173,23 @@ def limit_stiffness(linear_terms, law_parameters, i):
 
 @inline
 def story_reach(span, story, shear, stiffness):
-    """Return upper bounds of the drift (m) and of the shear (N) of a story within a step.
+    """Return upper bounds of the absolute drift (m) and shear (N) of a story within a step.
 
-    The drift and its rate are u0, v0 at the start and u1, v1 at the end of the step of length h.
-    The drift acceleration at the start is a0. With e = h (max(|v0|, |v1|) / 2 + h |a0| / 20), the
-    bounds are
-
-        drift    max(|u0|, |u1|) + e
-        shear    |shear at the end| + stiffness (|u1 - u0| + e)   if the drift may reverse
-                 |shear at the end|                               otherwise
-
-    The drift may reverse if v0 and v1 have opposite signs, or if the method defines parabolic
-    displacements within the step (`span.on_path`).
+    The effect of the drift acceleration at the end of the step is not included: the caller computes
+    it later, and `may_exceed_story_peaks` adds it. `shear` is the restoring force at the end of the
+    step, `stiffness` the result of `limit_stiffness`.
 
     The bound of the shear covers a reversal within the step, and assumes that the force changes by
-    at most the upper limit of the stiffness times the distance of the drifts between the reversal
-    and the end of the step. For an unsymmetric story that can stiffen, this limit is practically
-    infinite, so that each reversal is searched. The bound does not cover a force that rises and
-    softens within the step without a reversal.
-
-    A polynomial does not exceed its Bezier points. Without the effect of the drift acceleration a1
-    at the end, the Bezier points of the drift are at most e away from an endpoint value. The
-    quintic interpolant requires only 2/5 of the rate, for example in u0 + 2 h v0 / 5 + h^2 a0 / 20.
-    The factor 1/2 also covers the parabola with the middle Bezier point (u0 + u1) / 2 -
-    h (v1 - v0) / 4. The caller computes a1 later; `may_exceed_story_peaks` then adds its effect.
-
-    Parameters
-    ----------
-    story : Ends
-        Drift (m) and drift rate (m/s) at both endpoints, and drift acceleration at the start
-        (m/s^2). The other fields are not used.
-    shear : float
-        Restoring force of the story at the end of the step, N.
-    stiffness : float
-        Upper limit of the tangent stiffness (`limit_stiffness`), N/m. It converts a change of drift
-        to an upper limit of the change of shear.
-
-    Returns
-    -------
-    float, float
-        Upper bounds of the absolute drift (m) and of the absolute shear (N).
+    at most `stiffness` times the distance of the drifts between the reversal and the end of the
+    step. For an unsymmetric story that can stiffen, this limit is practically infinite, so that
+    each reversal is searched. The bound does not cover a force that rises and softens within the
+    step without a reversal.
     """
     v_max = max(abs(story.v0), abs(story.v1))
     excess = span.h * (0.5 * v_max + 0.05 * span.h * abs(story.a0))
-    # The shear can exceed its value at the end of the step only if the drift may reverse.
-    # `excursion` is a bound of the distance of the drift from its value at the end, m.
+    # The drift may reverse if its rates have opposite signs or if the method defines parabolic
+    # displacements. Otherwise the shear cannot exceed its value at the end of the step. `excursion`
+    # is a bound of the distance of the drift from its value at the end, m.
     excursion = abs(story.u1 - story.u0) + excess
     excursion = excursion if span.on_path or story.v0 * story.v1 < 0.0 else 0.0
     return max(abs(story.u0), abs(story.u1)) + excess, abs(shear) + stiffness * excursion
@@ -254,20 +199,10 @@ def story_reach(span, story, shear, stiffness):
 def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
     """Return True if a drift or shear may exceed its recorded peak in a step.
 
-    The bounds of `story_reach` are increased by the effect of the drift acceleration at the end of
-    the step: `excess` for the drift, and the initial stiffness times `excess` for the shear. If the
-    story can be stiffer, the bound of the shear is already practically infinite for each reversal.
-
-    Parameters
-    ----------
-    reach : tuple of float
-        Upper bounds of the drift (m) and of the shear (N) without the effect of the acceleration at
-        the end of the step (`story_reach`).
-    excess : float
-        Increase of the bound of the drift by the acceleration at the end of the step, m: h^2 / 20
-        times the absolute value of the drift acceleration.
-    stiffness : float
-        Initial stiffness of the story, N/m.
+    `reach` is the result of `story_reach`. `excess` is the effect of the drift acceleration at the
+    end of the step on the bound of the drift, m: h^2 / 20 times its absolute value. The initial
+    `stiffness` converts it to a force. If the story can be stiffer, the bound of the shear is
+    already practically infinite for each reversal.
     """
     max_drift, max_shear = reach
     exceeds = max_drift + excess > peaks[rows.PEAK_DRIFT, i]
@@ -278,26 +213,9 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
 def _displacement_excursion(span, ends):
     """Return an upper bound of the distance of a displacement or drift from u1 within a step, m.
 
-    The displacement has u0, v0, a0 at the start and u1, v1, a1 at the end of the step of length h.
-    `_raise_displacement_peak` interpolates it by one of three polynomials:
-
-        quintic     u0, v0, a0, u1, v1, a1, if the step resolves the motion
-        parabola    u0, u1 and the change v1 - v0 of the velocity, for methods that define parabolic
-                    displacements, if the step does not resolve the motion
-        cubic       u0, v0, u1, v1, for other methods, if the step does not resolve the motion
-
-    The bound is valid for all three polynomials, because a polynomial does not exceed its Bezier
-    points. It is the largest of three distances from u1:
-
-        |u1 - u0| + h (2 |v0| / 5 + h |a0| / 20)    Bezier points of the quintic near the start
-        h (2 |v1| / 5 + h |a1| / 20)                Bezier points of the quintic near the end
-        |u1 - u0| / 2 + h |v1 - v0| / 4             middle Bezier point of the parabola
-
-    The first two distances also cover the Bezier points u0 + h v0 / 3 and u1 - h v1 / 3 of the
-    cubic.
+    The bound is valid for all three polynomials of `_raise_displacement_peak`. The Bezier points of
+    the cubic, u0 + h v0 / 3 and u1 - h v1 / 3, are covered by those of the quintic.
     """
-    # `_excess_at_end` bounds the distance of the Bezier points near an endpoint from the value at
-    # this endpoint.
     change = abs(ends.u1 - ends.u0)
     from_start = change + _excess_at_end(span.h, ends.v0, ends.a0)
     from_end = _excess_at_end(span.h, ends.v1, ends.a1)
@@ -307,35 +225,18 @@ def _displacement_excursion(span, ends):
 
 @inline
 def _excess_at_end(h, v, a):
-    """Return an upper bound of the distance of the Bezier points near an endpoint of a step from
-    the displacement at this endpoint, m.
-
-    The displacement within the step is approximated by the quintic polynomial with displacement,
-    velocity and acceleration at both endpoints. The velocity at this endpoint is `v` (m/s), the
-    acceleration `a` (m/s^2), and the length of the step `h` (s). The two Bezier points next to the
-    endpoint deviate from the displacement by h v / 5 and 2 h v / 5 + h^2 a / 20 at the start, and
-    by -h v / 5 and -2 h v / 5 + h^2 a / 20 at the end of the step. The result,
-    h (2 |v| / 5 + h |a| / 20), is an upper bound of the absolute values of both deviations.
+    """Return an upper bound of the distance of the two Bezier points of the quintic next to an
+    endpoint of a step from the displacement at this endpoint, m.
     """
     return h * (0.4 * abs(v) + 0.05 * h * abs(a))
 
 
 @inline
 def may_exceed_velocity_peak(h, by_h, ends, peak):
-    """Return True if a velocity or drift rate may exceed its recorded peak in a step.
+    """Return True if a velocity or drift rate may exceed its recorded peak in a step or at its end.
 
-    The peak may be exceeded at the end of the step, or within the step if the accelerations at the
-    endpoints have opposite signs and a Bezier point of the velocity exceeds the peak. Two changes
-    of the sign within a step, which a step that resolves the motion does not have, are not
-    considered.
-
-    Parameters
-    ----------
-    h, by_h : float
-        Length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a run, the observer
-        passes h = 0 and by_h = 0.
-    peak : float
-        Recorded peak, m/s.
+    Two changes of the sign of the acceleration within a step, which a step that resolves the motion
+    does not have, are not considered.
     """
     exceeds = (ends.a0 * ends.a1 < 0.0) & (_max_velocity_bezier_point(h, by_h, ends) > peak)
     return (abs(ends.v1) > peak) | exceeds
@@ -343,15 +244,7 @@ def may_exceed_velocity_peak(h, by_h, ends, peak):
 
 @inline
 def _max_velocity_bezier_point(h, by_h, ends):
-    """Return the largest absolute value of the interior Bezier points of the velocity, m/s.
-
-    The velocity is the quartic derivative of the quintic interpolant of u0, v0, a0 and u1, v1, a1
-    at the endpoints of a step of length h. Its Bezier points are v0, v0 + h a0 / 4, p, v1 - h a1 /
-    4 and v1. Their mean is the mean velocity (u1 - u0) / h, which determines the middle point p.
-
-    `h` and `by_h` are the length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a
-    run, the observer passes h = 0 and by_h = 0.
-    """
+    """Return the largest absolute value of the interior Bezier points of the velocity, m/s."""
     point_1 = ends.v0 + 0.25 * h * ends.a0
     point_3 = ends.v1 - 0.25 * h * ends.a1
     return max(abs(point_1), abs(point_3), abs(_middle_velocity_bezier_point(h, by_h, ends)))
@@ -361,14 +254,8 @@ def _max_velocity_bezier_point(h, by_h, ends):
 def _middle_velocity_bezier_point(h, by_h, ends):
     """Return the middle one of the five Bezier points of the velocity within a step, m/s.
 
-    The velocity is the quartic derivative of the quintic interpolant of u0, v0, a0 and u1, v1, a1
-    at the endpoints of a step of length h. The mean of its five Bezier points is the mean velocity
-    (u1 - u0) / h, so their sum is 5 (u1 - u0) / h. The other four points are v0, v0 + h a0 / 4,
-    v1 - h a1 / 4 and v1. The middle point is therefore 5 (u1 - u0) / h - 2 (v0 + v1)
-    + h (a1 - a0) / 4.
-
-    `h` and `by_h` are the length of the step, s, and its reciprocal 1 / h, 1/s. At the start of a
-    run, the observer passes h = 0 and by_h = 0.
+    The other four points are v0, v0 + h a0 / 4, v1 - h a1 / 4 and v1. The mean of all five is the
+    mean velocity (u1 - u0) / h.
     """
     sum_of_points = 5.0 * by_h * (ends.u1 - ends.u0)
     return sum_of_points - 2.0 * (ends.v0 + ends.v1) + 0.25 * h * (ends.a1 - ends.a0)
@@ -379,27 +266,12 @@ def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
     """Return True if an absolute acceleration or total shear may exceed its recorded peak in a
     step.
 
-    Within the step, with s from 0 to 1, the acceleration is A0 + (A1 - A0) s + s (1 - s) (B + D (1
-    - 2 s)), with the endpoint values A0 and A1, the bulge B and the tilt D. Its interior Bezier
-    points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3.
-
-    The bound covers every tilt, so D is not an argument. `_raise_acceleration_peak`, which computes
-    the peak, replaces B and D by w B and w D. The weight w is 1 for |D| <= |B| and 2 - |D / B| for
-    |B| < |D| < 2 |B|; for larger |D| the interior is not searched. In all cases w (|B| + |D|) is at
-    most 2 |B|. A Bezier point is therefore within 2 |B| / 3 of the straight line between A0 and
-    A1. At the Bezier points, the absolute value of the line is at least |A1 - A0| / 3 below the
-    larger absolute endpoint value. The interior Bezier points therefore exceed this value by at
-    most (2 |B| - |A1 - A0|) / 3.
-
-    Parameters
-    ----------
-    absolute_0, absolute_1 : float
-        Values A0 and A1 at the endpoints: m/s^2 for an acceleration, N for the sum of mass times
-        absolute acceleration.
-    bulge : float
-        Bulge B of the acceleration (`acceleration_bulge`) or the mass-weighted sum of bulges.
-    peak : float
-        Recorded peak in the same unit.
+    The interior Bezier points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3, with the
+    absolute accelerations A0 and A1 at the endpoints. The bound covers every tilt, so D is not an
+    argument: in all cases w (|B| + |D|) is at most 2 |B|. A Bezier point is therefore within 2 |B|
+    / 3 of the straight line between A0 and A1. At the Bezier points, the absolute value of the line
+    is at least |A1 - A0| / 3 below the larger absolute endpoint value. The interior Bezier points
+    therefore exceed this value by at most (2 |B| - |A1 - A0|) / 3.
     """
     excess = (2.0 * abs(bulge) - abs(absolute_1 - absolute_0)) / 3.0
     return max(abs(absolute_0), abs(absolute_1)) + max(excess, 0.0) > peak
@@ -409,79 +281,42 @@ def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
 def find_interstep_peaks(
     span, scene, passage, law_state, reversals, reversal_row, peaks, first_peak
 ):
-    """Raise the peaks of all floors and stories by the response inside a step or substep.
+    """Raise the peaks of all floors and stories by the response inside a step or substep; return
+    the number of stored reversal drifts.
 
-    The motion of each floor and story between the endpoints of the step is the quintic polynomial
-    with the displacement, velocity and acceleration at both endpoints. Displacements and drifts
-    have an extremum where the velocity is zero, velocities where the acceleration is zero. For
-    the total shear of a story, the sum of m (a + ag) - p over the floors that the story supports is
-    searched, with mass m, absolute acceleration a + ag and force p of each floor. The total shear
-    is minus this sum; the sign has no effect on the peak. Each quantity is searched only if it may
-    exceed its recorded peak.
+    For the total shear of a story, the sum of m (a + ag) - p over the floors that the story
+    supports is searched, with mass m, absolute acceleration a + ag and force p of each floor. The
+    total shear is minus this sum; the sign has no effect on the peak.
 
     The restoring force at an interior drift depends on the hysteretic law, so this function does
-    not compute it. It stores reversal drifts; the caller evaluates the laws at these drifts.
+    not compute it. Row `reversal_row` of `reversals` is set to the extreme drift inside the step if
+    that drift may cause a new peak drift or peak shear, and to the drift at the end of the step
+    otherwise. The caller evaluates the laws at these drifts.
 
-    An extremum is unreliable if the step does not resolve the motion. It is then recorded as a
-    possible peak, in a separate row, and the regular peak is not changed. An exception are
-    displacements and drifts that follow a parabola defined by the method. The functions
-    `_raise_displacement_peak`, `_raise_velocity_peak` and `_raise_acceleration_peak` decide this
-    from the motion at both endpoints. If the building has modes with periods that are too short for
-    the step (`span.fast`), they also use velocity and acceleration one step before the start.
-
-    Parameters
-    ----------
-    span : Span
-        Step or substep; its length is not zero. `span.cornered` is True if the kernel of the method
-        has already computed the peaks of accelerations and total shears within the step; this
-        function then skips them. `span.fast` is True if the building has modes that the step does
-        not resolve.
-    passage : Passage
-        Motion of all floors at both endpoints, relative to the ground: m, m/s, m/s^2. If
-        `span.fast` is True, also velocity and acceleration one step before the start.
-    reversals : ndarray
-        Table that receives the drifts, m. For each story, row `reversal_row` is set to the
-        extreme drift inside the step if that drift may cause a new peak drift or peak shear, and
-        to the drift at the end of the step otherwise.
-    reversal_row : int
-        Row of `reversals` that receives the drifts.
-    first_peak : int
-        Row of the first peak in `peaks`. PEAK_ROWS rows of peaks are followed by PEAK_ROWS rows of
-        possible peaks.
-
-    Returns
-    -------
-    int
-        Number of stories for which a reversal drift inside the step was stored.
+    The length of the step must not be zero. `first_peak` is the row of the first peak in `peaks`.
     """
     linear_terms = scene.linear_terms
     by_h = 1.0 / span.h
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     reversal_count = 0
     n = linear_terms.shape[1] - 1
-    # `inertia`, `mass_sum` and `floor_forces` are sums over the floors from the roof down to floor
-    # i: mass times motion, mass, and forces on floors.
+    # Sums over the floors from the roof down to floor i: mass times motion, mass, forces on floors
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
     next_row = scene.forces.shape[0]
-    # `_floor_ends` returns the motion of a floor as `Ends`, including velocity and acceleration one
-    # step before the start if `span.fast` is True.
     floor = _floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
-        # Story 0 has no floor below: its link is 0, so floor 0 is passed without effect.
+        # The link of story 0 is 0, so floor 0 is passed without effect.
         floor_below = _floor_ends(span.fast, passage, max(i - 1, 0))
         story = _story_ends(
             floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i]
         )
-        # Search the drift for an extremum inside the step.
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
             stiffness = limit_stiffness(linear_terms, scene.law_parameters, i)
             # `drift_margin` (m) and `shear_margin` (N) are the differences of the recorded peaks
-            # and the absolute values at the end of the step. The drift has no new peak if its
-            # distance from the value at the end, at most `drift_excursion`, does not exceed
-            # `drift_margin`. The same applies to the shear: the change of shear is limited by
-            # `stiffness` times `drift_excursion`.
+            # and the absolute values at the end of the step. `drift_excursion` and `stiffness`
+            # times `drift_excursion` limit the distances of drift and shear from these values.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             if scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
@@ -490,19 +325,14 @@ def find_interstep_peaks(
                 )
             drift_excursion = _displacement_excursion(span, story)
             if drift_excursion > drift_margin or stiffness * drift_excursion > shear_margin:
-                # If the distance of the drift from its value at the end is at most `margin`, both
-                # the drift and the shear have no new peak.
+                # A drift at most `margin` away from its value at the end causes no new peak.
                 margin = min(drift_margin, shear_margin / stiffness)
                 row = first_peak + rows.PEAK_DRIFT
                 reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
-                # `reversal` is the drift at the end of the step, u1, if there is no reliable
-                # extremum that may exceed the margin. Otherwise store the extremum: the caller
-                # evaluates the story force at this drift, which may be the peak shear.
+                # `reversal` is u1 if there is no reliable extremum that may exceed the margin.
                 if reversal != story.u1:
                     reversals[reversal_row, i] = reversal
                     reversal_count += 1
-        # Search the displacement and the velocity of the floor, and the drift rate of a story with
-        # a dashpot.
         margin = peaks[first_peak + rows.PEAK_DISPLACEMENT, i] - abs(floor.u1)
         if _has_extremum(span, floor) and _displacement_excursion(span, floor) > margin:
             row = first_peak + rows.PEAK_DISPLACEMENT
@@ -513,7 +343,6 @@ def find_interstep_peaks(
         ):
             _raise_velocity_peak(span, floor, peaks, first_peak + rows.PEAK_VELOCITY, i)
         rate_peak = peaks[first_peak + rows.PEAK_DRIFT_RATE, i]
-        # DASHPOTS is a compile-time constant: without dashpots this search is not compiled.
         if (
             DASHPOTS
             and has_dashpots
@@ -521,9 +350,8 @@ def find_interstep_peaks(
             and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
         ):
             _raise_velocity_peak(span, story, peaks, first_peak + rows.PEAK_DRIFT_RATE, i)
-        # Search the absolute acceleration of the floor and the total shear of the story, unless
-        # the kernel of the method has computed their peaks. The third argument is the factor of the
-        # ground acceleration: 1 for a floor, the mass of all floors above the story for the shear.
+        # The third argument of `_raise_acceleration_peak` is the factor of the ground acceleration:
+        # 1 for a floor, the mass of all floors above the story for the shear.
         if not span.cornered:
             row = first_peak + rows.PEAK_ACCELERATION
             if not span.kinked:
@@ -573,21 +401,10 @@ def _margin_of_elements(law_parameters, law_state, i, stiffness, margin):
 
 @inline
 def _floor_ends(has_unresolved_modes, passage, i):
-    """Return the motion of floor `i` at both endpoints of a step as `Ends`, relative to the ground.
+    """Return the motion of floor `i` at both endpoints of a step, relative to the ground.
 
-    The values are displacement (m), velocity (m/s) and acceleration (m/s^2).
-
-    Parameters
-    ----------
-    has_unresolved_modes : bool
-        True if the building has modes that the step does not resolve. Only then does the table
-        `passage.old` contain velocity and acceleration one step earlier. Otherwise the values at
-        the start of the step are returned instead; they are not used.
-    passage : Passage
-        Tables with the response at both endpoints. Table `old` contains, from row `first` on,
-        displacement, velocity and acceleration at the start, then velocity and acceleration one
-        step earlier. Table `state` contains displacement and velocity at the end. Row `new` of the
-        table `accelerations` contains the acceleration at the end.
+    Without unresolved modes, `passage.old` contains no values of the previous step; the fields
+    `v_earlier` and `a_earlier` are then not used.
     """
     old, first, state, accelerations, new = passage
     v0 = old[first + 1, i]
@@ -600,17 +417,10 @@ def _floor_ends(has_unresolved_modes, passage, i):
 
 @inline
 def _story_ends(floor, floor_below, link, drift):
-    """Return drift (m), drift rate (m/s) and drift acceleration (m/s^2) of a story at both
-    endpoints of a step as `Ends`.
+    """Return drift (m), drift rate and drift acceleration of a story at both endpoints of a step.
 
-    The fields `v_earlier` and `a_earlier` of the result contain drift rate and drift acceleration
-    one step before the start of the step. All values are differences between the floor at the top
-    and the floor at the base of the story, except for the drift at the end: it is read from the
-    state of the hysteretic law (`drift`).
-
-    `floor` and `floor_below` are the motion of the floors at the top and at the base of the story,
-    relative to the ground. `drift` is the story drift at the end of the step as stored by the
-    hysteretic law, m.
+    The drift at the end is not the difference of the displacements of the floors, but the value in
+    the state of the hysteretic law (`drift`).
     """
     return Ends(
         u0=floor.u0 - link * floor_below.u0,
@@ -628,26 +438,9 @@ def _story_ends(floor, floor_below, link, drift):
 def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     """Add mass times motion of floor `i` to the sums over the floors above.
 
-    The motion is given at the start (0) and at the end (1) of the step and, for velocity and
-    acceleration, also one step before the start (earlier).
-
-    `floor` is the displacement, velocity and acceleration of the floor relative to the ground.
-    `inertia_above` is the sum of mass times motion over the floors above: kg m, kg m/s and N.
-    `mass_above` is the sum of the masses of the floors above, kg.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
-        an additional last column. Row LINK is 1 for a story on the floor below and 0 for a story on
-        the ground. For the roof, column `i + 1` is the last column; its LINK has no effect, because
-        the sums above the roof are zero.
-
-    Returns
-    -------
-    Ends, float
-        Both sums including floor `i`. The floors above are excluded if the story above is
-        supported by the ground instead of floor `i` (link 0).
+    The floors above are excluded if the story above is supported by the ground instead of floor `i`
+    (link 0). For the roof, column `i + 1` is the last column; its LINK has no effect, because the
+    sums above the roof are zero.
     """
     link, mass = linear_terms[rows.LINK, i + 1], linear_terms[rows.MASS, i]
     ends = Ends(
@@ -667,16 +460,8 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
 def _has_extremum(span, ends):
     """Return True if a displacement or drift has an extremum inside the step.
 
-    Displacement and velocity are u0, v0 at the start and u1, v1 at the end of the step of length h.
-    `ends` contains these displacements (m) and velocities (m/s) of a floor or story, `span` the
-    length h. The result is True in two cases:
-
-    - v0 and v1 have different signs.
-    - The method has parabolic displacements within the step (`span.on_path`), and the parabola
-      u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2, with s from 0 to 1, has an interior extremum.
-      The condition is 2 |u1 - u0| < h |v1 - v0|.
-
-    The comparison of signs misses extrema in two cases:
+    The parabola of a method with parabolic displacements is u0 + (u1 - u0) s + h (v1 - v0) (s^2 -
+    s) / 2. The comparison of signs misses extrema in two cases:
 
     - The displacement has two extrema within the step, so that v0 and v1 have the same sign.
     - v0 is zero. The extremum at the start of the step has already been recorded. A further
@@ -691,41 +476,21 @@ def _has_extremum(span, ends):
 
 @outlined
 def _raise_displacement_peak(span, ends, margin, peaks, row, i):
-    """Raise the peak of a displacement or drift by its extremum inside the step.
+    """Raise the peak of a displacement or drift by its extremum inside the step; return the
+    extremum, m.
 
-    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
-    the step of length h. A polynomial in s, from 0 at the start to 1 at the end, approximates the
-    displacement. There are three cases:
+    The result is u1 if there is no extremum inside the step that was compared with the regular
+    peak. The displacement is interpolated in one of three ways:
 
-    1. The step resolves the motion: the quintic with all six values.
+    1. The step resolves the motion: by the quintic.
     2. The step does not resolve the motion, and the method itself defines parabolic displacements
-       (`span.on_path`): the parabola u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2.
-    3. The step does not resolve the motion, other methods: the cubic with u0, v0, u1 and v1. Its
-       extremum is not reliable. It is recorded as a possible peak, PEAK_ROWS rows after the regular
-       peak, which is not changed.
+       (`span.on_path`): by the parabola u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2.
+    3. The step does not resolve the motion, other methods: by the cubic with u0, v0, u1 and v1. Its
+       extremum is a possible peak.
 
-    The step resolves the motion if two conditions are met:
-
-    - The endpoint accelerations explain the change of velocity:
-      |v1 - v0 - h (a0 + a1) / 2| <= _MAX_VELOCITY_MISMATCH (|v0| + |v1|).
-    - Velocities and accelerations of two successive steps are near straight lines (`_is_resolved`).
-
-    `row` and `i` are the row and column of the peak.
-
-    Parameters
-    ----------
-    margin : float
-        Recorded peak minus |u1|, m. For a drift, the caller reduces this value if a smaller
-        distance from u1 can cause a new peak shear. An extremum at a distance of at most `margin`
-        from u1 causes no new peak. In cases 1 and 3, the extremum is ignored if the Bezier points
-        show that its distance from u1 does not exceed `margin`.
-
-    Returns
-    -------
-    float
-        Extremum inside the step, m, if it was compared with the regular peak. u1 if there is no
-        extremum, if the extremum is ignored because of `margin`, or if it is a possible peak
-        (case 3). In cases 1 and 3, an extremum is searched only if v0 and v1 have opposite signs.
+    `margin` is the recorded peak minus |u1|, m. For a drift, the caller reduces it if a smaller
+    distance from u1 can cause a new peak shear. In cases 1 and 3, the extremum is ignored if the
+    Bezier points show that its distance from u1 does not exceed `margin`.
     """
     h = span.h
     u0, v0, a0, u1, v1, a1, _, _ = ends
@@ -734,8 +499,8 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         velocity_mismatch <= _MAX_VELOCITY_MISMATCH * (abs(v0) + abs(v1))
     )
     if span.on_path and not is_resolved:
-        # Case 2: the parabola u0 + rise s + curvature (s^2 - s) / 2 has its extremum at
-        # s = 1/2 - rise / curvature, which is inside the step if |rise / curvature| < 1/2.
+        # The extremum is at s = 1/2 - rise / curvature, inside the step if |rise / curvature| <
+        # 1/2.
         rise = u1 - u0
         curvature = h * (v1 - v0)
         if 2.0 * abs(rise) >= abs(curvature):
@@ -746,17 +511,11 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         return extremum
     if v0 * v1 >= 0.0:
         return u1
-    # Cases 1 and 3: the velocity changes its sign. The extremum is a maximum for v0 > 0, else a
-    # minimum (`direction` 1 or -1). A polynomial does not exceed its Bezier points. The Bezier
-    # points between the endpoints are
-    #     cubic      u0 + h v0 / 3 and u1 - h v1 / 3
-    #     quintic    u0 + h v0 / 5, u0 + 2/5 h v0 + h^2 a0 / 20,
-    #                u1 - 2/5 h v1 + h^2 a1 / 20, u1 - h v1 / 5
-    # `excess_0` is the largest distance of the points near the start from u0, in the direction of
-    # the extremum; `excess_1` is this distance from u1 for the points near the end. Both cover the
-    # points of the cubic and of the quintic, so that the test is valid in cases 1 and 3. The points
-    # with h v / 5 are omitted, because the points with h v / 3 are farther away. `start_offset` is
-    # the distance of u0 from u1 in this direction.
+    # The extremum is a maximum for v0 > 0, else a minimum (`direction` 1 or -1). `excess_0` is the
+    # largest distance from u0, in the direction of the extremum, of the Bezier points of quintic
+    # and cubic near the start; `excess_1` is this distance from u1 for the points near the end. The
+    # points with h v / 5 are omitted, because the points with h v / 3 (cubic) are farther away.
+    # `start_offset` is the distance of u0 from u1 in this direction.
     direction = math.copysign(1.0, v0)
     start_offset = direction * (u0 - u1)
     excess_0 = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * direction * a0)
@@ -764,16 +523,14 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     if max(start_offset + excess_0, excess_1) <= margin:
         return u1
     if not is_resolved:
-        # Case 3: the coefficients c2 and c3 of the cubic u0 + h v0 s + c2 s^2 + c3 s^3 follow from
-        # u1 and v1 at s = 1.
+        # Coefficients of the cubic u0 + h v0 s + c2 s^2 + c3 s^3
         rise = u1 - u0
         c2 = 3.0 * rise - h * (2.0 * v0 + v1)
         extremum = _cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
         raise_peak(peaks, row + rows.PEAK_ROWS, i, extremum)
         return u1
-    # Case 1: compute the quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5.
     c3, c4, c5 = _quintic_coefficients(h, ends)
-    # The zero of the velocity on the straight line between v0 and v1 is the first estimate.
+    # The first estimate is the zero of the straight line between v0 and v1.
     extremum = _quintic_extremum(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
     raise_peak(peaks, row, i, extremum)
     return extremum
@@ -783,87 +540,32 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
 def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     """Raise the peak of a velocity or drift rate by its extremum inside the step.
 
-    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
-    the step of length h. With s from 0 at the start to 1 at the end, the displacement u, the
-    velocity v and the acceleration a are interpolated by
-
-        u = u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5
-        v = v0 + h a0 s + (3 c3 s^2 + 4 c4 s^3 + 5 c5 s^4) / h
-        a = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s))
-
-    c3, c4 and c5 follow from u1, v1 and a1. The bulge B and the tilt D describe the deviation of
-    the acceleration from the straight line between a0 and a1. Call this function only if a0 and a1
-    have opposite signs, so that the velocity has an extremum.
-
-    The extremum of v is reliable if two conditions are met:
-
-    - The acceleration is near the straight line: (|B| + |D|) / 3 is at most |a0| + |a1|.
-    - Velocities and accelerations of two successive steps are near straight lines (`_is_resolved`).
-
-    Otherwise the step does not resolve the motion. The extremum is then recorded as a possible
-    peak, in a separate row, and the regular peak is not changed.
-
-    `peak_row` and `i` are the row and column of the regular peak. The possible peak is PEAK_ROWS
-    rows after it.
-
-    Parameters
-    ----------
-    ends : Ends
-        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints. If
-        `span.fast` is True, also velocity and acceleration one step before the start, which
-        `_is_resolved` uses.
+    a0 and a1 must have opposite signs, so that the velocity, the derivative of the quintic, has an
+    extremum.
     """
     h = span.h
     _, v0, a0, _, _, a1, _, _ = ends
     c3, c4, c5 = _quintic_coefficients(h, ends)
     bulge, tilt = _bulge_and_tilt(h, ends)
-    # The scale is the sum of the absolute accelerations at both endpoints.
     is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
     if _max_velocity_bezier_point(h, 1.0 / h, ends) > peaks[row, i]:
-        # These are the coefficients of 1, s, ..., s^5 in v. The coefficient of s^5 is 0, because v
-        # is of degree 4. The first estimate of the extremum is the zero of the straight line
-        # between a0 and a1.
+        # Coefficients of 1, s, ..., s^5 in the velocity, which is of degree 4. The first estimate
+        # of the extremum is the zero of the straight line between a0 and a1.
         velocity = (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
         raise_peak(peaks, row, i, _quintic_extremum(a0 / (a0 - a1), velocity))
 
 
 @inline
 def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
-    """Raise the peak of an absolute acceleration or of a total shear.
+    """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
+    step.
 
-    Within the step, with s from 0 to 1, the acceleration (or the sum of mass times acceleration) is
-
-        A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s))
-
-    with the endpoint values A0 and A1, the bulge B and the tilt D.
-
-    The absolute acceleration is a + ag, with the acceleration a relative to the ground and the
-    ground acceleration ag. For a total shear, the quantity is the sum of m (a + ag) - p over the
-    floors that the story supports, with the masses m and the forces p on these floors. The total
-    shear is minus this sum; the sign has no effect on the peak. As ag is linear within the step, ag
-    changes only A0 and A1, not B and D.
-
-    Bt and Dt are bulge and tilt of the motion a (or of the sum of m a) minus those of the sum of
-    the forces p. The tilt is not reliable if it is large. Both are therefore multiplied by a weight
-    w, which decreases from 1 to 0 with increasing |Dt|:
-
-        B = w Bt,   D = w Dt
-        w = 1                   for |Dt| <= |Bt|
-        w = 2 - |Dt / Bt|       for |Bt| < |Dt| < 2 |Bt|
-
-    For |Dt| >= 2 |Bt|, the interior of the step is not searched. The forces have the same weight
-    as the motion: a cubic with the complete tilt of the forces, but not of the accelerations that
-    they cause, would have a too large extremum.
-
-    An extremum inside the step is unreliable ("unresolved motion") if (|B| + |D|) / 3 exceeds
-    |A0| + |A1| (`_is_near_line` is False), or if velocities and accelerations of two successive
-    steps are far from straight lines (`_is_resolved` is False). It is then recorded as a possible
-    peak, in a separate row, and the regular peak is not changed.
-
-    `mass` is the factor of the ground acceleration: 1 for one floor, the sum of the masses (kg) for
-    a shear. `peak_row` and `i` are the row and column of the regular peak. The possible peak is
-    PEAK_ROWS rows after it.
+    For a total shear, `ends` contains the sum of mass times motion over the floors that the story
+    supports, `mass` the sum of their masses (kg; 1 for one floor), and `forces` the result of
+    `_add_floor_forces`. As the ground acceleration is linear within the step, it does not change
+    bulge and tilt. The forces have the same weight w as the motion: a cubic with the complete tilt
+    of the forces, but not of the accelerations that they cause, would have a too large extremum.
     """
     peak = peaks[peak_row, i]
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
@@ -871,19 +573,16 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     bulge, tilt = _bulge_and_tilt(span.h, ends)
     bulge -= forces[2]
     tilt -= forces[3]
-    # For |Dt| >= 2 |Bt|, the interior is not searched. The caller records the endpoints.
     is_candidate = abs(tilt) < _MAX_TILT_RATIO * abs(bulge)
     if is_candidate:
         weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
         bulge *= weight
         tilt *= weight
-    # The quantity does not exceed the largest of its endpoint values and interior Bezier points.
-    # Search an extremum only if an interior Bezier point exceeds the peak.
     if is_candidate and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
         scale = abs(absolute_0) + abs(absolute_1)
         is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)
         row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
-        # Expand A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) in powers of s.
+        # Coefficients of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) in powers of s
         c1 = absolute_1 - absolute_0 + bulge + tilt
         extremum = _cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
         raise_peak(peaks, row, i, extremum)
@@ -923,7 +622,7 @@ def raise_acceleration_in_part(span, passage, part, peaks, i):
         bulge *= weight
         tilt *= weight
     # Coefficients of the cubic in powers of s, then of x, from 0 to 1 in the part, including the
-    # deviation.
+    # deviation
     length = s_1 - s_0
     c1 = absolute_1 - absolute_0 + bulge + tilt
     c2, c3 = -bulge - 3.0 * tilt, 2.0 * tilt
@@ -948,10 +647,8 @@ def _add_floor_forces(span, forces, link, i, sums_above, next_row):
 
     A force is a known function of time. With s from 0 to 1 over the step, its deviation from the
     straight line between its endpoint values is represented as s (1 - s) (bulge + tilt (1 - 2 s)).
-    It is matched at s = 1/4 and s = 3/4:
-
-        deviation(1/4) = 3/16 (bulge + tilt / 2)
-        deviation(3/4) = 3/16 (bulge - tilt / 2)
+    It is matched at s = 1/4 and s = 3/4, where it is 3/16 (bulge + tilt / 2) and 3/16 (bulge - tilt
+    / 2).
 
     `sums_above` is the result of this function for floor `i + 1`. `next_row` is the first row of
     the tables on floors above. The tables are in the order of their floors.
@@ -968,7 +665,7 @@ def _add_floor_forces(span, forces, link, i, sums_above, next_row):
     sum_1 = link * sums_above[1]
     bulge = link * sums_above[2]
     tilt = link * sums_above[3]
-    # Add the tables, which are lines within the step.
+    # Tables are straight lines within the step.
     while (
         next_row > 0
         and forces[next_row - 1, rows.POINTS] > 0.0
@@ -977,7 +674,7 @@ def _add_floor_forces(span, forces, link, i, sums_above, next_row):
         next_row -= 1
         sum_0 += force_value(forces, next_row, t - h)
         sum_1 += force_value(forces, next_row, t)
-    # Add the harmonic forces, which precede the tables.
+    # Harmonic forces precede the tables.
     for j in range(forces.shape[0]):
         if forces[j, rows.POINTS] > 0.0:
             break
@@ -996,26 +693,7 @@ def _add_floor_forces(span, forces, link, i, sums_above, next_row):
 
 @inline
 def _bulge_and_tilt(h, ends):
-    """Return bulge B and tilt D of the acceleration of the quintic interpolant, m/s^2.
-
-    The quintic has displacement, velocity and acceleration u0, v0, a0 at the start and u1, v1, a1
-    at the end of the step of length h (s). With s from 0 to 1, its acceleration is
-
-        a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s))
-        B = 6 (v1 - v0) / h - 3 (a0 + a1)
-        D = 60 ((u1 - u0) / h - (v0 + v1) / 2) / h + 5 (a1 - a0)
-
-    Parameters
-    ----------
-    ends : Ends
-        Displacement or drift (m), velocity (m/s) and acceleration (m/s^2) at both endpoints. The
-        last two fields, values one step before the start, are not used.
-
-    Returns
-    -------
-    float, float
-        B and D, in the unit of the accelerations.
-    """
+    """Return bulge B and tilt D of the acceleration of the quintic interpolant."""
     u0, v0, a0, u1, v1, a1, _, _ = ends
     by_h = 1.0 / h
     tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
@@ -1024,25 +702,16 @@ def _bulge_and_tilt(h, ends):
 
 @inline
 def acceleration_bulge(by_h, ends):
-    """Return the bulge B = 6 (v1 - v0) / h - 3 (a0 + a1) of the acceleration within a step, m/s^2.
+    """Return the bulge B of the acceleration within a step; displacements are not used.
 
-    B is the symmetric deviation of the acceleration a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 -
-    2 s)), with s from 0 to 1, from the straight line between the endpoint values. With this B, the
-    mean of a(s) is the mean acceleration (v1 - v0) / h, for any tilt D. `by_h` is the reciprocal
-    1 / h of the time step, 1/s. Displacements in `ends` are not used.
+    With this B, the mean of the acceleration is (v1 - v0) / h for any tilt. `by_h` is 1 / h.
     """
     return 6.0 * by_h * (ends.v1 - ends.v0) - 3.0 * (ends.a0 + ends.a1)
 
 
 @inline
 def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
-    """Return the larger absolute value of the two interior Bezier points of an acceleration.
-
-    The acceleration is A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)), with s from 0 to 1, the
-    endpoint values A0 = `absolute_0` and A1 = `absolute_1`, the bulge B and the tilt D, all in the
-    same unit. The points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3. The cubic
-    acceleration does not exceed the maximum of these points and its endpoints.
-    """
+    """Return the larger absolute value of the two interior Bezier points of an acceleration."""
     point_1_times_3 = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
     point_2_times_3 = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
     return max(point_1_times_3, point_2_times_3) / 3.0
@@ -1052,10 +721,8 @@ def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
 def _is_near_line(bulge, tilt, scale):
     """Return True if an acceleration is close to the straight line between its endpoint values.
 
-    The acceleration is A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)), with s from 0 to 1, the
-    bulge B and the tilt D. Its interior Bezier points deviate from the line by (B + D) / 3 and (B -
-    D) / 3, thus by at most (|B| + |D|) / 3. This deviation is compared with
-    _MAX_ACCELERATION_DEVIATION times `scale`, the sum |A0| + |A1| of the absolute endpoint values.
+    Its interior Bezier points deviate from the line by at most (|B| + |D|) / 3. `scale` is the sum
+    of the absolute endpoint values.
     """
     return abs(bulge) + abs(tilt) <= 3.0 * _MAX_ACCELERATION_DEVIATION * scale
 
@@ -1064,10 +731,7 @@ def _is_near_line(bulge, tilt, scale):
 def _is_resolved(span, ends):
     """Return True if velocities and accelerations of two successive steps are nearly linear.
 
-    This is the case if the second differences of three successive velocities and accelerations do
-    not exceed the sum of the absolute values at the endpoints of the present step. The result is
-    always True without unresolved modes (`span.fast` is False). `ends` contains the motion of a
-    floor or story at both endpoints of the step, and its velocity and acceleration one step before.
+    The result is always True without unresolved modes (`span.fast` is False).
     """
     v_difference = abs(ends.v1 - 2.0 * ends.v0 + ends.v_earlier)
     a_difference = abs(ends.a1 - 2.0 * ends.a0 + ends.a_earlier)
@@ -1078,15 +742,11 @@ def _is_resolved(span, ends):
 
 @inline
 def _quintic_coefficients(h, ends):
-    """Return the coefficients c3, c4, c5 of the quintic Hermite interpolant, m.
-
-    u(s) = u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5, with s in [0, 1]. The
-    coefficients follow from u1, v1 and a1 at s = 1. `h` is the length of the step (s), and `ends`
-    contains displacement, velocity and acceleration u0, v0, a0 at the start and u1, v1, a1 at the
-    end of the step; its last two fields are not used.
+    """Return the coefficients c3, c4, c5 of the quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4
+    s^4 + c5 s^5, m.
     """
     u0, v0, a0, u1, v1, a1, _, _ = ends
-    # The terms from s^3 on must have this value, slope and half of the curvature at s = 1, m.
+    # Value, slope and half of the curvature at s = 1 of the terms from s^3 on, m
     value = u1 - u0 - h * (v0 + 0.5 * h * a0)
     slope = h * (v1 - v0 - h * a0)
     half_curvature = 0.5 * h * h * (a1 - a0)
@@ -1100,17 +760,10 @@ def _quintic_coefficients(h, ends):
 def _quintic_extremum(s, coefficients):
     """Return the maximum or minimum of the polynomial p0 + p1 s + ... + p5 s^5 for s in [0, 1].
 
-    The extremum near the estimate `s` is computed by three Newton iterations. Its value is compared
-    with the values at s = 1/8, 2/8, ..., 7/8. If a value is more extreme, Newton's method is
-    repeated from this point. The result is the most extreme of all these values. It is a value of
-    the polynomial within the step, so it never exceeds the true maximum.
-
-    Parameters
-    ----------
-    coefficients : tuple of float
-        p0 to p5. The sign of p1 determines the type of the extremum: a maximum if p increases at
-        s = 0, a minimum if it decreases. p1 must not be zero. The callers ensure this, because they
-        search only if the rate of the quantity has different signs at both endpoints.
+    The sign of p1, which must not be zero, determines the type of the extremum: a maximum if the
+    polynomial increases at s = 0. Newton's method is repeated from the best of seven points if this
+    point is more extreme than the extremum near the estimate `s`. The result is a value of the
+    polynomial within the step, so it never exceeds the true maximum.
     """
     extremum = _nearest_extremum(s, coefficients)
     s, best = _best_of_samples(coefficients)
@@ -1125,20 +778,15 @@ def _nearest_extremum(s, coefficients):
     """Return the value of a quintic polynomial at the extremum near `s`, by three Newton
     iterations.
 
-    The polynomial is p(s) = p0 + p1 s + p2 s^2 + p3 s^3 + p4 s^4 + p5 s^5, with s in [0, 1]. The
-    extremum is a maximum if p increases at s = 0 (p1 > 0), and a minimum if it decreases. The
-    convergence is not tested: the result is a value of the polynomial in any case, and the caller
-    compares it with other values.
-
-    `s` is the first estimate of the location of the extremum, between 0 and 1.
+    The convergence is not tested: the result is a value of the polynomial in any case, and the
+    caller compares it with other values.
     """
     _, p1, p2, p3, p4, p5 = coefficients
     for _ in range(3):
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
         curvature = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))
-        # The polynomial starts with the slope p1, so the extremum is a maximum for p1 > 0 and a
-        # minimum for p1 < 0. Where the curvature has the sign of p1, Newton's method would approach
-        # the opposite extremum: keep s.
+        # Where the curvature has the sign of p1, Newton's method would approach the opposite
+        # extremum: keep s.
         s -= slope / curvature if curvature * p1 < 0.0 else 0.0
         s = min(max(s, 0.0), 1.0)
     return _value(s, coefficients)
@@ -1146,16 +794,8 @@ def _nearest_extremum(s, coefficients):
 
 @inline
 def _best_of_samples(coefficients):
-    """Return the best of seven equidistant points of a quintic polynomial, and its value.
-
-    The polynomial is p0 + p1 s + ... + p5 s^5. The points are s = 1/8, 2/8, ..., 7/8. The best
-    point has the largest value if the polynomial increases at s = 0 (p1 > 0), and the smallest
-    value if it decreases.
-
-    Returns
-    -------
-    float, float
-        Location s of the best point, and the value of the polynomial at this point.
+    """Return the location of the best of the points 1/8, 2/8, ..., 7/8 of a quintic polynomial, and
+    its value there.
     """
     s, best = 0.125, _value(0.125, coefficients)
     # p1 > 0: the largest value is the best; p1 < 0: the smallest.
