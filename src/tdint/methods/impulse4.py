@@ -81,8 +81,7 @@ from tdint.methods.method import Family, Method, Parameter
 # Fraction of the path of the story drift in the substep. A substep reaches its branch change if the
 # drift at its end differs from the limit of the branch by no more than this tolerance.
 _LOCATION_TOLERANCE = 0.1
-# Results of `_compare_with_event`: the substep ends before its branch change, or beyond the limits
-# of a branch.
+# Results of `_compare_with_event`
 _BEFORE_EVENT = -1.0
 _BEYOND_EVENT = 1.0
 # Fraction of the drift. A smaller movement against the direction of a branch is attributed to
@@ -110,50 +109,16 @@ def step(
 ):
     """Integrate the equations of motion over one time step of impulse4.
 
-    With displacement u0, velocity v0 and acceleration a0 at the start and u1, v1, a1 at the end of
-    the step of length h, the equations are
+    If some laws have branches, the step is divided into substeps at the branch changes. Otherwise,
+    and if the division fails (too many branch changes, or no convergence), Newton's method solves
+    the complete step. The result, the number of linear solutions, does not count solutions of a
+    division that failed.
 
-        kinematics  u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
-        momentum    M (v1 - v0) + C (u1 - u0) + h (w0 f(u0) + wc f(uc) + w1 f(u1)) = I
-        equilibrium M a1 + C v1 + f(u1) = p1
-
-    with the mass and damping matrices M and C, the restoring forces f, the displacement uc at an
-    inner point of the step, the impulse I of the load over the step, the load p1 at the end, and
-    the coefficients th, al, be, w0, wc and w1 of the method.
-
-    A branch is a part of a hysteretic law between two limits of the drift. The flag BRANCHES
-    selects the solution:
-
-    - If some laws have branches, the step is divided into substeps at the branch changes.
-    - If no law has branches (NO_BRANCHES), Newton's method solves the complete step.
-    - If the division fails (too many branch changes, or no convergence), Newton's method also
-      solves the complete step.
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
-        the ground; updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-    step_status : ndarray
-        If the step is divided into substeps, STEP_PEAKS and RUN_PEAKS receive the row of the peaks
-        in the scratch array, and the number of branch changes is added to BRANCH_CHANGES. RESIDUAL
-        and WORST_STORY are set if there is no convergence.
-
-    Returns
-    -------
-    int
-        Number of linear solutions; solutions of a division that failed are not counted.
-        NOT_CONVERGED (negative) if Newton's method does not converge; the state is then unchanged.
-        NOT_FINITE (negative) if the new state is not finite.
+    If the step is divided, STEP_PEAKS and RUN_PEAKS of `step_status` receive the row of the peaks
+    in the scratch array.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
-    # A linear building (a constant of the compiled variant) needs a single linear solution.
     if not HAS_NONLINEAR_FORCE:
         return _take_substeps(coefficients, scene, h, load, memory)
     n = linear_terms.shape[1] - 1
@@ -161,33 +126,27 @@ def step(
         code = _take_substeps(coefficients, scene, h, load, memory)
         if code != rows.NOT_CONVERGED:
             return code
-    # Solve the complete step by Newton's method, without following branches.
+    # Newton's method does not follow branches.
     step_status[rows.STEP_PEAKS] = 0.0
     store_load(
         linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch
     )
-    # Arguments False: stories may change their branches (`keep_branches`), and there is no first
-    # estimate in rows DU and DV (`has_guess`).
+    # Stories may change their branches (`keep_branches` is False), and rows DU and DV contain no
+    # first estimate (`has_guess`).
     code = newton(False, False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
-    # `keep_negligible_kinks` is called for one of its two effects only: it updates the measure of
-    # the step errors in row RUN_MAXIMA of the scratch array. In the next steps, `newton` derives
-    # its tolerance from this row. The measure is computed from the accelerations and the increments
-    # of velocity in this step, and from the accelerations at its start in `state`. The call must
-    # therefore precede `_update_state`. The other effect, a decision about reversals in row KINK,
-    # does not change the measure. Row KINK may contain values of an earlier solution here; it is
-    # computed again before it is used.
+    # `keep_negligible_kinks` is called for its measure of the step errors in row RUN_MAXIMA, from
+    # which `newton` derives its tolerance in the next steps. The measure is computed from the
+    # accelerations at the start in `state`, so the call must precede `_update_state`. The other
+    # effect, a decision about reversals in row KINK, is computed again before it is used.
     keep_negligible_kinks(scene, h, memory)
     if BRACES and flags[rows.HAS_BRACES] != 0.0:
         _commit_braces(linear_terms, h, state, scratch)
     if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
         _commit_tangent_damping(linear_terms, state, scratch)
-    # False: the laws of all stories move along the path that Newton's method has evaluated.
     _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
-    # If the building has branches, the division into substeps failed. Newton's method does not
-    # update the branches of the laws; `resume` determines them from the new states for the next
-    # step.
+    # The division into substeps failed. Newton's method does not update the branches of the laws.
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         for i in range(n):
             resume(law_parameters, law_state, i)
@@ -198,41 +157,19 @@ def step(
 def _take_substeps(coefficients, scene, h, load, memory):
     """Take one time step as a sequence of substeps between the branch changes of the laws.
 
-    An event is the change of a story to another branch of its law. The loop has these stages:
-
-    1. Solve the equations from the end of the last substep to the end of the time step, on the
-       current branches: by one linear solution if all laws are linear on their branches, otherwise
-       by Newton's method.
-    2. Locate the first branch change on the cubic Hermite interpolant of the drifts. If there is no
-       branch change, accept the solution; the time step is complete.
-    3. Otherwise solve a substep that ends at the branch change, accept the substep, change the
-       branch, and continue with stage 1.
-
-    Reversals of curved laws with a negligible effect (`keep_negligible_kinks`) are not located.
+    An event is the change of a story to another branch of its law. The first event of a substep is
+    located on the cubic Hermite interpolant of the drifts, and the equations are solved again for a
+    substep that ends there. Reversals of curved laws with a negligible effect
+    (`keep_negligible_kinks`) are not located.
 
     The interpolant is inaccurate in large steps. The drift at the end of a substep may therefore
     differ from the limit of the branch (`_compare_with_event`). If the drift has not reached the
     limit, the substep is accepted, and the search continues from its end. If the drift exceeds the
     limit by more than a tolerance, the search is repeated on the interpolant of the substep.
 
-    The conditions with HAS_NONLINEAR_FORCE, HAS_CURVED_FORCE and HAS_CURVED_LAW are constants of
-    the compiled variant. The compiler omits the code that the laws of the building do not need.
-
-    Parameters
-    ----------
-    memory : Memory
-        State and law states, which are moved to the end of the step; scratch array with rows DU (m)
-        and DV (m/s), the changes of displacements and velocities over a substep; status of the
-        step: BRANCH_CHANGES, the number of branch changes in the run, is increased; STEP_PEAKS and
-        RUN_PEAKS are set by `_accept_substep`.
-
-    Returns
-    -------
-    int
-        Number of linear solutions. NOT_CONVERGED (negative), with the initial state, if Newton's
-        method fails or if more than 20 + 4 n branch changes are located in a building with n
-        stories and elements; repeated locations of the same change are counted. NOT_FINITE
-        (negative) if the new state is not finite.
+    The result is NOT_CONVERGED, with the initial state, if Newton's method fails or if more than 20
+    + 4 n branch changes are located in a building with n stories and elements; repeated locations
+    of the same change are counted.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state, scratch, step_status = memory
@@ -245,23 +182,19 @@ def _take_substeps(coefficients, scene, h, load, memory):
     located_changes = 0  # located branch changes, including repeated locations of the same change
     branch_changes = 0  # applied branch changes
     solves = 0
-    # True if rows DU and DV contain the first estimate of Newton's method for the next solution.
-    # From the first shortened substep on, the rows always contain a complete or partial earlier
-    # solution. `has_guess` is therefore never set to False again.
+    # True if rows DU and DV contain the first estimate of Newton's method. From the first shortened
+    # substep on, the rows always contain a complete or partial earlier solution.
     has_guess = False
     # True if rows REMAINING contain the changes DU and DV from the start of the substep to the end
-    # of the time step. The rows are set when a substep is shortened that Newton's method solves.
-    # Linear solutions need no estimate; `is_shortened` then remains False.
+    # of the time step; only for Newton's method, because linear solutions need no estimate
     is_shortened = False
     ends_at_event = False  # True if the substep ends at the located branch change of `story`
     story = -1  # story of the located branch change
     column = -1  # column of the law that changes its branch: the story or one of its elements
     event = rows.REVERSED  # its type: the drift is ABOVE or BELOW the branch, or has REVERSED
     while True:
-        # Complete time steps and substeps have separate factorizations, so that the factorization
-        # of complete steps can be reused in the next step.
+        # Complete time steps have a separate factorization, which is reused in the next step.
         factors = FACTORS if substep == h else FACTORS + factor_rows(modal.shape[0])
-        # Compute the load of the substep, and solve its equations on the current branches.
         ground = load[rows.GROUND_0] + ground_rate * elapsed
         store_load(
             linear_terms,
@@ -279,13 +212,10 @@ def _take_substeps(coefficients, scene, h, load, memory):
             return code
         solves += code
         if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
-            # The substep ends at the reversal, which is therefore not within the substep. KINK 0
-            # means that the story has no reversal within the substep.
+            # The reversal is at the end, not within the substep.
             scratch[ROW.KINK, story] = 0.0
-        # A substep that was shortened to end at a branch change is compared with this change. Any
-        # other substep extends to the end of the time step and must be searched for the first
-        # branch change. A substep that exceeds its branch change is searched as well; the value
-        # _BEYOND_EVENT therefore represents both cases.
+        # A substep that was shortened is compared with its branch change. Any other substep must be
+        # searched for the first branch change, and so must a substep that exceeds its change.
         if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
             outcome = (
                 _compare_with_event(linear_terms, substep, state, law_state, scratch, story, event)
@@ -293,8 +223,6 @@ def _take_substeps(coefficients, scene, h, load, memory):
                 else _BEYOND_EVENT
             )
             if outcome == _BEYOND_EVENT:
-                # Locate the first branch change. If a branch change is found, solve again up to its
-                # time.
                 ends_at_event = False
                 fraction, story, event = first_event(
                     linear_terms,
@@ -315,11 +243,9 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         _restore_start(flags, state, law_state, scratch, n)
                         return rows.NOT_CONVERGED
                     if fraction * substep > _IMMEDIATE * h:
-                        # Repeat the solution for a substep that ends at the branch change.
                         if HAS_CURVED_FORCE and not is_piecewise_linear:
-                            # The first estimate of Newton's method is the part of the present
-                            # solution up to the branch change. The complete increments are kept in
-                            # rows REMAINING for the rest of the step.
+                            # The part of the present solution up to the branch change is the first
+                            # estimate. The complete increments are kept for the rest of the step.
                             if not is_shortened:
                                 copy_rows(scratch, momentum.DU, ROW.REMAINING, 2, n)
                             _shorten_increments(fraction, substep, state, scratch, n)
@@ -327,9 +253,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         substep *= fraction
                         ends_at_event = True
                     else:
-                        # The time from the start of the substep to the branch change is at most the
-                        # fraction _IMMEDIATE of the time step. Change the branch at the start,
-                        # without a substep, and solve again for the remaining step.
+                        # Change the branch at the start, without a substep, and solve again for the
+                        # remaining step.
                         _change_branch(
                             linear_terms, law_parameters, state, law_state, story, column, event
                         )
@@ -341,19 +266,17 @@ def _take_substeps(coefficients, scene, h, load, memory):
                     continue
             elif outcome == _BEFORE_EVENT:
                 ends_at_event = False
-        # The substep is accepted: update state and peaks.
         span = Span(
             load[rows.TIME] + elapsed + substep,
             substep,
             ground,
             ground + ground_rate * substep,
             False,  # on_path: the displacements are not parabolas of time
-            flags[rows.UNRESOLVED_MODES] != 0.0,  # fast: the building has unresolved modes
+            flags[rows.UNRESOLVED_MODES] != 0.0,  # fast
             False,  # cornered: accelerations within the substep are not yet searched for peaks
             False,  # kinked: the forces of the substep are lines
         )
-        # The first argument is True if the step is divided by located branch changes. The event is
-        # REVERSED, which has no limit of the drift, if the substep does not end at a branch change.
+        # REVERSED has no limit of the drift.
         _accept_substep(
             located_changes > 0,
             story,
@@ -367,7 +290,6 @@ def _take_substeps(coefficients, scene, h, load, memory):
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
             copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
             is_shortened = False
-        # Continue with the remaining step, on the new branch if the substep ended at an event.
         elapsed += substep
         if HAS_NONLINEAR_FORCE and ends_at_event:
             _change_branch(linear_terms, law_parameters, state, law_state, story, column, event)
@@ -386,26 +308,14 @@ def _take_substeps(coefficients, scene, h, load, memory):
 def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
     """Compute the response over a substep in which all stories remain on their branches.
 
-    If all laws are linear on their branches and there are no power-law dashpots, a single linear
-    solution is exact. The flag BRANCHES is then ALL_BRANCHES. HAS_CURVED_FORCE, a constant of the
-    compiled variant, is False if the variant has neither curved laws nor power-law dashpots.
-
-    Otherwise Newton's method is used, and reversals with a negligible effect are marked in row KINK
-    (`keep_negligible_kinks`), so that the substep is not divided at these reversals.
-
-    `has_guess` is True if the rows DU and DV contain the first estimate for Newton's method.
-    `factors` is the first row of the factorization in the scratch array.
-
-    Returns
-    -------
-    int
-        Number of linear solutions, or NOT_CONVERGED (negative).
+    If all laws are linear on their branches and there are no power-law dashpots (flag
+    ALL_BRANCHES), a single linear solution is exact. After Newton's method, reversals with a
+    negligible effect are marked in row KINK, so that the substep is not divided at these reversals.
     """
     code = 1
     if not HAS_CURVED_FORCE or scene.flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         solve_linear(coefficients, scene, h, memory, factors)
     else:
-        # True: stories on a linear branch remain on this branch (`keep_branches`).
         code = newton(True, has_guess, coefficients, scene, h, memory, factors)
         if code >= 0:
             keep_negligible_kinks(scene, h, memory)
@@ -416,31 +326,18 @@ def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
 def _accept_substep(is_divided, story, event, scene, span, memory):
     """Move state and law states to the end of a substep, and update the peaks of a divided step.
 
-    `story` and `event` are the branch change at the end of the substep: the story, and ABOVE or
-    BELOW if its drift reaches a limit of its branch, otherwise REVERSED.
+    `event` is ABOVE or BELOW if the drift of `story` reaches a limit of its branch at the end of
+    the substep, otherwise REVERSED. The observer processes only the end of the time step; the peaks
+    in the substeps of a divided step are therefore updated in rows PEAKS of the scratch array. Two
+    elements of the status receive the number of the first row:
 
-    Parameters
-    ----------
-    is_divided : bool
-        True if the time step is divided into substeps. The observer of the response processes only
-        the end of the time step; the peaks in the substeps are therefore updated in the rows PEAKS
-        of the scratch array.
-    memory : Memory
-        State and law states at the start of the substep, which are replaced; scratch array with the
-        solution in rows DU, DV and A1; status of the step. If `is_divided` is True, two elements of
-        the status receive the number of the first row PEAKS:
-
-            STEP_PEAKS    flag for this step. The observer merges rows PEAKS into the peaks of the
-                          run, and then resets the element to 0.
-            RUN_PEAKS     permanent address. After the merge, rows PEAKS are a copy of the peaks of
-                          the run. A function that resets the peaks of the run also resets the copy.
-
-        HAS_NONLINEAR_FORCE, a constant of the compiled variant, is False for linear buildings.
-        Their steps are never divided.
+        STEP_PEAKS      flag for this step. The observer merges rows PEAKS into the peaks of the
+                        run, and then resets the element to 0.
+        RUN_PEAKS       permanent address. After the merge, rows PEAKS are a copy of the peaks of
+                        the run. A function that resets the peaks of the run also resets the copy.
     """
     linear_terms, _, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
-    # The search for peaks within the substep requires the response at its start.
     if HAS_NONLINEAR_FORCE and is_divided:
         for row in range(3):
             for i in range(linear_terms.shape[1] - 1):
@@ -449,8 +346,6 @@ def _accept_substep(is_divided, story, event, scene, span, memory):
             store_step_start(flags, law_state)
         if BRACES and flags[rows.HAS_BRACES] != 0.0:
             add_reported_accelerations(linear_terms, state, scratch, ROW.SUBSTEP_START + 2)
-    # If all laws are linear on their branches and there are no power-law dashpots (ALL_BRANCHES),
-    # the substep was solved on the branches, without Newton's method (`_solve_substep`).
     if not HAS_CURVED_FORCE or flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch)
     else:
@@ -458,7 +353,6 @@ def _accept_substep(is_divided, story, event, scene, span, memory):
             _commit_braces(linear_terms, span.h, state, scratch)
         if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
             _commit_tangent_damping(linear_terms, state, scratch)
-        # True: stories on a linear branch remain on this branch (`keep_branches`).
         _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
     if HAS_NONLINEAR_FORCE and is_divided:
         _store_end_forces(story, event, scene.linear_terms, memory)
@@ -469,22 +363,12 @@ def _accept_substep(is_divided, story, event, scene, span, memory):
 
 @outlined
 def _shorten_increments(fraction, h, state, scratch, n):
-    """Replace the increments over a substep by the increments over its first part.
-
-    The motion between the endpoints is the cubic Hermite polynomial of displacement and velocity.
-    With x = `fraction`, y = 1 - x, the velocities v0, v1 at the endpoints of the substep of length
-    h and its increment du of displacement, the new increments are
-
-        of displacement    x^2 (3 - 2 x) du + x y h (y v0 - x v1)
-        of velocity        6 x y du / h + y (1 - 3 x) v0 + x (3 x - 2) v1 - v0
+    """Replace the increments over a substep by the increments over its first part `fraction`, on
+    the cubic Hermite polynomial of displacement and velocity.
 
     The result is the first estimate of Newton's method for the shortened substep.
-
-    `fraction` is the length of the first part divided by the length of the substep, between 0 and
-    1.
     """
     remaining = 1.0 - fraction
-    # Evaluate the cubic Hermite polynomial at `fraction`, and its derivative with respect to time.
     for i in range(n):
         du = scratch[momentum.DU, i]
         v0 = state[rows.VELOCITY, i]
@@ -498,12 +382,7 @@ def _shorten_increments(fraction, h, state, scratch, n):
 
 @outlined
 def _change_branch(linear_terms, law_parameters, state, law_state, story, column, event):
-    """Change the branch of the law in one column at a located event: a story or an element.
-
-    The event is one of
-
-        ABOVE, BELOW    the drift reaches the upper or lower limit of the branch
-        REVERSED        the drift rate changes its sign
+    """Change the branch of the law in one column at a located event: ABOVE, BELOW or REVERSED.
 
     Because of rounding and the error of the interpolant, the drift may be slightly before the
     limit. The same event would then be located again. Therefore, the law is moved to the limit,
@@ -513,15 +392,8 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     then changes the acceleration of the floor above by -J / m and the acceleration of the floor
     below by J / m, with the mass m of each floor.
 
-    `law_parameters` and `law_state` are the parameters and states of the laws. The committed state
-    of the story is changed. `state` is the state of the floors; row ACCELERATION (m/s^2) may be
-    changed.
-
-    Parameters
-    ----------
-    story, column : int
-        Index of the story; column of the law whose branch ends. At a reversal of a story with
-        elements, it is the story, and all elements with its direction change their branches.
+    `column` is the story or the element whose branch ends. At a reversal of a story with elements,
+    it is the story, and all elements with its direction change their branches.
     """
     force = law_state[rows.FORCE, story]
     slope = law_state[rows.SLOPE, story]
@@ -554,7 +426,7 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
 
 @outlined
 def _change_branches_of_elements(law_parameters, law_state, story, column, event):
-    """Change the branches of the elements of a story at an event; see `_change_branch`.
+    """Change the branches of the elements of a story at an event.
 
     Several elements can have the same limit, for example equal devices; they change their branches
     together. An element that still has the opposite direction, because the reversal was within the
@@ -585,8 +457,7 @@ def _leave_branch(law_parameters, law_state, story, event):
     drift.
     """
     drift = law_state[rows.DRIFT, story]
-    # A reversal has no limit. A curved branch has the slope inf, and its state is not moved. The
-    # argument 0 of `switch` and `advance_outlined` is the first row of the committed state.
+    # A reversal has no limit. A curved branch has the slope inf, and its state is not moved.
     if event == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
         switch(law_parameters, law_state, story, 0, event)
     else:
@@ -601,25 +472,20 @@ def _leave_branch(law_parameters, law_state, story, event):
         if not HAS_CURVED_LAW or law_state[rows.SLOPE, story] < math.inf:
             advance_outlined(law_parameters, law_state, story, 0, drift)
         else:
-            # The new branch is curved (a law of a plug-in with linear and curved branches):
-            # evaluate the law at the drift.
+            # Only a law of a plug-in has linear and curved branches.
             restoring_force_outlined(law_parameters, law_state, story, 0, rows.FIRST_TRIAL, drift)
             commit(law_parameters, law_state, story, 0, rows.FIRST_TRIAL)
 
 
 @outlined
 def _change_exceeded_branches(scene, memory):
-    """Change the branch of each story whose drift exceeds a limit at the end of a divided step.
+    """Change the branch of each story whose drift exceeds a limit at the end of a divided step;
+    return the number of changes.
 
     A substep that ends at the branch change of one story can end beyond the limit of another story,
     within the tolerance of `_compare_with_event`. The next substep changes the branch of the other
     story at its start. After the last substep of a step this function changes it, because the
     observer reports the force at the end of the step.
-
-    Returns
-    -------
-    int
-        Number of changed branches.
     """
     state, law_state, _, _ = memory
     count = 0
@@ -640,38 +506,25 @@ def _change_exceeded_branches(scene, memory):
 def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event):
     """Compare the drifts at the end of a substep with the branch change for which it was shortened.
 
-    The substep was shortened to end at the change of branch of `story`, located on an interpolant.
-    The drift computed at its end may differ from the limit of the branch. The tolerance of each
-    story is _LOCATION_TOLERANCE times the length of the path of its drift in the substep. This
-    length is estimated by the maximum of two values: h times the larger drift rate (absolute value)
-    at the two endpoints, and the absolute change of drift.
+    The tolerance of each story is _LOCATION_TOLERANCE times the length of the path of its drift in
+    the substep. The result is one of
 
-    Parameters
-    ----------
-    scratch : ndarray
-        Rows U1 (m) and V1 (m/s) contain the response at the end of the substep. Row KINK is not 0
-        for a story with a reversal inside the substep that is accepted, because its effect is
-        negligible.
+        _BEYOND_EVENT the drift of a story is outside its branch by more than the tolerance, or its
+                        net change is opposite to the direction of its branch and this reversal is
+                        not accepted (row KINK)
+        _BEFORE_EVENT   `story` has not reached the limit ABOVE or BELOW within the tolerance
+        0               the substep ends at the branch change
 
-    Returns
-    -------
-    float
-        _BEYOND_EVENT if the drift of any story is outside its branch by more than the tolerance, or
-        if the net change of drift of a story is opposite to the direction of its branch and this
-        reversal is not accepted. A reversal with a net change in the direction of the branch is not
-        tested here: if the drift rate at the end still has the opposite sign, the next search
-        locates a reversal at the end of the substep. Otherwise _BEFORE_EVENT if the event is ABOVE
-        or BELOW and `story` has not reached this limit within the tolerance. Otherwise 0: the
-        substep ends at the branch change. For the event REVERSED, there is no limit and therefore
-        no such test.
+    A reversal with a net change in the direction of the branch is not tested here: if the drift
+    rate at the end still has the opposite sign, the next search locates a reversal at the end of
+    the substep.
     """
     outcome = 0.0
-    # The variables `..._below` contain the values of the floor below the story.
     u1_below = 0.0
     v0_below = 0.0
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        link = linear_terms[rows.LINK, i]
         drift = scratch[momentum.U1, i] - link * u1_below
         drift_change = drift - law_state[rows.DRIFT, i]
         # If the drift reverses within the substep, its path is longer than its change.
@@ -683,9 +536,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         u1_below = scratch[momentum.U1, i]
         v0_below = state[rows.VELOCITY, i]
         v1_below = scratch[momentum.V1, i]
-        # The branch is valid for drift rates with the sign RATE_SIGN (0: for both signs). A story
-        # with a net movement in the opposite direction has a reversal in the substep. The reversal
-        # is accepted if row KINK is not 0: its effect is negligible.
+        # A story with a net movement against its branch has a reversal in the substep.
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
             abs(drift) + abs(law_state[rows.DRIFT, i])
         )
@@ -706,13 +557,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
 
 @inline
 def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch):
-    """Move state and law states to the end of a substep that was solved on linear branches.
-
-    Displacements and velocities increase by rows DU and DV. Row A1 contains the new accelerations.
-    The force of each law changes by the stiffness of its branch times the change of drift. The
-    drift of a story is the difference of the displacements of the floors above and below; LINK is 0
-    for a story on the ground.
-    """
+    """Move state and law states to the end of a substep that was solved on linear branches."""
     u_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         u = state[rows.DISPLACEMENT, i] + scratch[momentum.DU, i]
@@ -727,30 +572,9 @@ def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch
 def _update_state(keep_branches, linear_terms, law_parameters, state, law_state, scratch):
     """Move state and law states to the end of a step or substep that Newton's method has solved.
 
-    Displacements and velocities increase by rows DU and DV. Row A1 contains the new accelerations.
-    The law of each story is moved to the end of the step in one of three ways:
-
-    - If `keep_branches` is True and the law is on a linear branch, its force changes by the
-      stiffness of the branch times the change of drift.
-    - If `keep_branches` is True and the story has an accepted reversal within the step (row KINK is
-      not 0), the law moves through the inner point (FIRST_TRIAL) and the reversal (THIRD_TRIAL), in
-      chronological order, to the end (SECOND_TRIAL).
-    - Otherwise the law moves through the inner point (FIRST_TRIAL) to the end (SECOND_TRIAL). If
-      `keep_branches` is False, Newton's method has not evaluated the law at reversals, and row KINK
-      contains values of an earlier solution.
-
-    The trial states are those of the last iteration of Newton's method. Buildings without curved
-    laws use `_advance_on_branches` instead, because this function would increase their run time by
-    20 to 50 percent.
-
-    Parameters
-    ----------
-    keep_branches : bool
-        Argument `keep_branches` of `newton`. True for a substep: stories on a linear branch remain
-        on this branch. False for a complete step without location of branch changes.
-    linear_terms, law_parameters : ndarray
-        Linear terms of the building; parameters of the laws. Of the linear terms, only row LINK is
-        used: 0 for a story on the ground, otherwise 1. Several stories can be on the ground.
+    If `keep_branches` is True (substeps), laws on a linear branch remain on it. Otherwise row KINK
+    contains values of an earlier solution. Buildings without curved laws use `_advance_on_branches`
+    instead, because this function would increase their run time by 20 to 50 percent.
     """
     u_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -758,7 +582,7 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
-        # The drift of the story is u - LINK u_below. A finite slope marks a linear branch.
+        # A finite slope marks a linear branch.
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
         elif HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
@@ -809,11 +633,9 @@ def _store_end_forces(story, event, linear_terms, memory):
     """Store the story forces and accelerations at the end of a substep for the peaks.
 
     The drift at the end can be beyond the limit of a branch, or differ from the limit of the branch
-    change at which the substep ends (`_compare_with_event`). The force of the committed state is on
-    the old branch, and can exceed the strength of the story. The peaks use the force at the limit
-    instead. The floor accelerations change by the difference of the forces divided by the mass.
-
-    `story` and `event` are the branch change at the end of the substep (`_accept_substep`).
+    change at which the substep ends. The force of the committed state is on the old branch, and can
+    exceed the strength of the story. The peaks use the force at the limit instead. The floor
+    accelerations change by the difference of the forces divided by the mass.
     """
     state, law_state, scratch, _ = memory
     for i in range(linear_terms.shape[1] - 1):
@@ -871,38 +693,23 @@ def _commit_braces(linear_terms, h, state, scratch):
 def _update_substep_peaks(scene, span, memory):
     """Update the peaks with the response at the end of a substep and within the substep.
 
-    The peaks are maximum absolute values. The total shear of a story is the sum of mass times
-    absolute acceleration of the floors that it supports, minus the forces on these floors. A story
-    supports the floors above it, up to the next story that is on the ground (LINK 0). If the
-    building has modes that the step does not resolve (`span.fast`), only the end of the substep is
-    used, and not the response between start and end. Otherwise, `find_interstep_peaks` stores the
-    extreme drift of each story within the substep in row REVERSAL_DRIFTS, or the drift at the end
-    if no such extreme is relevant for the peaks.
-
-    Parameters
-    ----------
-    memory : Memory
-        State and law states at the end of the substep. In the scratch array, rows SUBSTEP_START
-        contain the response at the start, rows END_FORCE and END_ACCELERATION story forces and
-        accelerations at the end (`_store_end_forces`); rows PEAKS are updated.
+    The response between start and end is not used in a building with modes that the step does not
+    resolve. Rows SUBSTEP_START contain the response at the start of the substep.
     """
     state, law_state, scratch, _ = memory
     reversal_count = 0
-    # Row A1 contains the accelerations of the state. With stiff braces, the forces for the results
-    # give other accelerations.
+    # With stiff braces, the forces for the results give other accelerations than the state.
     if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
         add_reported_accelerations(scene.linear_terms, state, scratch, momentum.A1)
         add_reported_accelerations(scene.linear_terms, state, scratch, ROW.END_ACCELERATION)
     if not span.fast:
-        # The first two arguments are the response at the start: the scratch array from row
-        # SUBSTEP_START on. `state` contains displacements and velocities at the end, row A1 of the
-        # scratch array the accelerations. Row END_ACCELERATION would not agree with the velocities.
+        # Row END_ACCELERATION would not agree with the velocities.
         passage = Passage(scratch, ROW.SUBSTEP_START, state, scratch, momentum.A1)
         reversal_count = find_interstep_peaks(
             span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
         )
-    # Add mass times absolute acceleration minus external force of each floor, from the top. The sum
-    # is reset to zero (LINK 0) if the story above is on the ground.
+    # The sum over the floors from the top is reset to zero (LINK 0) if the story above is on the
+    # ground.
     total_shear = 0.0
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = law_state[rows.DRIFT, i]
@@ -976,18 +783,10 @@ def _save_start(state, law_state, scratch, n):
 
 @outlined
 def _restore_start(flags, state, law_state, scratch, n):
-    """Return to the start of a time step that could not be divided into substeps.
+    """Return to the start of a time step that could not be divided into substeps (`_save_start`).
 
-    Displacements, velocities, accelerations and the committed law states are copied from the rows
-    that `_save_start` has stored. The status of the step is not changed: `step` resets STEP_PEAKS,
-    and RUN_PEAKS is only the address of rows PEAKS.
-
-    Parameters
-    ----------
-    scratch : ndarray
-        Rows SAVED are used. Rows PEAKS are set to zero, because the substeps are discarded:
-        PEAK_ROWS rows of regular peaks, then PEAK_ROWS rows of possible peaks. Possible peaks are
-        extrema between the endpoints of a substep that does not resolve the motion.
+    Rows PEAKS are set to zero, because the substeps are discarded. The status of the step is not
+    changed: `step` resets STEP_PEAKS, and RUN_PEAKS is only the address of rows PEAKS.
     """
     for i in range(n):
         for row in range(2 * rows.PEAK_ROWS):
@@ -1003,11 +802,9 @@ def _restore_start(flags, state, law_state, scratch, n):
         for row in range(rows.ADDED_STATE_ROWS):
             for i in range(n):
                 state[rows.FIRST_OLDER + row, i] = scratch[ROW.SAVED_ADDED + row, i]
-    # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
-    # the building needs extra rows.
+    # The table contains extra rows only if a law of the building needs them.
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(columns):
-            # From block THIRD_TRIAL to the committed state (block 0)
             copy_extra_rows(law_state, i, rows.THIRD_TRIAL, 0)
     if HAS_CURVED_LAW:
         store_step_start(flags, law_state)
@@ -1015,13 +812,6 @@ def _restore_start(flags, state, law_state, scratch, n):
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients of the step for a spectral radius `rho_inf` at infinite frequency.
-
-    The equations of the step of length h, with displacement u0, velocity v0 and acceleration a0 at
-    the start and u1, v1, a1 at the end, are
-
-        kinematics    u1 - u0 = h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1)
-        impulse       of the restoring force f: h (w0 f(u0) + wc f(uc) + w1 f(u1))
-        inner point   uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c of the step
 
     theta = (2 + rho_inf) / (3 (1 + rho_inf)), alpha = 1/3 - theta/2 and beta = theta/2 - 1/6 make
     the step of a linear oscillator a Pade approximation. Its amplification tends to `rho_inf` in
@@ -1033,8 +823,8 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
 
         w0 u0 + wc uc + w1 u1 = (1 - theta) u0 + theta u1 + h (alpha v0 - beta v1)
 
-    uc is then exact for quadratic displacements, and the step has order 3 for any c. The value
-    c = 1 / (3 - rho_inf) is used. For rho_inf = 0 it is 1/3, and the step is Radau IIA also for
+    uc is then exact for quadratic displacements, and the step has order 3 for any c. The value c =
+    1 / (3 - rho_inf) is used. For rho_inf = 0 it is 1/3, and the step is Radau IIA also for
     nonlinear laws. For rho_inf = 1 it is 1/2, and the quadrature is Simpson's rule on the cubic
     Hermite interpolant.
 
@@ -1045,15 +835,10 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     few percent. For c = 1 / (1 + rho_inf), uc would be on the cubic Hermite interpolant, but wc
     tends to infinity as rho_inf tends to 0; this value is therefore not used.
 
-    Returns
-    -------
-    tuple of float
-        theta, alpha, beta; w0, wc, w1; gd, g0, g1 (displacement at the inner point); the three
-        coefficients of the velocity at the inner point; real and imaginary part of l / h, where l
-        is a root of l^2 - theta h l + beta h^2 = 0. `solve_linear` uses l to write the equations of
-        a linear step as a single complex equation.
+    The last two values are real and imaginary part of l / h, where l is a root of l^2 - theta h l +
+    beta h^2 = 0. `solve_linear` uses l to write the equations of a linear step as a single complex
+    equation.
     """
-    # The first three coefficients determine the linear step, the others the quadrature.
     theta = (2.0 + rho_inf) / (3.0 * (1.0 + rho_inf))
     alpha = 1.0 / 3.0 - theta / 2.0
     beta = theta / 2.0 - 1.0 / 6.0
@@ -1072,8 +857,7 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
         (theta - weight_1) / weight_c,
         alpha / weight_c,
         -beta / weight_c,
-        # Velocity at the inner point: factors of (u1 - u0) / h, v0 and v1 in the derivative of the
-        # cubic Hermite interpolant
+        # Velocity at the inner point: factors of (u1 - u0) / h, v0 and v1
         6.0 * c * (1.0 - c),
         (1.0 - c) * (1.0 - 3.0 * c),
         c * (3.0 * c - 2.0),

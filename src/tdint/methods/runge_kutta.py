@@ -111,34 +111,11 @@ def explicit_step(
 ):
     """Advance the state by one step of an explicit Runge-Kutta method.
 
-    With displacement u, velocity v and acceleration a = M^-1 (p - C v - f(u)), the stages i are
-
-        u_i = u0 + h sum_(j < i) A_ij v_j,     v_i = v0 + h sum_(j < i) A_ij a_j
-
-    at the times t0 + c_i h, with the Butcher matrix A and its row sums c. The first stage is the
-    start of the step. Its acceleration is taken from the state, because it was computed from
-    equilibrium at the end of the previous step. The end of the step is treated like a further stage
-    with the node 1 and the weights b as row of A.
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
-        the ground; updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-
-    Returns
-    -------
-    int
-        1, because the step has no iteration, or NOT_FINITE (negative) if the new state is not
-        finite. Steps with an iteration return the number of iterations.
+    The first stage is the start of the step. Its acceleration is taken from the state, because it
+    was computed from equilibrium at the end of the previous step. The end of the step is treated
+    like a further stage with the node 1 and the weights b as row of A. The result is 1 iteration.
     """
     n = linear_terms.shape[1] - 1
-    # The first stage is the start of the step.
     for i in range(n):
         scratch[_EXPLICIT.V, i] = state[rows.VELOCITY, i]
         scratch[_EXPLICIT.A, i] = state[rows.ACCELERATION, i]
@@ -148,22 +125,16 @@ def explicit_step(
         for i in range(n):
             scratch[_EXPLICIT.U, i] = state[rows.DISPLACEMENT, i]
             scratch[_EXPLICIT.V + stage, i] = state[rows.VELOCITY, i]
-        # Row `stage` of the Butcher matrix follows its node in `coefficients`.
         for previous_stage in range(stage):
             weight = h * coefficients[node_index + 1 + previous_stage]
             for i in range(n):
                 scratch[_EXPLICIT.U, i] += weight * scratch[_EXPLICIT.V + previous_stage, i]
                 scratch[_EXPLICIT.V + stage, i] += weight * scratch[_EXPLICIT.A + previous_stage, i]
-        # Compute the restoring forces at the drifts of the stage, on the path from the start of the
-        # step.
         u_below = 0.0
         for i in range(n):
-            # LINK is 1 for a story on the floor below and 0 for a story on the ground. The drift is
-            # the displacement of floor `i` relative to this support.
             drift = scratch[_EXPLICIT.U, i] - linear_terms[rows.LINK, i] * u_below
             restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
             u_below = scratch[_EXPLICIT.U, i]
-        # Compute the acceleration of the stage from equilibrium.
         c = coefficients[node_index]
         ground = load[rows.GROUND_0] + c * (load[rows.GROUND_1] - load[rows.GROUND_0])
         floor_load(linear_terms, forces, load[rows.TIME] + c * h, ground, scratch, _EXPLICIT.LOAD)
@@ -177,7 +148,6 @@ def explicit_step(
             unbalanced = scratch[_EXPLICIT.LOAD, i] - scratch[acceleration, i]
             scratch[acceleration, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
         node_index += stage + 1
-    # The last stage is the end of the step.
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[_EXPLICIT.U, i]
         state[rows.VELOCITY, i] = scratch[_EXPLICIT.V + stages, i]
@@ -187,19 +157,12 @@ def explicit_step(
 
 
 def explicit_coefficients(table: Table) -> tuple[float, ...]:
-    """Return the coefficients of `explicit_step`: the Butcher table in one sequence.
+    """Return the Butcher table as coefficients of `explicit_step`: number of stages, then for each
+    row of `table` its node and the row.
 
-    Parameters
-    ----------
-    table : tuple of tuple of float
-        Rows of the Butcher matrix A from the second stage on, without zeros on and above the
-        diagonal; the last row contains the weights b.
-
-    Returns
-    -------
-    tuple of float
-        Number of stages, then for each row of `table` its node and the row itself. The node is the
-        sum of the row. The sum of the weights b is 1: the node of the end of the step.
+    `table` contains the rows of the Butcher matrix from the second stage on, without zeros on and
+    above the diagonal; the last row contains the weights b. The node is the sum of the row; for the
+    weights it is 1, the end of the step.
     """
     flattened = (number for row in table for number in (math.fsum(row), *row))
     return (float(len(table)), *flattened)
@@ -216,18 +179,8 @@ def imaginary_stability_limit(table: Table) -> float:
 
     A is the Butcher matrix, b the row of the weights, e a column vector with all elements equal to
     1, and s the number of stages. The step is stable if |R(i omega h)| <= 1. The limit is the
-    smallest positive root omega h of |R(i omega h)|^2 = 1.
-
-    Parameters
-    ----------
-    table : tuple of tuple of float
-        Rows of the Butcher matrix A from the second stage on, without zeros on and above the
-        diagonal; the last row contains the weights b.
-
-    Returns
-    -------
-    float
-        Limit of omega h. 0 if |R| exceeds 1 for arbitrarily small steps, inf if there is no root.
+    smallest positive root omega h of |R(i omega h)|^2 = 1: 0 if |R| exceeds 1 for arbitrarily small
+    steps, inf if there is no root. `table` is the argument of `explicit_coefficients`.
     """
     from numpy.polynomial import Polynomial  # imported here because no other function needs it
 
@@ -241,8 +194,7 @@ def imaginary_stability_limit(table: Table) -> float:
         polynomial.append(float(np.dot(table[-1], power)))
         power = matrix @ power
     # With y = (omega h)^2, the even powers of z = i omega h are 1, -y, y^2, ... They give the real
-    # part of R, a polynomial in y. The odd powers are i omega h times the even powers. The
-    # imaginary part of R is therefore omega h times a polynomial in y, `imaginary`, and
+    # part of R, a polynomial in y. The odd powers are i omega h times the even powers, so that
     # |R|^2 = real^2 + y imaginary^2.
     real = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[0::2])])
     imaginary = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[1::2])])
@@ -255,7 +207,7 @@ def imaginary_stability_limit(table: Table) -> float:
     if growth.coef[first_power] > 0.0:
         return 0.0
     roots = np.asarray(Polynomial(growth.coef[first_power:]).roots(), dtype=np.complex128)
-    # Only real positive roots y are limits; 1e-9 covers the rounding errors of real roots.
+    # 1e-9 covers the rounding errors of real roots.
     limits = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
     return math.sqrt(np.min(limits, initial=math.inf))
 
@@ -271,14 +223,9 @@ DORMAND_PRINCE: Table = (
 )
 
 # ---- Implicit methods with two stages
-#
-# The unknowns are the accelerations a_1 and a_2 of the stages. The stage velocities are eliminated
-# from the stage displacements. The row sums of A are c, and therefore
-# h sum_j A_ij v_j = c_i h v0 + h^2 sum_j (A^2)_ij a_j.
-# The equations of motion at the stages i = 1, 2 are
-#
-#     M a_i + C (v0 + h sum_j A_ij a_j) + f(u0 + c_i h v0 + h^2 sum_j (A^2)_ij a_j) = p(t0 + c_i h)
-#
+# The unknowns are the accelerations a_1 and a_2 of the stages: without the stage velocities, and
+# because the row sums of A are c,
+#     u_i = u0 + c_i h v0 + h^2 sum_j (A^2)_ij a_j
 # Accelerations are used as unknowns because no differences of nearly equal displacements occur if h
 # is small. The matrix of Newton's method has a 2 x 2 block per floor.
 
@@ -350,27 +297,14 @@ def implicit_step(
 ):
     """Advance the state by one step of an implicit Runge-Kutta method with two stages.
 
-    With the Butcher matrix A, its row sums c and the weights b, the accelerations a_1 and a_2 of
-    the stages satisfy the equations of motion at the times t0 + c_i h:
-
-        M a_i + C v_i + f(u_i) = p(t0 + c_i h),   i = 1, 2
-        v_i = v0 + h sum_j A_ij a_j,   u_i = u0 + c_i h v0 + h^2 sum_j (A^2)_ij a_j
-        v1 = v0 + h sum_j b_j a_j,     u1 = u0 + h v0 + h^2 sum_j (b A)_j a_j
-
     Newton's method solves the equations of all floors and both stages together. The factorization
     is reused while the time step is the same and no tangent changes by more than TANGENT_TOLERANCE.
-    After UNDAMPED_ITERATIONS corrections, a line search halves corrections that do not reduce the
-    residual (`tdint.kernels.equations.iteration`).
 
-    A law is curved if its force between branch changes is a nonlinear function of the drift. In a
-    building with curved laws and without power-law dashpots (`_is_curved`), two things differ:
-
-    - The first estimate is extrapolated from the stages of the last step.
-    - The tolerance of the residuals is _TOLERANCE_PER_MISMATCH times the relative mismatch Q_max /
-      S_max, with a lower limit RESIDUAL_TOLERANCE and an upper limit (`tolerance_of_run`).
-
-    Q_max and S_max, in row RUN_MAXIMA of the scratch array, are the maxima over the steps of the
-    run of two sums over floors and stages,
+    In a building with curved laws and without power-law dashpots (`_is_curved`), the first estimate
+    is extrapolated from the stages of the last step, and the tolerance of the residuals is
+    _TOLERANCE_PER_MISMATCH times the relative mismatch Q_max / S_max (`tolerance_of_run`). Q_max
+    and S_max, in row RUN_MAXIMA of the scratch array, are the maxima over the steps of the run of
+    two sums over floors and stages,
 
         Q = sum of (F - F_x)^2 / m,   S = sum of m a^2
 
@@ -379,23 +313,8 @@ def implicit_step(
     steps. One correction is then sufficient in most steps. Both the tolerance and the error are of
     order 4 in the time step, so the order of the method remains 4.
 
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
-        the ground; updated in place. ACCELERATION is only the first estimate of the next step.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-
-    Returns
-    -------
-    int
-        Number of linear solutions; also 1 if the first estimate is within the tolerance, so that no
-        solution is computed. NOT_CONVERGED (negative) if the iteration does not converge; the state
-        is then unchanged. NOT_FINITE (negative) if the new state is not finite.
+    The state row ACCELERATION is only the first estimate of the next step. The result, the number
+    of linear solutions, is also 1 if the first estimate is within the tolerance.
     """
     n = linear_terms.shape[1] - 1
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
@@ -405,9 +324,8 @@ def implicit_step(
     damping = ModalBlocks(modal, a_11, a_12, h * coefficients[_A + 2], h * coefficients[_A + 3])
     _predict_stages(coefficients, scene, h, load, memory)
     tolerance = RESIDUAL_TOLERANCE
-    # RUN_MAXIMA is zero before the second step of a run is complete, because the first step has no
-    # extrapolation, and in buildings without curved laws. `tolerance_of_run` then returns
-    # RESIDUAL_TOLERANCE. HAS_CURVED_LAW is a constant of the compiled variant.
+    # RUN_MAXIMA is zero, and the tolerance RESIDUAL_TOLERANCE, before the second step of a run is
+    # complete, because the first step has no extrapolation, and in buildings without curved laws.
     if HAS_CURVED_LAW:
         tolerance = tolerance_of_run(scratch, _IMPLICIT.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
     iterations = 0
@@ -420,8 +338,7 @@ def implicit_step(
     while True:
         is_stale = _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory)
         is_final = iterations == MAX_ITERATIONS
-        # `_compute_residuals` returns True if all residuals are within the tolerance. In the final
-        # evaluation (`is_final`), it also stores the largest residual for the error message.
+        # In the final evaluation, the largest residual is stored for the error message.
         if _compute_residuals(is_final, tolerance, linear_terms, modal, scratch, step_status):
             break
         if iterations >= undamped_iterations:
@@ -429,7 +346,7 @@ def implicit_step(
                 linear_terms, scratch, _IMPLICIT.RESIDUAL + 1, n
             )
             if must_halve(norm, previous_norm, applied_fraction):
-                # Subtract half of the part of the correction that is currently applied.
+                # Half of the part of the correction that is currently applied
                 applied_fraction *= 0.5
                 add_rows(-applied_fraction, scratch, _IMPLICIT.CORRECTION, _IMPLICIT.STAGE_A, 2, n)
                 continue
@@ -440,7 +357,7 @@ def implicit_step(
         if is_stale:
             _factor_jacobian(coefficients, linear_terms, h, factors, damping)
             step_status[rows.FACTORED_STEP] = h
-        # The corrections of the accelerations replace the residuals in rows RESIDUAL.
+        # The corrections of the accelerations replace the residuals.
         solve_blocks_damped(factors, damping, _IMPLICIT.RESIDUAL, _IMPLICIT.RESIDUAL + 1, n)
         iterations += 1
         for stage in range(2):
@@ -458,27 +375,16 @@ def implicit_step(
 
 @inline
 def _predict_stages(coefficients, scene, h, load, memory):
-    """Compute the loads p(t0 + c_i h) at both stages and the first estimate of the stage
-    accelerations.
+    """Compute the loads at both stages and the first estimate of the stage accelerations.
 
-    c_i are the nodes of the method. The estimate depends on the building:
+    The estimate depends on the building:
 
     - Linear building: zero. One solve is exact for any estimate, and zero leads to the smallest
       rounding errors.
     - Curved laws (`_is_curved`), last step of the same length h: load minus internal force, divided
       by the mass. The internal force is extrapolated linearly from the stages of the last step. The
       loads are not extrapolated, because they have kinks at the samples.
-    - Otherwise: the acceleration at the start of the step, which the state contains.
-
-    The last column of row INTERNAL_FORCE does not contain a force but the length of the last step,
-    which is compared with h.
-
-    Parameters
-    ----------
-    memory : Memory
-        Rows STAGE_LOAD (N) and STAGE_A (m/s^2) of the scratch array are set. Row PREDICTED_FORCE
-        (N), the extrapolated internal force, is set for curved laws if the last step had the same
-        length.
+    - Otherwise: the acceleration at the start of the step.
     """
     linear_terms, _, _, forces, flags = scene
     state, _, scratch, _ = memory
@@ -495,9 +401,9 @@ def _predict_stages(coefficients, scene, h, load, memory):
         for i in range(n):
             scratch[_IMPLICIT.STAGE_A + stage, i] = use_acceleration * state[rows.ACCELERATION, i]
         if HAS_CURVED_LAW and has_last_step:
-            # Extrapolate linearly from both stages of the last step. The second stage of that step
-            # is 1 - c_2 before the start of the present step; `distance` is the distance from this
-            # stage to the present stage, divided by the distance c_2 - c_1 of the stages.
+            # The second stage of the last step is 1 - c_2 before the start of the present step;
+            # `distance` is the distance from this stage, divided by the distance c_2 - c_1 of the
+            # stages.
             distance = (c + 1.0 - coefficients[_C + 1]) / (coefficients[_C + 1] - coefficients[_C])
             for i in range(n):
                 force = scratch[_IMPLICIT.INTERNAL_FORCE + 1, i]
@@ -512,17 +418,10 @@ def _predict_stages(coefficients, scene, h, load, memory):
 def _is_curved(flags):
     """Return True if a story has a curved law and no story has a power-law dashpot.
 
-    In such a building, the first estimate of Newton's method is extrapolated from the forces of the
-    last step, and the tolerance depends on the mismatch (difference between extrapolated and actual
-    forces). The forces of power-law dashpots change suddenly when a story reverses. With such
-    dashpots, extrapolated forces are a worse estimate, and the mismatch of a run does not measure
-    its errors.
-
-    A law is curved if its force between branch changes is a nonlinear function of the drift. In a
-    building without power-law dashpots, the flag BRANCHES is ALL_BRANCHES if and only if every law
-    is linear or piecewise linear. Any other value means that a story has a curved law. In a
-    building with power-law dashpots, BRANCHES does not show this; the flag POWER_DAMPERS is then
-    not 0, and the result is False.
+    A law is curved if its force between branch changes is a nonlinear function of the drift. The
+    forces of power-law dashpots change suddenly when a story reverses: extrapolated forces are then
+    a worse estimate, and the mismatch of a run does not measure its errors. With such dashpots, the
+    flag BRANCHES does not show whether all laws are piecewise linear.
     """
     return (
         flags[rows.LINEAR] == 0.0
@@ -534,19 +433,9 @@ def _is_curved(flags):
 @inline
 def _store_internal_forces(linear_terms, h, scratch):
     """Store the internal forces of both stages for the next step, and update the mismatch of the
-    run.
+    run (Q and S of `implicit_step`).
 
-    The internal force of a floor is the load minus the inertia, p - M a, with the mass M and the
-    acceleration a of a stage. `_predict_stages` has predicted this force from the last step. The
-    length of the last step (s) is stored in the last column of row INTERNAL_FORCE.
-
-    The mismatch of a step is the sum over floors and stages of the squared differences between
-    these forces and their prediction, divided by the masses. The maximum over the run, divided by
-    the maximum of the sum of M a^2, is of order 4 in the time step, because the extrapolation is of
-    order 2.
-
-    `scratch`: rows STAGE_LOAD, STAGE_A and PREDICTED_FORCE are used. Rows INTERNAL_FORCE and
-    RUN_MAXIMA are updated.
+    The length of the step is stored in the last column of row INTERNAL_FORCE.
     """
     n = linear_terms.shape[1] - 1
     mismatch = size = 0.0
@@ -566,44 +455,19 @@ def _store_internal_forces(linear_terms, h, scratch):
 
 @inline
 def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
-    """Compute motion, story forces and tangents at both stages from the stage accelerations a_1 and
-    a_2.
+    """Compute motion, story forces and tangents at both stages; return True if the factorization
+    must be computed again.
 
-    With the nodes c and the Butcher matrix A, the motion at stage i is
-
-        u_i = u0 + c_i h v0 + h^2 sum_j (A^2)_ij a_j,   v_i = v0 + h sum_j A_ij a_j
-
-    The force of a story is the sum of restoring force, P-delta, story damper and power-law dashpot.
-    The hysteretic laws follow the path from the committed state to the first stage (block
-    FIRST_TRIAL of the law states) and from this state to the second stage (block SECOND_TRIAL).
-
-    Parameters
-    ----------
-    memory : Memory
-        State at the start of the step, law states, scratch array and step status. Of the scratch
-        array, rows STAGE_A (m/s^2) contain the stage accelerations, and rows FACTORED_TANGENT and
-        FACTORED_DAMPER_TANGENT the tangents of the factorization. FACTORED_STEP of the step status
-        is its time step, s. Rows STAGE_U, STAGE_V, STORY_FORCE, FORCE_SCALE, TANGENT and
-        DAMPER_TANGENT of the scratch array are set. FORCE_SCALE (N) is the contribution of the
-        story to the scale of the convergence test: a residual is accepted up to the tolerance times
-        the scale.
-
-    Returns
-    -------
-    bool
-        True if the factorization must be computed again: the time step differs, or the
-        difference of a tangent from its value in the factorization exceeds a limit. The limit is
-        TANGENT_TOLERANCE times the initial stiffness for the tangent stiffness of a law, and
-        TANGENT_TOLERANCE times mass / (h |A_11|) for the damping coefficient of a power-law
-        dashpot.
+    The story force includes P-delta, story damper and power-law dashpot. A change of the damping
+    coefficient of a dashpot is compared with TANGENT_TOLERANCE times mass / (h |A_11|).
     """
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     is_stale = step_status[rows.FACTORED_STEP] != h
     for stage in range(2):
         # The law moves from the committed state to FIRST_TRIAL at the first stage, and from there
-        # to SECOND_TRIAL at the second stage. The blocks are consecutive and of equal size, so that
-        # FIRST_TRIAL, the row after the first block, is also the number of rows of a block.
+        # to SECOND_TRIAL. The blocks are consecutive and of equal size, so that FIRST_TRIAL is also
+        # the number of rows of a block.
         previous = rows.COMMITTED + stage * rows.FIRST_TRIAL
         trial = previous + rows.FIRST_TRIAL
         elapsed = h * coefficients[_C + stage]
@@ -625,7 +489,6 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
             v_below = v
             scratch[_IMPLICIT.STAGE_U + stage, i] = u
             scratch[_IMPLICIT.STAGE_V + stage, i] = v
-            # Evaluate the law and the dashpot, and compare their tangents with the factorization.
             stiffness = law_parameters[rows.STIFFNESS, i]
             tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
             scratch[_IMPLICIT.TANGENT + stage, i] = tangent
@@ -634,8 +497,7 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
             damper_force, damper_tangent = power_damper(linear_terms, i, drift_rate)
             scratch[_IMPLICIT.DAMPER_TANGENT + stage, i] = damper_tangent
             # In the diagonal entries of the matrix, damping coefficients are multiplied by h A_ii
-            # and added to masses; their change is therefore compared with the mass. A_11 is used
-            # for both stages, because A_22 is equal to A_11 in gauss4, the only implicit method.
+            # and added to masses. A_22 is equal to A_11 in gauss4, the only implicit method.
             change = abs(damper_tangent - scratch[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i])
             is_stale = is_stale or (
                 change * h * abs(coefficients[_A]) > TANGENT_TOLERANCE * linear_terms[rows.MASS, i]
@@ -647,11 +509,10 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
                 + damper_force
             )
             scratch[_IMPLICIT.STORY_FORCE + stage, i] = story_force
-            # The drift is a difference of displacements, so their rounding errors, ROUNDING times
-            # the displacements, appear as story forces and must not prevent convergence. The scale
-            # therefore includes the stiffness times these errors, divided by RESIDUAL_TOLERANCE,
-            # because the convergence test multiplies the scale by a tolerance of at least this
-            # value. u - drift is the displacement of the floor below, or 0 on the ground.
+            # Rounding errors of the displacements appear as story forces and must not prevent
+            # convergence. The scale includes them divided by RESIDUAL_TOLERANCE, because the
+            # convergence test multiplies the scale by a tolerance of at least this value. u - drift
+            # is the displacement of the floor below.
             rounding = ROUNDING / RESIDUAL_TOLERANCE * stiffness
             scale = abs(story_force) + rounding * (abs(u) + abs(u - drift))
             scratch[_IMPLICIT.FORCE_SCALE + stage, i] = scale
@@ -705,9 +566,8 @@ def _brace_entry(coefficients, h, scratch, i, entry):
     """Return the derivative of the force of a brace at a stage with respect to the drift
     acceleration of a stage, kg; `entry` is the index in the 2 x 2 block, row by row.
 
-    The derivatives of the force at stage i with respect to the drift rates r_k follow from those of
-    mean and moment (`_add_brace`). The drift rate r_k has the derivative h A_kj with respect to the
-    acceleration of stage j.
+    The derivatives with respect to the drift rates r_k follow from those of mean and moment
+    (`_add_brace`). r_k has the derivative h A_kj with respect to the acceleration of stage j.
     """
     sign = 2.0 * (entry // 2) - 1.0
     first = _IMPLICIT.BRACE
@@ -723,25 +583,11 @@ def _brace_entry(coefficients, h, scratch, i, entry):
 
 @inline
 def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_status):
-    """Compute the residuals p - M a - C v - f(u) at both stages (N) and check convergence.
+    """Compute the residuals p - M a - C v - f(u) at both stages (N); return True if all are at most
+    `tolerance` times the sum of the absolute values of their terms.
 
-    A residual is small enough if it is at most `tolerance` times the sum of the absolute values of
-    its terms. f is the force of the story below the floor minus the force of the story above.
-
-    `tolerance` is the maximum residual relative to the sum of the absolute values of its terms.
-    `step_status`: row RESIDUAL is reset to 0; RESIDUAL and WORST_STORY are set if `is_last`.
-
-    Parameters
-    ----------
-    is_last : bool
-        True if no further iteration is allowed: the largest relative residual above the tolerance
-        and the index of its floor are then stored in rows RESIDUAL and WORST_STORY of
-        `step_status`. Floor i and the story below this floor have the same index.
-
-    Returns
-    -------
-    bool
-        True if the residuals of all floors at both stages are within the tolerance.
+    If `is_last`, the largest relative residual above the tolerance and the index of its floor are
+    stored in `step_status`.
     """
     n = linear_terms.shape[1] - 1
     step_status[rows.RESIDUAL] = 0.0
@@ -756,7 +602,7 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
             scratch[residuals, i] = 0.0
         add_modal_force(modal, scratch, velocity, 1.0, scratch, residuals, n)
         for i in range(n):
-            link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
+            link = linear_terms[rows.LINK, i + 1]
             load = scratch[_IMPLICIT.STAGE_LOAD + stage, i]
             inertia = linear_terms[rows.MASS, i] * scratch[_IMPLICIT.STAGE_A + stage, i]
             damping = (
@@ -780,14 +626,9 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
 def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
     """Factor the matrix of Newton's method for the stage accelerations.
 
-    The matrix is I (x) M + h A (x) C + h^2 A^2 (x) K with the 2 x 2 identity matrix I, the Butcher
-    matrix A of the two stages, the Kronecker product (x), the mass and damping matrices M and C and
-    the tangent stiffness matrix K. The 2 x 2 block of a floor or story has the entry
-
-        delta_ij m + h A_ij c + h^2 (A^2)_ij k
-
-    in row i and column j, where delta_ij is 1 for i = j and 0 otherwise. The equations of each
-    stage i use the tangent stiffness k and the damping coefficient c of the same stage.
+    The matrix is I (x) M + h A (x) C + h^2 A^2 (x) K with the 2 x 2 identity matrix I, the
+    Kronecker product (x) and the tangent stiffness matrix K. Each stage i uses the tangent
+    stiffness and the damping coefficient of the same stage.
     """
     scratch = factors.table
     n = linear_terms.shape[1] - 1
@@ -802,9 +643,9 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
             )
             stiffness = scratch[_IMPLICIT.TANGENT + stage, i] + linear_terms[rows.GEOMETRIC, i]
             # `story` is the entry in the block of the story between floor i and the floor below. It
-            # is added to the diagonal block of floor i here, and by `link_blocks` to the diagonal
-            # block of the floor below. Row COUPLING contains `story` with positive sign;
-            # `factor_blocks` assumes the opposite sign of the blocks between both floors.
+            # is added to the diagonal block of floor i here, and by `link_blocks` to that of the
+            # floor below. `factor_blocks` assumes the opposite sign of the blocks between both
+            # floors.
             story = k_factor * stiffness + c_factor * damper
             if BRACES and linear_terms[rows.BRACE, i] != 0.0:
                 story += _brace_entry(coefficients, h, scratch, i, entry)
@@ -814,7 +655,6 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
                 + c_factor * linear_terms[rows.FLOOR_DAMPER, i]
                 + story
             )
-    # Store the tangents of this factorization, with which `_evaluate_stages` compares new tangents.
     for stage in range(2):
         for i in range(n):
             tangent = scratch[_IMPLICIT.TANGENT + stage, i]
@@ -832,23 +672,15 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
 
 @inline
 def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
-    """Update the state and commit the hysteretic laws at the end of the step.
+    """Update the state and commit the hysteretic laws at the end of the step, on the path through
+    both stages.
 
-    With the accelerations a_1, a_2 of the stages, the weights b and the Butcher matrix A,
-
-        u1 = u0 + h v0 + h^2 sum_j (b A)_j a_j,   v1 = v0 + h sum_j b_j a_j
-
-    The law of each story is evaluated at the end of the step from its state at the second stage.
     The acceleration, the first estimate of the next step, is extrapolated linearly from both
     stages.
-
-    `memory`: state and law states, which are updated, and the scratch array with the stage
-    accelerations.
     """
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # The end of the step is at this distance from the second stage, divided by the distance of both
-    # stages.
+    # Distance of the end of the step from the second stage, divided by the distance of both stages
     extrapolation = (1.0 - coefficients[_C + 1]) / (coefficients[_C + 1] - coefficients[_C])
     u_below = v0_below = 0.0
     for i in range(n):
@@ -860,7 +692,6 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
         state[rows.DISPLACEMENT, i] = u1
         state[rows.VELOCITY, i] = v0 + h * (coefficients[_B] * a1 + coefficients[_B + 1] * a2)
         state[rows.ACCELERATION, i] = a2 + extrapolation * (a2 - a1)
-        # Accumulate the energy dissipated on each part of the path; `commit` adds the last part.
         accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
         accumulate_dissipation(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         drift = u1 - linear_terms[rows.LINK, i] * u_below
@@ -900,8 +731,8 @@ def implicit_coefficients(table: Table, weights: tuple[float, ...]) -> tuple[flo
 # Gauss method with two stages: nodes 1/2 -+ sqrt(3) / 6, weights 1/2
 GAUSS: Table = ((0.25, 0.25 - _GAUSS_SHIFT), (0.25 + _GAUSS_SHIFT, 0.25))
 
-# `memory` lists the independent rows of the state: in both families the acceleration follows from
-# displacement and velocity or is only a first estimate.
+# In both families the acceleration follows from displacement and velocity or is only a first
+# estimate.
 EXPLICIT = Family(
     "runge-kutta",
     explicit_step,

@@ -11,8 +11,9 @@ The response at the end of the step is then
 
     u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
 
-The names of the coefficients are those of the publication. Its other coefficients have the same
-values in all methods of this module: L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2.
+Functions that return coefficients of a method return W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in this
+order (`row`). The names are those of the publication. Its other coefficients have the same values
+in all methods of this module: L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2.
 """
 
 from __future__ import annotations
@@ -69,38 +70,8 @@ def step(
     scratch,
     step_status,
 ):
-    """Integrate the equations of motion over one time step of a generalized single-step method.
-
-    The increment da of the acceleration of each floor follows from equilibrium at a weighted point
-    of the step of length h, by Newton's method (Zhou and Tamma 2004, with their symbols for the
-    coefficients):
-
-        M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
-            + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
-
-    with displacement u0, velocity v0 and acceleration a0 at the start, the restoring forces f and
-    the loads p0, p1 at both endpoints. The response at the end of the step is
-
-        u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
-        the ground; updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-    step_status : ndarray
-        FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
-
-    Returns
-    -------
-    int
-        Number of linear solutions. NOT_CONVERGED (negative) if Newton's method does not converge;
-        the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
+    """Integrate the equations of motion over one time step; equilibrium at the weighted point is
+    solved by Newton's method.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -109,12 +80,11 @@ def step(
         invalidate(scratch, _FACTORS, n)
         step_status[rows.FACTORED_STEP] = h
     _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, scratch)
-    # Displacement, velocity and acceleration at the weighted point change by these amounts per unit
-    # of da.
+    # Change of displacement, velocity and acceleration at the weighted point per unit of da
     effective = EffectiveCoefficients(
         coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1]
     )
-    # The laws are evaluated from the committed states (block 0). Row X receives da.
+    # Row X receives da.
     brace_step = BraceStep(h, coefficients[W1], coefficients[L3] * h * h)
     code = solve_equilibrium_with_braces(
         brace_step, effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory
@@ -123,8 +93,7 @@ def step(
         return code
     if BRACES and flags[rows.HAS_BRACES] != 0.0:
         _commit_braces(coefficients, linear_terms, h, state, scratch)
-    # Store the response at the end of the step, and commit the laws at its drifts. The laws follow
-    # the path again, because they were evaluated at the weighted point.
+    # The laws follow the path again, because they were evaluated at the weighted point.
     u_below = 0.0
     for i in range(n):
         da = scratch[ROW.X, i]
@@ -149,18 +118,9 @@ def step(
 
 @inline
 def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, scratch):
-    """Store the load and the predicted response at the weighted point of the step.
+    """Store the load and the response for da = 0 at the weighted point of the step.
 
-    The response at the weighted point is a linear function of the unknown da, the increment of the
-    acceleration over the step (equation of motion in `step`). The prediction is its value for
-    da = 0. With the coefficients W1 and L2W2 of the method, the loads p0 and p1 at the start and at
-    the end of the step, and displacement u0, velocity v0 and acceleration a0 at the start,
-
-        load p = (1 - W1) p0 + W1 p1
-        u = u0 + W1 h v0 + L2W2 h^2 a0,   v = v0 + W1 h a0,   a = a0
-
-    `scratch`: rows LOAD (N), U (m), V (m/s) and A (m/s^2) are set. Row _LOAD_0 receives p0 (N) if
-    W1 is not 1; otherwise p0 is not required.
+    Row _LOAD_0 is not set for W1 = 1, because the load at the start is then not required.
     """
     n = linear_terms.shape[1] - 1
     w1 = coefficients[W1]
@@ -213,15 +173,7 @@ def newmark(beta: float, gamma: float) -> tuple[float, ...]:
     """Return the coefficients of Newmark's method (1959) for its parameters beta and gamma.
 
     The method is u1 = u0 + h v0 + h^2 ((1/2 - beta) a0 + beta a1), v1 = v0 + h ((1 - gamma) a0 +
-    gamma a1) with equilibrium at the end. The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5
-    of `step`, which uses the increment da = a1 - a0:
-
-        M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
-            + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
-        u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da
-
-    Equilibrium at the end means W1 = L6W1 = 1. The response in the equation of equilibrium is then
-    the response at the end, so that L2W2 = 1/2, L3W3 = l3 = beta and L5W2 = l5 = gamma.
+    gamma a1) with equilibrium at the end, so that da = a1 - a0.
     """
     return (1.0, 0.5, beta, gamma, 1.0, beta, gamma)
 
@@ -231,29 +183,9 @@ def generalized_alpha(
 ) -> tuple[float, ...]:
     """Return the coefficients of the generalized-alpha method (Chung and Hulbert 1993).
 
-    Parameters
-    ----------
-    alpha_m, alpha_f : float
-        Fractions of the step, counted from its end, at which the inertial force (alpha_m) and the
-        other forces (alpha_f) are evaluated.
-    beta, gamma : float
-        Parameters of Newmark's formulas u1 = u0 + h v0 + h^2 ((1/2 - beta) a0 + beta a1) and
-        v1 = v0 + h ((1 - gamma) a0 + gamma a1).
-
-    Returns
-    -------
-    tuple of float
-        W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in the notation of Zhou and Tamma (2004). With the
-        masses M, the damping matrix C, the restoring forces f and the loads p, `step` computes the
-        increment da of the acceleration over the step of length h from
-
-            M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
-                + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
-
-        where the indices 0 and 1 denote start and end of the step. The inertial force is evaluated
-        at the fraction L6W1 = 1 - alpha_m of the step, all other forces at the fraction W1 = 1 -
-        alpha_f. l3 = beta is the factor of h^2 da in the displacement at the end, and l5 = gamma
-        the factor of h da in the velocity at the end.
+    alpha_m and alpha_f are the fractions of the step, counted from its end, at which the inertial
+    force (alpha_m) and the other forces (alpha_f) are evaluated; beta and gamma are the parameters
+    of `newmark`.
     """
     w1 = 1.0 - alpha_f
     return (w1, w1 / 2.0, w1 * beta, w1 * gamma, 1.0 - alpha_m, beta, gamma)
@@ -283,29 +215,10 @@ def collocation(beta: float, theta: float) -> tuple[float, ...]:
 def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
     """Return the coefficients of the U0 methods of Zhou and Tamma (2004).
 
-    The result contains W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in this order. With them,
-    `step` computes the increment da of the acceleration over a step of length h from equilibrium at
-    a weighted point of the step:
-
-        M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
-            + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
-        u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
-
-    The published coefficients are, for the spectral parameters r1, r2 and r3,
-
-        W1 = 1 / (1 + r3)         L2W2 = W1 / 2        L3W3 = 1 / e
-        L5W2 = n / (2 e)          L6W1 = q / e         l3 = 1 / d         l5 = n / (2 d)
-
-        d = (1 + r1) (1 + r2)     n = 3 + r1 + r2 - r1 r2
-        e = d (1 + r3)            q = 2 + r1 + r2 + r3 - r1 r2 r3
-
-    Parameters
-    ----------
-    r1, r2, r3 : float
-        Absolute values of the three eigenvalues of the amplification matrix at infinite frequency.
-        This matrix multiplies (u, h v, h^2 a) in each step of a linear oscillator.
+    r1, r2 and r3 are the absolute values of the three eigenvalues of the amplification matrix at
+    infinite frequency. This matrix multiplies (u, h v, h^2 a) in each step of a linear oscillator.
     """
-    # d, e, n and q are only abbreviations of common terms.
+    # Abbreviations of the publication
     d = (1.0 + r1) * (1.0 + r2)
     e = d * (1.0 + r3)
     n = 3.0 + r1 + r2 - r1 * r2
@@ -317,31 +230,13 @@ def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
 def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
     """Return the amplification matrix of (u, h v, h^2 a) for omega h to infinity.
 
-    The matrix multiplies this vector in each step of length h of an oscillator with the circular
-    frequency omega. The method is a generalized single-step method of Zhou and Tamma (2004).
-    Displacement, velocity and acceleration at the end of the step are
-
-        u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
-
-    The increment da of the acceleration follows from equilibrium at a weighted point of the step
-    (`step`). The restoring force dominates at infinite frequency, so that the displacement at this
-    point must be zero:
-
-        u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da = 0
-
-    Parameters
-    ----------
-    row : tuple of float
-        Coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the method, in the notation of the
-        publication. L2W2 and L3W3 are single coefficients, not products. The constants with the
-        same names (in capitals, L3 for l3 and L5 for l5) are their indices. L3W3 must not be 0: the
-        limit exists for implicit methods only. The caller excludes methods with a stability limit,
-        and therefore all explicit methods.
+    The restoring force dominates at infinite frequency, so that the displacement at the weighted
+    point must be zero. L3W3 must not be 0: the limit exists for implicit methods only. The caller
+    excludes methods with a stability limit, and therefore all explicit methods.
     """
     # Row vector; its product with (u0, h v0, h^2 a0) is h^2 da.
     da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
-    # `free` gives the response at the end of the step for da = 0. The outer product adds the effect
-    # of da.
+    # `free` gives the response at the end of the step for da = 0.
     free = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     return np.asarray(free + np.outer([row[L3], row[L5], 1.0], da))
 
@@ -349,10 +244,7 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
 def _rho_inf(row: tuple[float, ...]) -> float:
     """Return the spectral radius at infinite frequency of a method with the coefficients `row`.
 
-    It is the maximum absolute eigenvalue of the amplification matrix for omega h to infinity, with
-    the circular frequency omega and the time step h. `row` contains the seven coefficients W1,
-    L2W2, L3W3, L5W2, L6W1, l3 and l5 of the equations in the docstring of `step`. If three
-    eigenvalues are nearly equal, the result has an error of about 1e-5. Methods with such
+    If three eigenvalues are nearly equal, the result has an error of about 1e-5. Methods with such
     eigenvalues must declare their spectral radius, as the generalized-alpha method and `u0v0` do.
     """
     eigenvalues = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
@@ -365,11 +257,9 @@ def _rho_inf(row: tuple[float, ...]) -> float:
 
 
 def _newmark_limit(beta: float, gamma: float) -> float:
-    """Return the largest stable omega h of Newmark's method without damping, for beta and gamma.
-
-    With gamma >= 1/2, the limit is 1 / sqrt(gamma / 2 - beta), or inf (unconditional stability) for
-    2 beta >= gamma (Hughes 1987, section 9.1). The result is 0 for gamma < 1/2, because the method
-    is then unstable at every step.
+    """Return the largest stable omega h of Newmark's method without damping (Hughes 1987, section
+    9.1): inf for unconditional stability, 0 for gamma < 1/2, because the method is then unstable at
+    every step.
     """
     if gamma < 0.5:
         return 0.0
@@ -377,17 +267,16 @@ def _newmark_limit(beta: float, gamma: float) -> float:
 
 
 def collocation_theta(beta: float) -> float:
-    """Return the parameter theta of optimal collocation for a given beta.
+    """Return the parameter theta of optimal collocation for a `beta` between 1/6 and 1/4.
 
     Equilibrium is satisfied at the time theta h after the start of the step of length h. At the
     optimal theta, the two principal eigenvalues of the amplification matrix at infinite frequency
     coincide and become complex. If theta decreases by a few percent, an eigenvalue approaches -1,
-    the limit of unconditional stability. Hilber and Hughes (1978) tabulate theta: 1.021712 for
-    beta = 0.24, 1.159772 for beta = 0.20. `beta` must be between 1/6 and 1/4, the range of the
-    parameter in METHODS. In this range, theta decreases from 1.42 to 1.
+    the limit of unconditional stability. Hilber and Hughes (1978) tabulate theta: 1.021712 for beta
+    = 0.24, 1.159772 for beta = 0.20. theta decreases from 1.42 at beta = 1/6 to 1.
 
-    The value is found by bisection, and the upper end of the last interval is returned. Exact
-    fractions are used so that rounding errors cannot change the sign of the discriminant.
+    Exact fractions are used in the bisection so that rounding errors cannot change the sign of the
+    discriminant.
     """
     from fractions import Fraction  # imported here because no other function needs it
 
@@ -406,11 +295,8 @@ def collocation_theta(beta: float) -> float:
 
 
 def _collocation_limit(beta: float, theta: float) -> float:
-    """Return inf if the collocation method is unconditionally stable, otherwise nan (unknown).
-
-    The condition of Hilber and Hughes (1978) for theta >= 1 is
-    (2 theta^2 - 1) / (4 (2 theta^3 - 1)) <= beta <= theta / (2 (theta + 1)). The parameter theta of
-    the methods in METHODS cannot be less than 1.
+    """Return inf if the collocation method is unconditionally stable (Hilber and Hughes 1978, for
+    theta >= 1), otherwise nan (unknown).
     """
     low = (2.0 * theta**2 - 1.0) / (4.0 * (2.0 * theta**3 - 1.0))
     high = theta / (2.0 * (theta + 1.0))
@@ -427,19 +313,9 @@ def _family_member(
 ) -> Method:
     """Return the entry of the catalogue for one generalized single-step method.
 
-    `row` is the parameter values -> coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of the
-    method.
-
-    Parameters
-    ----------
-    **declared
-        Further fields of `Method`. By default, the spectral radius at infinite frequency is
-        computed from the coefficients, and the method is implicit unless L3W3 is 0.
-
-    Returns
-    -------
-    Method
-        Method with the compiled step of this family.
+    `row` returns the coefficients for values of the parameters. `declared` contains further fields
+    of `Method`. By default, the spectral radius at infinite frequency is computed from the
+    coefficients, and the method is implicit unless L3W3 is 0.
     """
 
     def rho_inf(*values: float) -> float:
