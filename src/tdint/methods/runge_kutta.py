@@ -223,11 +223,14 @@ DORMAND_PRINCE: Table = (
 )
 
 # ---- Implicit methods with two stages
-# The unknowns are the accelerations a_1 and a_2 of the stages: without the stage velocities, and
-# because the row sums of A are c,
+#
+# The unknowns are the accelerations a_1 and a_2 of the stages: no differences of nearly equal
+# displacements occur if h is small. Without the stage velocities, and because the row sums of A are
+# c,
+#
 #     u_i = u0 + c_i h v0 + h^2 sum_j (A^2)_ij a_j
-# Accelerations are used as unknowns because no differences of nearly equal displacements occur if h
-# is small. The matrix of Newton's method has a 2 x 2 block per floor.
+#
+# The matrix of Newton's method has a 2 x 2 block per floor.
 
 # Offsets in the coefficients of `implicit_step`
 _C = 0  # nodes c_1, c_2

@@ -289,7 +289,7 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
         is_stale |= law_state[rows.SLOPE, i] != scratch[slopes_row, i]
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        link = linear_terms[rows.LINK, i]
         mass = linear_terms[rows.MASS, i]
         geometric = linear_terms[rows.GEOMETRIC, i]
         v = state[rows.VELOCITY, i]
@@ -336,7 +336,7 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     dv_below = scratch[ROW.COMPLEX + 1, n - 1] * by_im
     du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
     for i in range(n - 1, -1, -1):
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        link = linear_terms[rows.LINK, i]
         below = max(i - 1, 0)
         du = du_below
         dv = dv_below
@@ -419,8 +419,8 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         undamped_iterations = 0
         tolerance = RESIDUAL_TOLERANCE
     while True:
-        # The first argument of `has_converged` is True if no further solution is allowed; if the
-        # test fails, the largest relative residual is then stored for the error message.
+        # If no further solution is allowed, the largest relative residual is stored for the error
+        # message.
         is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
         residuals(
             coefficients[THETA],
@@ -509,7 +509,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         )
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        link = linear_terms[rows.LINK, i]
         drift_c = uc - link * uc_below
         drift = u - link * u_below
         increment = du - link * du_below
@@ -596,8 +596,7 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     law_parameters = scene.law_parameters
     _, law_state, scratch, _ = memory
     drift_c, drift = drifts
-    # SLOPE is infinite on a curved branch, which only exists if HAS_CURVED_LAW, a constant of the
-    # compiled variant, is True.
+    # SLOPE is infinite on a curved branch.
     if keep_branches and law_state[rows.SLOPE, i] < math.inf:
         tangent_c = tangent = law_state[rows.SLOPE, i]
         scratch[ROW.KINK, i] = 0.0
@@ -684,7 +683,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     drift_c, drift = drifts
-    link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+    link = linear_terms[rows.LINK, i]
     below = max(i - 1, 0)
     sign = law_state[rows.RATE_SIGN, i]
     # q0 and q1 times the sign of the drift rate: positive in the direction of loading, m.
@@ -839,7 +838,7 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     """
     state, _, scratch, _ = memory
     # For the first story, column i - 1 is the last column of the tables, and link is 0.
-    link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+    link = linear_terms[rows.LINK, i]
     rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, i - 1]
     rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, i - 1]
     rate_c = (
