@@ -2,8 +2,10 @@
 
 The change of a motion, d = P H' lambda, follows from the multipliers lambda of a small quadratic
 program. The rows of H are the derivatives of the extremes of the responses with respect to the
-samples. P = F E^2 F contains the envelope E of the motion and a band-pass filter F.
-`tdint.analysis.matching` states the sources.
+samples. P = F E^2 F contains the envelope E of the motion and a band-pass filter F. A round
+computes the complete change from the seed, or adds to the change of the previous rounds
+(`is_stepwise`). `row_sum` is the sum of rows times multipliers that forms the change of the samples
+from the scaled seed. `tdint.analysis.matching` states the sources.
 """
 
 from __future__ import annotations
@@ -88,8 +90,6 @@ class SparseRows:
 
         columns starts[row] to starts[row] + lines[row].size - 1: directions[row, c] * lines[row]
 
-    The range and `lines[row]` are the same for all components.
-
     Attributes
     ----------
     size : int
@@ -119,7 +119,6 @@ class SparseRows:
         for block_start in range(0, self.size, _BLOCK):
             block_end = min(block_start + _BLOCK, self.size)
             indices = np.flatnonzero((self.starts < block_end) & (row_ends > block_start))
-            # Copy the parts of the rows that are in this block of samples.
             block = np.zeros((indices.size, block_end - block_start), np.float32)
             for block_row, index in zip(block, indices, strict=True):
                 row_start = self.starts[index]
@@ -130,28 +129,21 @@ class SparseRows:
                 block_row[overlap_start - block_start : overlap_end - block_start] = self.lines[
                     index
                 ][overlap_start - row_start : overlap_end - row_start]
-            # `ssyrk` computes only the upper triangle, in Fortran order. Its columns are added to
-            # the rows of the lower triangle of the result, because copies of the whole matrix
+            # `ssyrk` computes only the upper triangle, in Fortran order. Copies of the whole matrix
             # would need 50 MB each for 2500 rows.
             upper_triangle = ssyrk(1.0, block.T, trans=True)
             for column, index in enumerate(indices):
                 result[index, indices[: column + 1]] += upper_triangle[: column + 1, column]
-        # Complete the symmetric matrix, and include the factors of the rows for the components.
+        # Symmetric matrix, with the factors of the rows for the components
         for row in range(1, len(result)):
             result[:row, row] = result[row, :row]
         result *= self.directions @ self.directions.T
         return result
 
     def times(self, samples: NDArray[np.float32]) -> Array:
-        """Return the product of this matrix and a vector, shape (rows,).
-
-        Parameters
-        ----------
-        samples : ndarray, shape (components * size,)
-            Vector: all samples of the first component, then all samples of the second component.
+        """Return the product of this matrix and a vector, shape (rows,); `samples` contains all
+        samples of the first component, then all samples of the second component.
         """
-        # Row r of the matrix times the vector is the sum over the components c of
-        # directions[r, c] * (lines[r] . samples of c in the range of the row).
         component_samples = samples.reshape(-1, self.size)
         result = np.empty(len(self.lines))
         for index, (row_start, row_values) in enumerate(zip(self.starts, self.lines, strict=True)):
@@ -178,19 +170,8 @@ class SparseRows:
 
 @dataclass(frozen=True)
 class _MotionState:
-    """Changed motion of a round, and its difference from the target.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (components, n)
-        Samples, m/s^2.
-    row_sum : ndarray
-        Sum of rows that forms the change of the samples from the scaled seed.
-    extremes, maxima : ndarray
-        Extremes of the responses and the maximum of each oscillator, as from
-        `MatchingProblem.extremes`.
-    merit, misfit : float
-        Sum to be reduced and maximum misfit, as from `MatchingProblem.merits`.
+    """Changed motion of a round, and its difference from the target (`MatchingProblem.extremes` and
+    `merits`).
     """
 
     samples: Array
@@ -206,8 +187,7 @@ class _QuadraticProgram:
     """Quadratic program of a round: its equations and their scalar products.
 
     Each row belongs to an extreme of a response, or to the final velocity or displacement of the
-    ground. The program determines the smallest change of the motion that changes these quantities
-    as required.
+    ground.
 
     Attributes
     ----------
@@ -234,17 +214,11 @@ class _QuadraticProgram:
     oscillator: NDArray[np.int64]
 
     def refine(self, damping: float) -> Array:
-        """Select the extremes that must equal the target, and return the damping of each row.
+        """Select the extremes that must equal the target (`is_equality` is changed), and return the
+        factor on the damping of each row.
 
         The attribute `shortfall` contains the difference of each row from its target. Rows with a
-        larger difference have less damping. The attribute `is_equality` is changed.
-
-        `damping` is the damping of the round, which is multiplied by the returned factors.
-
-        Returns
-        -------
-        ndarray, shape (rows,)
-            Factor on the damping for each row.
+        larger difference have less damping.
         """
         # Differences below 0.01 % are not relevant.
         absolute_shortfall = np.abs(self.shortfall) + 1e-4
@@ -265,17 +239,9 @@ class _QuadraticProgram:
         """Solve the quadratic program, and return the multipliers of the unscaled rows.
 
         The change of the motion is the sum of the rows times these multipliers. The multiplier of
-        an upper limit (`is_equality` False) is at most 0, so that it can only reduce an extreme.
-
-        `required_change` is the required change of the quantity of each row, such as an extreme
-        relative to its target. For an upper limit, the largest change that is allowed. `damping`:
-        levenberg-Marquardt damping: number that is added to the diagonal elements of `gram`, which
-        are 1. A larger number leads to a smaller change.
-
-        Returns
-        -------
-        ndarray, shape (rows,)
-            Multipliers.
+        an upper limit is at most 0, so that it can only reduce an extreme. `required_change` is
+        relative to the target; for an upper limit, the largest change that is allowed. `damping` is
+        added to the diagonal elements of `gram`, which are 1.
         """
         scaled = solve_program(self.gram, required_change * self.scales, self.is_equality, damping)
         return (self.scales * scaled).astype(np.float32)
@@ -335,33 +301,17 @@ class MatchingProblem:
     def prepare(
         cls, scaled_seed: Array, dt: float, periods: Array, *, wanted: Array, damping: Array
     ) -> MatchingProblem:
-        """Prepare the recursion, the filters and the free vibrations of a matching problem.
-
-        Parameters
-        ----------
-        scaled_seed : ndarray, shape (components, n)
-            Samples of the scaled seed, m/s^2.
-        dt : float
-            Sampling interval, s.
-        periods : ndarray, shape (k,)
-            Period of each oscillator, s.
-        wanted : ndarray, shape (k,)
-            Target, m/s^2.
-        damping : ndarray, shape (k,)
-            Damping ratio of each oscillator.
-        """
+        """Prepare the recursion, the filters and the free vibrations of a matching problem."""
         from scipy.fft import irfft, next_fast_len
 
         sample_count = scaled_seed.shape[1]
-        # Recursion of the oscillators. The extremes of one component require omega h <= 0.5, at
-        # least 4 pi substeps in a period; the extremes of two components require half this substep.
+        # The extremes of one component require omega h <= 0.5, at least 4 pi substeps in a period;
+        # the extremes of two components require half this substep.
         omega = 2.0 * np.pi / periods
         substeps = len(scaled_seed) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
         table = recursion_table(omega, dt / substeps, damping, 2)
         table[BY_DISPLACEMENT] = omega**2
         table[BY_VELOCITY] = 2.0 * damping * omega
-        # The impulse response of the band-pass filter extends over `filter_reach` samples to either
-        # side.
         low_frequency, high_frequency = 0.6 / np.max(periods), min(1.5 / np.min(periods), 0.45 / dt)
         filter_reach = int(3.0 / low_frequency / dt)
         size = next_fast_len(sample_count + 2 * filter_reach, real=True)
@@ -374,8 +324,7 @@ class MatchingProblem:
         # the remaining time.
         remaining = np.arange(sample_count - 1, -1, -1.0)
         end_derivatives = np.stack([np.full(sample_count, dt), dt * dt * remaining])
-        # The filtered impulse response and free vibrations are stored in reversed order of time.
-        # The samples before the start, which the filter also affects, are appended.
+        # The filter also affects the samples before the start.
         band32 = band.astype(np.float32)
         sample_order = np.concatenate(
             [np.arange(sample_count - 1, -1, -1), -np.arange(1, filter_reach + 1)]
@@ -415,7 +364,7 @@ class MatchingProblem:
         samples : ndarray, shape (components, n)
             Motion, m/s^2.
         level : ndarray, shape (oscillators,)
-            Level above which extremes are returned, m/s^2.
+            m/s^2.
 
         Returns
         -------
@@ -426,7 +375,7 @@ class MatchingProblem:
             Maximum of each oscillator in m/s^2, and its column in `extremes`, or a negative number
             if the maximum is not an extreme above the level.
         """
-        # There is memory for 400 extremes per oscillator; the kernel returns their number.
+        # 400 extremes per oscillator
         found_extremes, maxima = (
             np.empty((VALUE + len(samples), 400 * level.size)),
             np.empty((2, level.size)),
@@ -441,33 +390,17 @@ class MatchingProblem:
     def rows(self, oscillator: NDArray[np.int64], when: Array, directions: Array) -> SparseRows:
         """Compute the derivatives of extremes with respect to the samples of all components.
 
-        The derivatives include the band-pass filter and the envelope. The last rows are the
-        derivatives of the final velocity and displacement of each component. A sample changes the
-        ground acceleration by a hat function (linear interpolation between samples), which is the
-        second difference of a ramp. After the hat, the oscillator is in free vibration. As a
-        function of the sample, the derivative of an extreme is thus a free vibration that is
-        reversed in time, with a cosine and a sine part. The two samples next to the extreme are
-        treated separately.
-
-        Parameters
-        ----------
-        oscillator : ndarray of int
-            Index of the oscillator of each extreme.
-        when : ndarray
-            Time of each extreme, s.
-        directions : ndarray, shape (components, extremes)
-            Unit vector of each extreme over the components.
-
-        Returns
-        -------
-        SparseRows
-            One row for each extreme, relative to its target; then two rows for each component.
+        The derivatives include the band-pass filter and the envelope, and are relative to the
+        target. The last rows, two for each component, are the derivatives of the final velocity and
+        displacement. A sample changes the ground acceleration by a hat function (linear
+        interpolation between samples), which is the second difference of a ramp. After the hat, the
+        oscillator is in free vibration. As a function of the sample, the derivative of an extreme
+        is thus a free vibration that is reversed in time, with a cosine and a sine part. The two
+        samples next to the extreme are treated separately. `directions` contains the unit vector of
+        each extreme over the components.
         """
-        # A row is the sum of four parts: cosine and sine of the free vibration, and the effects of
-        # the two samples next to the extreme. Compute the factors of these parts.
         sample_before = np.minimum((when / self.dt).astype(int), self.envelope.size - 2)
         factors_of_rows = self._factors_of_rows(oscillator, when - self.dt * sample_before)
-        # The rows of the extremes are multiplied by the envelope.
         starts, lines = [], list[NDArray[np.float32]]()
         envelope = self.envelope.astype(np.float32)
         for k, row_factors, sample_of_extreme in zip(
@@ -477,8 +410,7 @@ class MatchingProblem:
             row_values *= envelope[row_start : row_start + row_values.size]
             starts.append(row_start)
             lines.append(row_values)
-        # Append two rows for each component: its final velocity and its final displacement. The
-        # unit vector in `relative_directions` selects the component.
+        # The unit vector selects the component.
         relative_directions = directions / self.wanted[oscillator]
         component_count = len(directions)
         for component in range(component_count):
@@ -496,14 +428,13 @@ class MatchingProblem:
     def _factors_of_rows(
         self, oscillator: NDArray[np.int64], time_after_sample: Array
     ) -> NDArray[np.float32]:
-        """Return four factors C, -S, H0 and H1 of each extreme. `_row` uses them to compute the
-        derivatives of the extreme with respect to the samples of the ground motion.
+        """Return four dimensionless factors C, -S, H0 and H1 of each extreme, shape (extremes, 4),
+        for `_row`.
 
-        An extreme is a local maximum or minimum of the response (pseudo-acceleration) of an
-        oscillator. Sample n is the last sample before the extreme. A unit change of sample j adds a
-        hat function to the ground acceleration: 1 at sample j, 0 at all other samples, and linear
-        in between. The derivative of the extreme with respect to sample j is the response to this
-        hat at the time of the extreme:
+        Sample n is the last sample before the extreme. A unit change of sample j adds a hat
+        function to the ground acceleration: 1 at sample j, 0 at all other samples, and linear in
+        between. The derivative of the extreme with respect to sample j is the response to this hat
+        at the time of the extreme:
 
             j < n        c C - s S    The hat has ended; the oscillator vibrates freely.
             j = n        H0           The extreme is in the second half of the hat.
@@ -521,18 +452,12 @@ class MatchingProblem:
         impulses at the samples n and n + 1, all after the band-pass filter of the correction. Their
         sum contains the derivatives with respect to all samples.
 
-        `time_after_sample` is the time of each extreme after sample n, s.
-
-        Returns
-        -------
-        ndarray, shape (extremes, 4)
-            C, -S, H0 and H1 of each extreme, dimensionless.
+        `time_after_sample` is the time of the extreme after sample n, s.
         """
-        # Circular frequency w, damping ratio z
         w, z, dt = self.omega[oscillator], self.damping[oscillator], self.dt
         # Response x to a ramp, x'' + 2 z w x' + w^2 x = -t / dt from rest: the particular solution
         # -t / (dt w^2) + constant, minus the free vibration with the same initial displacement and
-        # velocity. The free vibration is the real part of `free_amplitude` times exp(exponent t).
+        # velocity.
         exponent = w * (-z + 1j * np.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
         free_amplitude = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / exponent.imag
@@ -540,11 +465,10 @@ class MatchingProblem:
             -t / dt / w**2 + constant - (free_amplitude * np.exp(exponent * t)).real
             for t in (time_after_sample + dt, time_after_sample)
         ]
-        # The hat of sample j is the sum of three ramps that start at the samples j - 1, j and
-        # j + 1, with the factors 1, -2 and 1. For j < n all three have started before the extreme;
-        # their particular solutions cancel, and the free vibrations remain. For j = n the first
-        # two ramps have started, for j = n + 1 only the first. All responses are multiplied by w^2,
-        # because they are pseudo-accelerations.
+        # The hat of sample j is the sum of three ramps that start at the samples j - 1, j and j +
+        # 1, with the factors 1, -2 and 1. For j < n their particular solutions cancel, and the free
+        # vibrations remain. The responses are multiplied by w^2, because they are
+        # pseudo-accelerations.
         vibration_after = (
             -w
             * w
@@ -562,36 +486,21 @@ class MatchingProblem:
     def _row(
         self, oscillator: int, factors: NDArray[np.float32], sample_of_extreme: int
     ) -> tuple[int, NDArray[np.float32]]:
-        """Compute the derivatives of one extreme with respect to the samples, without the envelope.
+        """Return the first sample of the derivatives of one extreme, and the derivatives without
+        the envelope from this sample on.
 
         The row extends from the decay of the vibration before the extreme to the reach of the
-        filter after it, where the stored vibration ends. All other derivatives are zero.
-
-        `sample_of_extreme` is the number of the sample before the extreme.
-
-        Parameters
-        ----------
-        factors : ndarray, shape (4,)
-            Result of `_factors_of_rows` for the extreme: factors of the filtered cosine and sine of
-            the free vibration, and of the impulse responses of the filter at the samples before and
-            after the extreme.
-
-        Returns
-        -------
-        row_start : int
-            Number of the first sample of the row.
-        row_values : ndarray
-            Derivatives with respect to this sample and the following samples.
+        filter after it. All other derivatives are zero. `sample_of_extreme` is the number of the
+        sample before the extreme.
         """
         sample_count = self.envelope.size
         vibration = self.free_vibrations[oscillator]
         row_start = max(sample_of_extreme + 1 + self.filter_reach - vibration.shape[1], 0)
         row_end = min(sample_count, sample_of_extreme + 1 + self.filter_reach)
         row_size = row_end - row_start
-        # Free vibration: stored in reversed order of time, so that it is read forward here.
+        # Stored in reversed order of time, so that it is read forward here
         first_vibration = vibration.shape[1] - self.filter_reach - 1 - sample_of_extreme + row_start
         row_values = factors[:2] @ vibration[:, first_vibration : first_vibration + row_size]
-        # Add the impulse responses of the filter at the two samples next to the extreme.
         first_impulse = sample_count - 1 - sample_of_extreme + row_start
         row_values += factors[2] * self.impulse_response[first_impulse : first_impulse + row_size]
         row_values += (
@@ -610,17 +519,10 @@ class MatchingProblem:
         Parameters
         ----------
         found_extremes : ndarray, shape (VALUE + components, extremes)
-            Extremes of the responses, one column for each: the index of the oscillator (row
-            OSCILLATOR), the time in s (row TIME) and, from row VALUE on, the response to each
-            component of the motion, m/s^2. At least one extreme; `check_peaks` ensures this.
-        maxima : ndarray, shape (2, oscillators)
-            Maximum of each oscillator in m/s^2 (row 0, not used here), and its column in
-            `found_extremes` (row 1); negative if the maximum is not one of the extremes.
+            Result of `extremes`, with at least one extreme; `check_peaks` ensures this.
 
         Returns
         -------
-        oscillator : ndarray of int, shape (equations,)
-            Oscillator of each equation.
         when : ndarray, shape (equations,)
             Time of the extremum, s.
         directions : ndarray, shape (components, equations)
@@ -634,8 +536,6 @@ class MatchingProblem:
         """
         oscillator, values = found_extremes[OSCILLATOR].astype(int), found_extremes[VALUE:]
         magnitude = np.linalg.norm(values, axis=0)
-        # The maximum at each period must equal the target; other extremes above
-        # `_CONTROLLED_FRACTION` times the target must not exceed it.
         is_equality = np.zeros(oscillator.size, bool)
         has_maximum = maxima[1] >= 0.0
         is_equality[maxima[1, has_maximum].astype(int)] = True
@@ -672,29 +572,13 @@ class MatchingProblem:
     def rounds(
         self, samples: Array, row_sum: NDArray[np.float32], max_rounds: int, *, is_first_stage: bool
     ) -> tuple[Array, NDArray[np.float32]]:
-        """Reduce the misfit of a motion in several rounds, and return the best motion.
+        """Reduce the misfit of a motion in several rounds; return the motion with the smallest
+        misfit and its `row_sum`.
 
         Each round solves a quadratic program. Its damping (Levenberg-Marquardt) is increased until
-        the misfit decreases. The rounds end early if the misfit is small.
-
-        Parameters
-        ----------
-        samples : ndarray, shape (components, n)
-            Present samples, m/s^2.
-        row_sum : ndarray
-            Sum of the rows times multipliers that forms the change of these samples from the seed.
-        max_rounds : int
-            Maximum number of rounds.
-        is_first_stage : bool
-            True in the first stage, whose first rounds compute the complete change from the seed.
-            False if all rounds add to the change.
-
-        Returns
-        -------
-        samples : ndarray, shape (components, n)
-            Samples with the smallest maximum misfit, m/s^2.
-        row_sum : ndarray, shape (components * n,)
-            Sum of the rows times multipliers that forms their change.
+        the misfit decreases. The rounds end early if the misfit is small. In the first stage, the
+        first rounds compute the complete change from the seed; in later stages, all rounds add to
+        the change.
         """
         is_stepwise = not is_first_stage
         damping = _INITIAL_DAMPING if is_first_stage else _REFINEMENT_DAMPING
@@ -722,7 +606,6 @@ class MatchingProblem:
                 row_damping = quadratic_program.refine(damping)
             else:
                 required_change = required_change + quadratic_program.rows.times(state.row_sum)
-            # Increase the damping of the step until it reduces the misfit.
             first_damping = damping
             for _ in range(_MAX_DAMPING_INCREASES):
                 multipliers = quadratic_program.multipliers(required_change, damping * row_damping)
@@ -737,7 +620,6 @@ class MatchingProblem:
                     break
                 damping *= 4.0
             state = changed_state
-            # If the first damping was sufficient, the next round starts with less.
             if damping == first_damping:
                 damping = max(damping / 5.0, _MIN_DAMPING)
             if state.misfit < best_state.misfit:
@@ -751,23 +633,9 @@ class MatchingProblem:
     ) -> _MotionState:
         """Return a changed motion with its extremes and its differences from the target.
 
-        Two numbers describe the difference from the target (`merits`). The misfit is the maximum
-        of |response / target - 1| over the periods. The merit is the sum over the periods of a
-        power of |ln(response / target)|, and a round must reduce it.
-
-        `samples` contains the changed samples, m/s^2.
-
-        Parameters
-        ----------
-        row_sum : ndarray, shape (components * n,)
-            Change of the samples from the seed, before it is multiplied by the envelope and
-            filtered. It is a sum of rows of quadratic programs, each times its multiplier: of the
-            last round that computed the complete change, and of all later rounds.
-        is_stepwise : bool
-            True if rounds add to the change of the previous rounds, False if they compute the
-            complete change again. It selects the exponent of the merit: 4 if True, 2 if False.
+        `row_sum` is the change before it is multiplied by the envelope and filtered.
         """
-        # Only extremes above this fraction of the target can have an equation in the next round.
+        # Smaller extremes have no equation in the next round.
         found_extremes, maxima = self.extremes(samples, _CONTROLLED_FRACTION * self.wanted)
         merit, misfit = self.merits(maxima, is_stepwise)
         return _MotionState(samples, row_sum, found_extremes, maxima, merit, misfit)
@@ -781,45 +649,32 @@ class MatchingProblem:
     def _quadratic_program(self, state: _MotionState) -> _QuadraticProgram:
         """Return the quadratic program of the next change of a motion.
 
-        It contains an equation for each controlled extreme of the responses (`equations`). Two
-        further equations per component require that the final velocity and displacement of the
-        ground equal those of the seed. `state` is the motion after the previous round.
+        Two equations per component require that the final velocity and displacement of the ground
+        equal those of the seed.
         """
         oscillator, when, directions, shortfall, is_equality = self.equations(
             state.extremes, state.maxima
         )
-        # `self.rows` appends the rows of the final velocity and displacement of each component.
-        # Append their required changes, which cancel the changes of the previous rounds.
+        # The last rows belong to the final velocity and displacement; their required changes cancel
+        # the changes of the previous rounds.
         rows = self.rows(oscillator, when, directions)
         end_derivatives = self._component_end_derivatives
         change = (state.samples - self.scaled_seed).ravel()
         shortfall = np.concatenate([shortfall, -end_derivatives @ change])
         is_equality = np.concatenate([is_equality, np.ones(len(end_derivatives), bool)])
-        # Scale the rows to unit length, so that the same Levenberg-Marquardt damping is suitable
-        # for all rows. This damping is a number that is added to the diagonal of `gram`.
-        # `shortfall` is not scaled here, because the methods of `_QuadraticProgram` scale it.
+        # Rows of unit length, so that the same Levenberg-Marquardt damping is suitable for all
+        # rows. The methods of `_QuadraticProgram` scale `shortfall`.
         gram = rows.products()
         scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         gram *= scales[:, None] * scales
         return _QuadraticProgram(rows, gram, scales, shortfall, is_equality, oscillator)
 
     def merits(self, maxima: Array, is_stepwise: bool) -> tuple[float, float]:
-        """Compare the maximum responses of all oscillators with their targets.
+        """Return the sum of powers of |ln(maximum / target)|, which a round must reduce, and the
+        misfit, the maximum of |maximum / target - 1|.
 
-        Parameters
-        ----------
-        maxima : ndarray, shape (2, oscillators)
-            Maximum of each oscillator in row 0, m/s^2.
-        is_stepwise : bool
-            True if a round adds to the change of the previous rounds, False if it computes the
-            complete change again. It selects the exponent from `_POWERS`.
-
-        Returns
-        -------
-        merit : float
-            Sum of powers of |ln(maximum / target)|, which a round must reduce.
-        misfit : float
-            Maximum of |maximum / target - 1|.
+        Row 0 of `maxima` contains the maximum of each oscillator. `is_stepwise` selects the
+        exponent from `_POWERS`.
         """
         ratio = maxima[0] / self.wanted
         return float(np.sum(np.abs(np.log(ratio)) ** _POWERS[is_stepwise])), float(
@@ -848,21 +703,14 @@ def _free_vibrations(
     size: int,
     sample_order: NDArray[np.int64],
 ) -> list[NDArray[np.float32]]:
-    """Return the free vibrations of all oscillators after the band-pass filter.
+    """Return the free vibrations of all oscillators after the band-pass filter, cosine and sine in
+    reversed order of time.
 
     The free vibration of an oscillator is exp(exponent t); its real part is called cosine, its
-    imaginary part sine. The samples are in reversed order of time. Only the part that has not
-    decayed is stored, and few oscillators are computed at a time: 60 000 samples of all oscillators
-    would need a gigabyte.
-
-    `dt` is the sampling interval, s. `band` is the factor of the band-pass filter at each frequency
-    of the Fourier transform. `sample_order` contains the samples from the latest back to the first,
-    then those before the start that the filter reaches, as negative numbers.
-
-    Returns
-    -------
-    list of ndarray, shape (2, stored samples)
-        Cosine and sine of each oscillator.
+    imaginary part sine. Only the part that has not decayed is stored, and few oscillators are
+    computed at a time: 60 000 samples of all oscillators would need a gigabyte. `sample_order`
+    contains the samples from the latest back to the first, then those before the start that the
+    filter reaches, as negative numbers.
     """
     from scipy.fft import irfft, rfft
 
@@ -871,7 +719,7 @@ def _free_vibrations(
     stored_samples = np.minimum(
         np.log(1.0 / _DECAYED) / (damping * omega * dt), sample_count - 1
     ).astype(int)
-    # The filter widens the stored part by its reach to either side.
+    # The filter widens the stored part to either side.
     filter_reach = sample_order.size - sample_count
     free_vibrations: list[NDArray[np.float32]] = []
     for first_oscillator in range(0, omega.size, _OSCILLATORS_AT_A_TIME):
@@ -896,17 +744,13 @@ def _exchange_equalities(
     oscillator: NDArray[np.int64],
     scales: Array,
 ) -> None:
-    """Select another extreme of an oscillator as its maximum if it will be closer to the target.
+    """Select another extreme of an oscillator as its maximum if it will be closer to the target
+    (changes `is_equality`).
 
-    For each oscillator, the quadratic program requires that one extreme of its response equals the
-    target (an equality); its other extremes must not exceed the target. If the damped solution
-    leaves the selected extreme below the target, and another extreme is closer to the target, the
-    equality is moved to the other extreme.
-
-    `is_equality` is True for equalities, False for upper limits; changed by this function.
-    `damping` is the damping of each row. `scales` is the scale factor of each row.
+    If the damped solution leaves the selected extreme below the target, and another extreme is
+    closer to the target, the equality is moved to the other extreme.
     """
-    # An exchange changes the solution, so the selection is repeated one time.
+    # An exchange changes the solution.
     for _ in range(2):
         remaining_shortfall = (
             shortfall - gram @ solve_program(gram, shortfall, is_equality, damping)
@@ -918,7 +762,7 @@ def _exchange_equalities(
             other_extremes = np.flatnonzero(
                 (oscillator == oscillator[index]) & ~is_equality[: oscillator.size]
             )
-            # Move the equality only if the other extreme is closer to the target by at least 30 %.
+            # The other extreme must be closer to the target by at least 30 %.
             if (
                 other_extremes.size
                 and remaining_shortfall[
@@ -932,28 +776,12 @@ def _exchange_equalities(
 
 
 def solve_program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:
-    """Solve the quadratic program of a round.
+    """Solve the quadratic program of a round, and return the multipliers.
 
     The multipliers l minimize l' (G + diag(damping)) l / 2 - shortfall' l, where G is `gram`.
     Multipliers of inequalities (upper limits) must not be positive. A primal-dual active set method
     is used: inequalities with a positive multiplier become inactive, violated inequalities become
     active.
-
-    Parameters
-    ----------
-    gram : ndarray, shape (n, n)
-        Scalar products of the rows.
-    shortfall : ndarray, shape (n,)
-        Differences from the targets.
-    is_equality : ndarray of bool, shape (n,)
-        True for equalities, False for inequalities.
-    damping : ndarray, shape (n,)
-        Damping of each row.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Multipliers.
     """
     from scipy.linalg import cho_factor, cho_solve
 
@@ -966,7 +794,7 @@ def solve_program(gram: Array, shortfall: Array, is_equality: Bools, damping: Ar
         try:
             factors = cho_factor(active_gram, check_finite=False)
         except np.linalg.LinAlgError:
-            # The matrix is not positive definite because of rounding: increase the damping.
+            # Because of rounding, the matrix is not positive definite.
             damping = np.maximum(10.0 * damping, 1e-5)
             continue
         multipliers[:] = 0.0
@@ -982,25 +810,11 @@ def solve_program(gram: Array, shortfall: Array, is_equality: Bools, damping: Ar
 
 
 def check_peaks(problem: MatchingProblem, seed: GroundMotion, samples: Array) -> None:
-    """Raise an error if most oscillators have no maximum before the end of the motion.
-
-    Parameters
-    ----------
-    problem : MatchingProblem
-        Oscillators and their targets.
-    seed : Record or Horizontals
-        Motion, for its name in the message.
-    samples : ndarray, shape (components, n)
-        Samples of the scaled motion, m/s^2.
-
-    Raises
-    ------
-    RecordError
-        The response increases until the end of the record at more than half of the periods, as
-        under a ramp. A change cannot bring such a response to the target.
+    """Raise an error if the response increases until the end of the motion at more than half of the
+    periods, as under a ramp: a change cannot bring such a response to the target.
     """
-    # Lower the level to slightly below the maximum of each oscillator. An oscillator without an
-    # extreme above this level reaches its maximum at the end of the motion.
+    # An oscillator without an extreme above the lowered level reaches its maximum at the end of the
+    # motion.
     _, maxima = problem.extremes(samples, _CONTROLLED_FRACTION * problem.wanted)
     level = np.minimum(_CONTROLLED_FRACTION * problem.wanted, 0.9999 * maxima[0])
     _, maxima = problem.extremes(samples, level)

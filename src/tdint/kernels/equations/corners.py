@@ -55,7 +55,7 @@ def _story_value(linear_terms, scratch, row, i):
 
 @inline
 def _story_path(linear_terms, law_state, scratch, i):
-    """Return the parabola of drift of story `i` over the complete step, from the committed drift."""
+    """Return the parabola of drift of story `i` over the step, from the committed drift."""
     rise = _story_value(linear_terms, scratch, ROW.RISE, i)
     bend = _story_value(linear_terms, scratch, ROW.BEND, i)
     return PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)

@@ -131,7 +131,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def last_slope(law_parameters, i, side):
-        """Return the slope of a side beyond the last point of the backbone curve, N/m, at least 0."""
+        """Return the slope of a side beyond the last backbone point, N/m, at least 0."""
         rise = point_force(law_parameters, i, side, 4) - point_force(law_parameters, i, side, 3)
         return max(rise, 0.0) / (
             point_drift(law_parameters, i, side, 4) - point_drift(law_parameters, i, side, 3)
@@ -364,12 +364,11 @@ def _functions() -> LawFunctions:
         usually negative. The path leads from the reversal in straight lines to
 
         1. the end of unloading, which has the fraction `unloading` of the degraded force of the
-           third
-           backbone point, or of the fourth point if the maximum drift exceeds the third point,
+           third backbone point, or of the fourth point if the maximum drift exceeds the third
+           point,
         2. the end of the pinched part (`reloading_point`), and
         3. the point of maximum drift, with the degraded force. `previous_max_drift` is the maximum
-           drift
-           before its increase by degradation.
+           drift before its increase by degradation.
 
         The points are computed in the order 3, 2, 1. As in Pinching4, points 1 and 2 are moved if a
         part would lead backwards or fall, or the path is the direct line from the reversal to point
@@ -648,16 +647,13 @@ def _functions() -> LawFunctions:
 
         1. the stiffnesses of the first lines of both sides are equal
         2. the reloading is pinched: without a pinched part, `reloading_point` sets the force of its
-           end
-           from the third and fourth points of the backbone curve
+           end from the third and fourth points of the backbone curve
         3. the force fraction of the end of the pinched part is at most its drift fraction.
            `reloading_point` then moves this end to the line with the stiffness of the first line;
-           with a
-           larger force fraction, the end would be above the line
+           with a larger force fraction, the end would be above the line
         4. the force at the end of unloading, which is on the line, is smaller than the force at the
-           end of
-           the pinched part. Otherwise the pinched part would lead backwards, and `path` would
-           correct it
+           end of the pinched part. Otherwise the pinched part would lead backwards, and `path`
+           would correct it
         """
         # Condition 1
         if (

@@ -4,10 +4,23 @@ directions.
 The two ground motions are two perpendicular components. The result is the maximum displacement in
 each direction, at the samples and between the samples. As in `tdint.kernels.oscillators.elastic`,
 all oscillators are integrated together first. This pass stores the maximum displacement along
-`AXES` axes, the directions at steps of 30 degrees, for each interval. The displacement in a
-direction between two adjacent axes is at most the larger of both displacements divided by the
-cosine of half their angle. Therefore only few intervals can contain a maximum. In these intervals,
-the same rule for narrower sectors leaves few steps and directions for the exact computation.
+`AXES` axes, the directions at steps of 30 degrees, for each interval of INTERVAL_STEPS steps. The
+displacement in a direction between two adjacent axes is at most the larger of both displacements
+divided by the cosine of half their angle. Therefore only few intervals can contain a maximum. In
+these intervals, the same rule for sectors of 10 degrees leaves few steps and directions for the
+exact computation.
+
+The equation of motion along each component is u'' + 2 xi omega u' + omega^2 u = -ag. Displacement,
+velocity and ground acceleration are x, v, f along the first component and y, w, g along the second,
+the relative accelerations a and b. The displacement in the direction of the angle theta is x
+cos(theta) + y sin(theta).
+
+An edge is one of the directions at steps of 10 degrees, which are the limits of the sectors; edge 3
+k is axis k. The steps after the last complete interval are treated as the interval with the next
+index; it has no stored maxima. `best` contains the maximum displacement until now in each
+direction, `scratch` the table of the sectors, and `margin` (`excess_factor`, s^2) times the maximum
+relative acceleration bounds the excess of a displacement between two steps; it is 0 if maxima
+between the steps are not required.
 """
 
 from __future__ import annotations
@@ -105,15 +118,7 @@ _ROWS = _MAXIMA + AXES + 1
 def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
     """Return the scratch arrays of `rotated_peaks`, uninitialized, in the order of its arguments.
 
-    A step is a sampling interval divided by `parts`. An interval has INTERVAL_STEPS (32) steps; the
-    remaining steps after the last complete interval only have a row in `starts`. The two ground
-    motions are the first and the second component. The AXES (6) axes are the directions at 0, 30,
-    ..., 150 degrees from the first component.
-
-    Parameters
-    ----------
-    parts : int
-        Steps per sampling interval.
+    A step is a sampling interval divided by `parts`.
 
     Returns
     -------
@@ -121,8 +126,7 @@ def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
         Ground accelerations of both components at the steps, m/s^2.
     starts : ndarray, shape (LANES, intervals + 1, 4)
         Displacement (m) and velocity (m/s) along the first component, then along the second
-        component, of each oscillator at the start of each interval. The last row is the state at
-        the start of the remaining steps.
+        component, of each oscillator at the start of each interval.
     maxima : ndarray, shape (LANES, intervals, AXES + 1)
         Maximum absolute displacement along each of the AXES axes in each interval (m), then the
         maximum resultant of the relative accelerations of both components (m/s^2).
@@ -147,16 +151,9 @@ def rotated_peaks(
     """Integrate oscillators from rest over two ground motions and store their maximum absolute
     displacements in all directions.
 
-    The two ground motions are perpendicular components. The equation of motion along each component
-    is u'' + 2 xi omega u' + omega^2 u = -ag. With the displacements x and y along the first and the
-    second component, the displacement in the direction of the angle theta is x cos(theta) + y
-    sin(theta). ANGLES (180) directions at steps of 1 degree are analyzed.
-
     First, the oscillators of a group, LANES successive columns of the table, are integrated
-    together. The maximum displacements along AXES (6) of the directions, the axes at 0, 30, ...,
-    150 degrees, are stored for each interval of INTERVAL_STEPS steps. Then `_search` computes the
-    maxima of each oscillator in all directions. It integrates again the intervals that can contain
-    a maximum, and the remaining steps after the last complete interval.
+    together. Then `_search` computes the maxima of each oscillator in all directions. The result is
+    always 0, because the integration of linear oscillators cannot fail.
 
     Parameters
     ----------
@@ -180,40 +177,29 @@ def rotated_peaks(
         Receives the peaks of the first k oscillators, m.
     ground, starts, maxima : ndarray
         Scratch arrays from `scratch`.
-
-    Returns
-    -------
-    int
-        Always 0, because the integration of linear oscillators cannot fail.
     """
     h = dt / parts
     interpolate_samples(first, parts, ground[0])
     interpolate_samples(second, parts, ground[1])
     intervals = (ground.shape[1] - 1) // INTERVAL_STEPS
-    # `lane` contains _ROWS values of each oscillator of the group. Value `row` of oscillator `i` is
-    # element row * LANES + i. The rows are the COEFFICIENTS rows of the table of oscillators, four
-    # rows of the state (x, its velocity, y, its velocity; from row _STATE), the maximum
-    # displacements along the AXES axes (from row _MAXIMA), and the square of the maximum resultant
-    # of the relative accelerations.
+    # Value `row` of oscillator `i` is element row * LANES + i. The rows are the COEFFICIENTS rows
+    # of the table of oscillators, then those from _STATE on.
     lane = local(_ROWS * LANES)
-    # `best` receives the maxima of an oscillator in all directions. `scratch` is a table of sectors
-    # of _SECTOR = 10 degrees with a column for each of their edges, at 0, 10, ..., 180 degrees. The
+    # The table of sectors has a column for each of their edges, at 0, 10, ..., 180 degrees. The
     # last edge is equal to the first edge, because only absolute displacements are used.
     best, scratch = local(ANGLES), local_table(_SECTOR_ROWS, _SECTORS + 1)
     for k in range(_SECTORS + 1):
         scratch[_COSINES, k] = directions[0, k * _SECTOR % ANGLES]
         scratch[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
-    # `series` is a scratch array for the Taylor series of a displacement and its two derivatives.
+    # Taylor series of a displacement and its two derivatives
     series = local_table(3, TERMS)
     for group in range(0, oscillators.shape[1], LANES):
-        # Copy the coefficients of the oscillators of the group, and set the state of rest.
         for k in range(COEFFICIENTS):
             for i in range(LANES):
                 lane[k * LANES + i] = oscillators[k, group + i]
         for i in range(_STATE * LANES, _MAXIMA * LANES):
             lane[i] = 0.0
-        # Integrate the group; store the state at the start of each interval and its maxima. Index
-        # `intervals` denotes the remaining steps. Only the state at their start is stored.
+        # Index `intervals` denotes the remaining steps. Only the state at their start is stored.
         for c in range(intervals + 1):
             for i in range(LANES):
                 for k in range(4):
@@ -229,7 +215,6 @@ def rotated_peaks(
                     maxima[i, c, k] = lane[(_MAXIMA + k) * LANES + i]
                 # `_advance` stores the square of the acceleration.
                 maxima[i, c, _ACCELERATION] = math.sqrt(lane[(_MAXIMA + _ACCELERATION) * LANES + i])
-        # Search each oscillator of the group in all directions.
         for i in range(min(LANES, result.shape[0] - group)):
             best[:] = 0.0
             column = group + i
@@ -239,8 +224,6 @@ def rotated_peaks(
             oscillator = _TableOscillator(
                 ground, oscillators, column, vibration, directions, starts[i], scratch, series, best
             )
-            # The last argument times the maximum relative acceleration bounds the excess of a
-            # displacement between two steps. It is 0 if only the maxima at the steps are required.
             _search(oscillator, maxima[i], between_steps * excess_factor(vibration))
             for k in range(ANGLES):
                 result[group + i, k] = best[k]
@@ -249,28 +232,11 @@ def rotated_peaks(
 
 @outlined
 def _advance(ground, s, lane):
-    """Integrate LANES oscillators over a block of steps and update the maxima at the steps.
+    """Integrate LANES oscillators over a block of steps from step `s` on, and update the maxima at
+    the steps.
 
-    Along each of the two ground motion components, with the displacement u, the velocity v and the
-    ground acceleration g at the start (0) and at the end (1) of a step,
-
-        u1 = A11 u0 + A12 v0 - B10 g0 - B11 g1
-        v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1
-
-    The step is exact for a ground acceleration that is linear within the step. The maxima are the
-    maximum absolute displacements along the axes at 0, 30, ..., 150 degrees, and the maximum of a^2
-    + b^2. This is the square of the resultant of the relative accelerations a along the first and b
-    along the second component. From the equation of motion, a = -(omega^2 u + 2 xi omega v + g).
-
-    `s` is the index of the first of the _BLOCK steps.
-
-    Parameters
-    ----------
-    lane : ndarray
-        Values of the oscillators: value `row` of oscillator `i` is element row * LANES + i. The
-        rows are A11 to B21, BY_DISPLACEMENT (omega^2, 1/s^2) and BY_VELOCITY (2 xi omega, 1/s), the
-        state (rows _X to _W, updated), the maximum displacements (AXES rows from _MAXIMA on,
-        updated) and the maximum of a^2 + b^2 (row _MAXIMA + _ACCELERATION, updated).
+    The step is exact for a ground acceleration that is linear within the step. `lane` contains the
+    values of the oscillators (`rotated_peaks`).
     """
     for i in range(LANES):
         a11, a12 = lane[A11 * LANES + i], lane[A12 * LANES + i]
@@ -278,20 +244,17 @@ def _advance(ground, s, lane):
         a21, a22 = lane[A21 * LANES + i], lane[A22 * LANES + i]
         b20, b21 = lane[B20 * LANES + i], lane[B21 * LANES + i]
         by_u, by_v = lane[BY_DISPLACEMENT * LANES + i], lane[BY_VELOCITY * LANES + i]
-        # Displacement and velocity are x, v along the first component, y, w along the second.
         x, v = lane[_X * LANES + i], lane[_V * LANES + i]
         y, w = lane[_Y * LANES + i], lane[_W * LANES + i]
-        # t0 to t5 are the maximum displacements along the axes at 0, 30, ..., 150 degrees.
+        # t0 to t5 are the maximum displacements along the axes.
         t0, t1 = lane[_MAXIMA * LANES + i], lane[(_MAXIMA + 1) * LANES + i]
         t2, t3 = lane[(_MAXIMA + 2) * LANES + i], lane[(_MAXIMA + 3) * LANES + i]
         t4, t5 = lane[(_MAXIMA + 4) * LANES + i], lane[(_MAXIMA + 5) * LANES + i]
-        # The maximum of the squared resultant of the relative accelerations needs no square root.
+        # Without a square root
         max_acceleration_squared = lane[(_MAXIMA + _ACCELERATION) * LANES + i]
         # The maxima include both endpoints of the block. The last pass has no step.
         for j in range(_BLOCK + 1):
-            # f and g are the ground accelerations along the first and the second component.
             f0, g0 = ground[0, s + j], ground[1, s + j]
-            # The displacement along the axis at the angle theta is x cos(theta) + y sin(theta).
             cx, sx, cy, sy = _C * x, _S * x, _C * y, _S * y
             t0 = abs(x) if abs(x) > t0 else t0
             t1 = abs(cx + sy) if abs(cx + sy) > t1 else t1
@@ -299,8 +262,7 @@ def _advance(ground, s, lane):
             t3 = abs(y) if abs(y) > t3 else t3
             t4 = abs(cy - sx) if abs(cy - sx) > t4 else t4
             t5 = abs(sy - cx) if abs(sy - cx) > t5 else t5
-            # a and b are the relative accelerations with the opposite sign, which has no effect on
-            # the squares.
+            # a and b have the opposite sign, which has no effect on the squares.
             a, b = by_u * x + by_v * v + f0, by_u * y + by_v * w + g0
             acceleration_squared = a * a + b * b
             max_acceleration_squared = (
@@ -325,28 +287,8 @@ def _advance(ground, s, lane):
 
 
 class _TableOscillator(NamedTuple):
-    """Oscillator of the table that is integrated separately.
-
-    Attributes
-    ----------
-    ground : ndarray
-        Ground accelerations of both components at the steps, m/s^2.
-    oscillators : ndarray
-        Table of oscillators.
-    column : int
-        Column of the oscillator in the table.
-    vibration : Vibration
-        Properties of the oscillator and the length of a step.
-    directions : ndarray
-        Cosine and sine of each of the 180 directions.
-    starts : ndarray
-        Displacements and velocities along both components at the start of each interval.
-    scratch : ndarray
-        Table of the sectors.
-    series : ndarray
-        Scratch array for the Taylor series of a displacement and its two derivatives.
-    best : ndarray
-        Maximum displacement until now in each direction, m.
+    """Oscillator in `column` of the table that is integrated separately; `vibration` contains its
+    properties and the length of a step.
     """
 
     ground: Array
@@ -364,61 +306,22 @@ class _TableOscillator(NamedTuple):
 def _search(oscillator, maxima, margin):
     """Compute the maximum displacements of an oscillator in all directions.
 
-    The following terms are used:
-
-        direction    one of ANGLES = 180 directions at 0 to 179 degrees (opposite directions have
-                     the same absolute displacements); `best` contains its maximum displacement
-                     until now
-        axis         one of AXES directions at steps of 30 degrees
-        edge         one of the directions at steps of 10 degrees
-        sector       10 adjacent directions between two edges; there are three sectors between two
-                     axes
-        interval     INTERVAL_STEPS successive steps; `maxima` contains the maximum displacement
-                     along each axis in each interval. The remaining steps after the last complete
-                     interval are the interval with the index `intervals`; it has no stored maxima.
-
     Only intervals that can contain a maximum are integrated, in two passes:
 
-    1. Preliminary maxima, from the values at the steps only (argument True). This pass integrates
-       the remaining steps, and for each axis the interval with the maximum along this axis. The
-       results are close to the final maxima, so that few intervals can exceed them.
-    2. Final maxima, with the maxima between the steps (argument False). An interval with stored
-       maxima is skipped if its bounds show that no displacement of the interval can exceed a
-       maximum in `best`. The remaining steps have no bounds and are always integrated.
+    1. Preliminary maxima, from the values at the steps only. This pass integrates the remaining
+       steps, and for each axis the interval with the maximum along this axis. The results are close
+       to the final maxima, so that few intervals can exceed them.
+    2. Final maxima, with the maxima between the steps. An interval is skipped if its bounds show
+       that no displacement of the interval can exceed a maximum in `best`. The remaining steps have
+       no bounds and are always integrated.
 
-    The remaining steps, and usually the other intervals of pass 1, are therefore integrated twice.
-
-    The bounds of an interval follow in three steps:
-
-    1. `_interpolate` computes bounds of the displacements along the edges from `maxima` along the
-       axes: the unit vector of an edge is a weighted sum of two adjacent axes.
-    2. The displacement in a sector at the steps is at most the larger bound of its two edges
-       divided by the cosine of 5 degrees.
-    3. Between the steps, this value is exceeded by at most `margin` times the maximum relative
-       acceleration of the interval.
-
-    Row _LOWEST of the table `scratch` contains, for each sector, the smallest of the maxima `best`
-    in the directions of the sector (`_lowest`). `_count_higher` returns the number of sectors with
-    a bound above this value. `_integrate_interval` updates the row in pass 2.
-
-    `oscillator`: oscillator; `best` is updated, and the table of the sectors, `scratch`, is used.
-    `maxima` contains the maximum displacements along the axes in each interval, m, then the maximum
-    resultant of the relative accelerations (column _ACCELERATION), m/s^2.
-
-    Parameters
-    ----------
-    margin : float
-        Maximum excess of a displacement within a step over the larger absolute value at its two
-        endpoints, divided by the larger of the resultant relative accelerations at both endpoints,
-        s^2 (`excess_factor`); 0 if maxima between the steps are not required.
+    The bounds along the edges follow from those along the axes (`_interpolate`). Row _LOWEST of
+    `scratch` contains, for each sector, the smallest of the maxima in its directions.
     """
     scratch, best = oscillator.scratch, oscillator.best
     intervals = maxima.shape[0]
     lowest = scratch[_LOWEST]
-    # Pass 1: integrate the steps after the last complete interval (index `intervals`) and,
-    # for each axis, the interval that contains the maximum along this axis. If two
-    # successive axes have the same interval, it is not integrated again. The last argument True
-    # omits the maxima between the steps.
+    # If two successive axes have the same interval, it is not integrated again.
     _integrate_interval(oscillator, intervals, margin, True)
     last_interval = intervals
     for k in range(AXES):
@@ -429,9 +332,6 @@ def _search(oscillator, maxima, margin):
         if intervals > 0 and interval != last_interval:
             _integrate_interval(oscillator, interval, margin, True)
             last_interval = interval
-    # Pass 2 includes the maxima between the steps (last argument False). The steps after the last
-    # complete interval are integrated again. A complete interval is integrated only if its bound
-    # exceeds the smallest of the maxima (`lowest`) in at least one sector.
     for k in range(_SECTORS):
         lowest[k] = _lowest(best, k)
     _integrate_interval(oscillator, intervals, margin, False)
@@ -445,22 +345,13 @@ def _search(oscillator, maxima, margin):
 def _interpolate(axis_maxima, scratch):
     """Store bounds of the displacements along the edges of the sectors in an interval of steps.
 
-    The AXES axes are directions at steps of 30 degrees. There are three sectors of 10 degrees
-    between two axes. The edges are the limits of the sectors: directions at steps of 10 degrees, so
-    that edge 3 k is axis k.
-
     A unit vector at j sectors after an axis is f(3 - j) times this axis plus f(j) times the next
-    axis, with the factors f(j) = sin(10 j degrees) / sin(30 degrees) (_FACTORS; there are three
-    sectors between two axes). The same sum of the maximum displacements along both axes is a bound
-    of the displacement in this direction. The last axis is followed by the first axis with the
-    opposite direction, for which the absolute displacements are the same.
+    axis, with the factors f of _FACTORS. The same sum of the maximum displacements along both axes
+    is a bound of the displacement in this direction. The last axis is followed by the first axis
+    with the opposite direction, for which the absolute displacements are the same.
 
-    `_top`, which reads the table of the sectors, uses the larger value of rows _AT_START and
-    _AT_END: for a step, these rows contain the displacements at its start and at its end. An
-    interval has a single bound, which is stored in both rows.
-
-    `axis_maxima` contains the maximum absolute displacements at the steps of the interval along the
-    AXES axes, m.
+    An interval has a single bound, which is stored in both rows, _AT_START and _AT_END, that `_top`
+    compares.
     """
     for k in range(AXES):
         axis_maximum, next_axis_maximum = axis_maxima[k], axis_maxima[(k + 1) % AXES]
@@ -477,9 +368,7 @@ def _interpolate(axis_maxima, scratch):
 def _lowest(best, sector):
     """Return the smallest of the maximum displacements in the directions of a sector, m.
 
-    `best` contains the maximum displacement until now in each of the ANGLES directions; a sector
-    has _SECTOR directions. A step can only change a maximum in the sector if its displacement
-    exceeds the result.
+    A step can only change a maximum in the sector if its displacement exceeds the result.
     """
     low = best[sector * _SECTOR]
     for k in range(sector * _SECTOR + 1, (sector + 1) * _SECTOR):
@@ -491,42 +380,16 @@ def _lowest(best, sector):
 def _integrate_interval(oscillator, interval, margin, coarse):
     """Integrate one oscillator over an interval of steps and update its maxima in all directions.
 
-    The interval has INTERVAL_STEPS steps, or the remaining steps after the last complete interval.
-    The step is exact for ground accelerations that are linear within the step (coefficients A11 to
-    B21 of the table). These symbols are used along both ground motion components:
+    p and q are the rates of the relative accelerations a and b (jerks) along both components,
+    m/s^3. The suffixes 0 and 1 denote the start and the end of a step; x, y, v, w, a and b without
+    a suffix are values at the start. The displacement in a direction with the cosine c and the sine
+    d is c x + d y.
 
-                                                   first component    second component
-        ground acceleration, m/s^2                 f                  g
-        displacement, m                            x                  y
-        velocity, m/s                              v                  w
-        relative acceleration, m/s^2               a                  b
-        its rate (relative jerk), m/s^3            p                  q
+    A sector is skipped in a step if the displacement in the sector cannot exceed the smallest of
+    its maxima until now.
 
-    The suffixes 0 and 1 denote the start and the end of a step; x, y, v, w, a and b without a
-    suffix are values at the start. The displacement in a direction with the cosine c and the sine
-    d is c x + d y. From the equation of motion, a = -(omega^2 x + 2 xi omega v + f).
-
-    The directions are divided into sectors of 10 degrees between two edges. A sector is skipped in
-    a step if the displacement in the sector cannot exceed the smallest of its maxima until now (row
-    _LOWEST). The displacement in a sector is at most the largest displacement along its edges at
-    both endpoints of the step (`_top`) times _SPREAD = 1 / cos(5 degrees), plus the excess between
-    the endpoints.
-
-    Parameters
-    ----------
-    oscillator : _TableOscillator
-        Oscillator: ground accelerations, table of oscillators and its column,
-        properties omega^2, 2 xi omega and length h of a step (`vibration`), cosines and sines of
-        the directions, state at the start of each interval (`starts`), two scratch arrays, and the
-        maximum displacement of each direction, `best` (m), which is updated.
-    margin : float
-        Maximum excess of a displacement between two steps over its values at the steps, divided by
-        the larger relative acceleration, s^2 (`excess_factor`); 0 if maxima between the steps are
-        not required.
-    coarse : bool
-        True for the pass of preliminary maxima: only values at the steps are used, in all
-        directions, and row _LOWEST is not used. False for the final pass: sectors are skipped as
-        above, and maxima between the steps are included if `margin` is positive.
+    `coarse` is True for the pass of preliminary maxima: only values at the steps are used, in all
+    directions, and row _LOWEST is not used.
     """
     ground, oscillators, column, vibration, directions, starts, scratch, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
@@ -539,7 +402,6 @@ def _integrate_interval(oscillator, interval, margin, coarse):
     x, v, y, w = starts[interval, 0], starts[interval, 1], starts[interval, 2], starts[interval, 3]
     f0, g0 = ground[0, interval * INTERVAL_STEPS], ground[1, interval * INTERVAL_STEPS]
     a, b = -(by_u * x + by_v * v) - f0, -(by_u * y + by_v * w) - g0
-    # Store the absolute displacements along the edges at the start of the first step.
     _project(x, y, scratch, start_values)
     for s in range(
         interval * INTERVAL_STEPS, min((interval + 1) * INTERVAL_STEPS, ground.shape[1] - 1)
@@ -550,35 +412,28 @@ def _integrate_interval(oscillator, interval, margin, coarse):
         y1 = a11 * y + (a12 * w - (b10 * g0 + b11 * g1))
         w1 = a21 * y + (a22 * w - (b20 * g0 + b21 * g1))
         a1, b1 = -(by_u * x1 + by_v * v1) - f1, -(by_u * y1 + by_v * w1) - g1
-        # A coarse pass only uses the values at the steps, in all directions.
         if coarse:
             for k in range(ANGLES):
                 size = abs(directions[0, k] * x1 + directions[1, k] * y1)
                 best[k] = size if size > best[k] else best[k]
         else:
-            # Compute the displacements along the edges of the sectors at the end of the step, and
-            # the excess between its endpoints.
             _project(x1, y1, scratch, end_values)
             excess = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
-            # Compute the relative jerks at the start of the step.
+            # Relative jerks at the start of the step
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
-            # Process only the sectors with a maximum that the step can exceed. `_count_higher`
-            # returns their number, which is usually 0.
+            # `_count_higher` usually returns 0.
             for sector in range(_SECTORS if _count_higher(scratch, excess) > 0 else 0):
                 if _top(scratch, sector) * _SPREAD + excess <= lowest[sector]:
                     continue
                 for k in range(sector * _SECTOR, (sector + 1) * _SECTOR):
-                    # Project the motion onto direction `k`, which has the components c and d. The
-                    # displacements at both endpoints of the step are u0 and u1, the velocities v0
-                    # and `speed`, the accelerations e0 and e1.
+                    # Motion in direction `k`: the displacements at both endpoints of the step are
+                    # u0 and u1, the velocities v0 and `speed`, the accelerations e0 and e1.
                     c, d = directions[0, k], directions[1, k]
                     u0, u1, v0 = c * x + d * y, c * x1 + d * y1, c * v + d * w
                     speed, e0, e1 = c * v1 + d * w1, c * a + d * b, c * a1 + d * b1
                     best[k] = max(best[k], abs(u1))
-                    # `largest_between` returns the maximum at the extrema between the endpoints,
-                    # from u0, its first three derivatives at the start (the third derivative is the
-                    # jerk c p + d q), and the velocity at the end.
+                    # The third derivative of u0 is the jerk c p + d q.
                     if margin > 0.0 and may_exceed(best[k], margin, u0, v0, e0, u1, speed, e1):
                         size = largest_between(
                             u0, (v0, e0, c * p + d * q), speed, vibration, n, series
@@ -604,16 +459,9 @@ def _project(x, y, scratch, sizes):
 
 @outlined
 def _count_higher(scratch, excess):
-    """Return the number of sectors with a maximum that the displacement of a step can exceed.
-
-    A sector is a group of adjacent directions between two edges, and _SPREAD is 1 / cos(half the
-    angle of a sector). The displacement in a sector is at most the largest displacement along its
-    edges at both endpoints of the step (`_top`) times _SPREAD, plus the excess between the
-    endpoints. If this bound exceeds the smallest of the maxima until now in the directions of the
-    sector (row _LOWEST), the step can exceed a maximum. `_search` uses this function also for an
-    interval of steps, with the bounds from `_interpolate` in place of the displacements.
-
-    `excess` is the maximum excess of a displacement between the endpoints of the step, m.
+    """Return the number of sectors with a maximum that the displacement of a step, or of an
+    interval of steps (`_interpolate`), can exceed; `excess` is the bound of the excess between the
+    steps, m.
     """
     count = 0
     for k in range(_SECTORS):
@@ -625,12 +473,6 @@ def _count_higher(scratch, excess):
 def _top(scratch, k):
     """Return the largest displacement along both edges of sector `k` at both endpoints of a step,
     m.
-
-    A sector is a range of horizontal directions. Its edges are the directions at the limits of the
-    range. The displacement along an edge is the component of the displacement in the direction of
-    the edge. Rows _AT_START and _AT_END of the table of the sectors, `scratch`, contain the
-    absolute displacements along the edges; column k is the first edge of the sector and column
-    k + 1 the second edge.
     """
     return max(
         max(scratch[_AT_START, k], scratch[_AT_END, k]),

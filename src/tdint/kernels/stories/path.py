@@ -156,8 +156,8 @@ def remains_on_branch(law_state, i, rise, bend):
     last_rate = rise + 0.5 * bend
     if rate_sign * first_rate < 0.0 or rate_sign * last_rate < 0.0:
         return False
-    # The Bezier points of the parabola are d(0), d(0) + d'(0) / 2 and d(1). The parabola is between
-    # their minimum and their maximum, so that the extremum is needed only if these exceed a limit.
+    # The Bezier points of the parabola are d(0), d(0) + d'(0) / 2 and d(1); the extremum is needed
+    # only if they exceed a limit.
     middle_drift = start_drift + 0.5 * first_rate
     end_drift = start_drift + rise
     highest = max(start_drift, middle_drift, end_drift)
@@ -238,7 +238,6 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
             min(first_extremum, last_extremum),
             max(first_extremum, last_extremum),
         )
-    # Sign of the rate immediately after the start.
     if abs(first_rate) > tolerance:
         initial_rate = first_rate
     elif abs(initial_slope) > tolerance:
@@ -588,7 +587,8 @@ def _add_after_reversal(results, i, reversal_time, shift):
 
 @inline
 def time_to(limit, segment, t_now, direction):
-    """Return the time that a story needs from time `t_now` to move to a drift limit.
+    """Return the time (fraction of the step) that a story needs from time `t_now` to move to a
+    drift limit.
 
     With side = `direction`, three quantities are positive in the direction of movement:
 
@@ -597,44 +597,26 @@ def time_to(limit, segment, t_now, direction):
         a = side bend                           rate of change of v, m
 
     The result x is the smallest positive root of v x + a x^2 / 2 = D. With the rate at the limit, R
-    = sqrt(v^2 + 2 a D), the root has two forms:
-
-        x = 2 D / (v + R) = (R - v) / a
-
-    Both forms are equal, because R^2 - v^2 = 2 a D. The form without a difference of two nearly
-    equal numbers is used: the first form for v >= 0, the second form for v < 0.
+    = sqrt(v^2 + 2 a D), the root has two forms, x = 2 D / (v + R) = (R - v) / a. The form without a
+    difference of two nearly equal numbers is used: the first form for v >= 0, the second form for v
+    < 0.
 
     - v >= 0 is the usual case: the story moves towards the limit. If a is negative, the story would
       later reverse and reach the limit a second time; x is the first time.
     - v < 0 and a > 0: the story first moves away from the limit, reverses, and then reaches it.
-      The other root is negative. This case occurs if the caller ignores an extremum of the
-      parabola. A negative v that is tiny compared with R is a rounding error and is replaced by 0.
+      This case occurs if the caller ignores an extremum of the parabola.
 
     Callers ensure that the parabola reaches the limit after `t_now`, and limit the result to the
     end of their segment. Because of rounding errors, R^2 can still be negative, or v can be
-    negative without a > 0; R or v is then replaced by 0, and x can exceed 1.
-
-    The result is 0 if the limit has already been reached, and 1 (the complete step) if v and R are
-    0, so that the story does not move.
-
-    Parameters
-    ----------
-    limit : float
-        Drift to be reached, m.
-    t_now : float
-        Time on the path, as a fraction of the step.
-
-    Returns
-    -------
-    float
-        Time x as a fraction of the step.
+    negative without a > 0; R or v is then replaced by 0, and x can exceed 1. The result is 1 (the
+    complete step) if the story does not move.
     """
     rate = direction * (segment.rise + segment.bend * (t_now - 0.5))
     distance = direction * (limit - drift_at(segment, t_now))
     if not distance > 0.0:
         return 0.0
     root = math.sqrt(max(rate * rate + 2.0 * direction * segment.bend * distance, 0.0))
-    # v, D and R of the docstring; the condition excludes a v that is a rounding error.
+    # The condition excludes a v that is a rounding error.
     if -rate > _OPPOSITE_RATE * root and direction * segment.bend > 0.0:
         return (root - rate) / (direction * segment.bend)
     return 2.0 * distance / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
@@ -761,7 +743,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
     shifted = Integrals(results.table, results.first + _SHIFTED)
     path_back = path_segment(story_path, reversal_time, 1.0)
-    direction = math.copysign(1.0, story_path.bend)  # direction of the path after the reversal
+    direction = math.copysign(1.0, story_path.bend)  # after the reversal
     shift = 0.0
     # A branch that is valid for both directions does not change at the reversal, and its force does
     # not depend on the drift at the reversal: shift 0. Otherwise a copy of the state (SECOND_TRIAL)
