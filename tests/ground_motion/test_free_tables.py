@@ -75,6 +75,14 @@ class TestStatements:
             ("PEAK VALUE:    182.340   AT    3.71 SEC", set(), (), (), "182.340"),
             ("PGA (m/s/s)                   : 4.2E+00", set(), (), (), "4.2E+00"),
             ("MAX. ACC. = -48.0742 CMS/SEC/SEC", set(), (), (), "-48.0742"),
+            ("Intervalo de muestreo: 0.01 s", set(), (0.01,), (), ""),
+            ("Unidades: cm/s2, número de datos: 2411", {2411}, (), ("cm/s^2",), ""),
+            ("Pas de temps (s) : 0.005", set(), (0.005,), (), ""),
+            ("Fréquence d'échantillonnage = 200 Hz", set(), (0.005,), (), ""),
+            ("Frequenza di campionamento (Hz): 200", set(), (0.005,), (), ""),
+            ("Unità: cm/s^2; numero di campioni: 800", {800}, (), ("cm/s^2",), ""),
+            ("Abtastrate: 100 Hz, Einheit: m/s^2", set(), (0.01,), ("m/s^2",), ""),
+            ("Anzahl der Werte 1200", {1200}, (), (), ""),
         ],
     )
     def test_statements(self, line, counts, intervals, units, peak):
@@ -382,3 +390,77 @@ def test_damage_of_the_stated_peak(file, damage):
         "joined": 2 * (peak + "".join(rows)),
     }
     message(file, content[damage])
+
+
+def pairs(times, values, per_line):
+    words = [f"{t:.3f}, {a:.6f}" for t, a in zip(times, values, strict=True)]
+    rows = [", ".join(words[i : i + per_line]) for i in range(0, len(words), per_line)]
+    return "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("above", ["", "*AMPLITUDE, NAME=EQ, DEFINITION=TABULAR\n"])
+@pytest.mark.parametrize("count", [1000, 998, 997])
+def test_pairs_end_with_a_shorter_line(file, above, count):
+    """Finite element programs write four times and values in a line."""
+    content = above + pairs(TIMES[:count], G[:count], 4)
+    assert "units" in message(file, content)
+    (record,) = read(file, content, "g")
+    assert record.dt == pytest.approx(0.01)
+    np.testing.assert_allclose(record.acceleration, 9.80665 * G[:count], rtol=1e-12)
+
+
+class TestDecimalCommas:
+    HEADER = "Pas de temps : 0,01 s\nUnité : m/s2\n"
+
+    @pytest.mark.parametrize("separator", ["\n", "  ", ";"])
+    def test_values(self, file, separator):
+        """A comma without other separators is a decimal comma, not the end of a number."""
+        width = 1 if separator == "\n" else 8
+        words = [f"{value:.6f}".replace(".", ",") for value in G]
+        rows = [separator.join(words[i : i + width]) for i in range(0, len(words), width)]
+        (record,) = read(file, self.HEADER + "\n".join(rows) + "\n", rows=width > 1)
+        assert record.dt == pytest.approx(0.01)
+        np.testing.assert_allclose(record.acceleration, G, rtol=0, atol=1e-12)
+
+    def test_times(self, file):
+        rows = [f"{t:.2f} {a:.6f}" for t, a in zip(TIMES, G, strict=True)]
+        content = "Zeit (s)  Beschleunigung (g)\n" + "\n".join(rows).replace(".", ",")
+        (record,) = read(file, content)
+        np.testing.assert_allclose(record.acceleration, 9.80665 * G, rtol=1e-12)
+
+    def test_integers_keep_their_separator(self, file):
+        """Pairs of integers without a zero after the comma are times in ms and counts."""
+        counts = np.round(1e5 * G).astype(int)
+        content = "t (ms),a (mm/s2)\n" + "".join(f"{10 * i},{a}\n" for i, a in enumerate(counts))
+        (record,) = read(file, content)
+        assert record.dt == pytest.approx(0.01)
+        np.testing.assert_allclose(record.acceleration, 1e-3 * counts, rtol=1e-12)
+
+
+@pytest.mark.parametrize("names", ["no,time,acc(gal)", "Index,Time (s),Acceleration (cm/s^2)"])
+def test_line_numbers_before_the_times(file, names):
+    rows = [f"{i},{t:.2f},{a:.6f}" for i, (t, a) in enumerate(zip(TIMES, G, strict=True), 1)]
+    (record,) = read(file, names + "\n" + "\n".join(rows) + "\n")
+    assert record.dt == pytest.approx(0.01)
+    np.testing.assert_allclose(record.acceleration, 0.01 * G, rtol=1e-12)
+
+
+def test_numbers_of_a_header_are_named_with_the_option_to_skip_them(file):
+    content = "EL CENTRO\n1.0 0.01\n" + lines(G[:996], 12, "%9.6f")
+    assert states(message(file, content), "line 2 ... skip_lines=2")
+    (record,) = read(file, content, "g", step=0.01, skip_lines=2, rows=True)
+    np.testing.assert_allclose(record.acceleration, 9.80665 * G[:996], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "# Tasa de muestreo: 100 Hz\n# Unidades: m/s/s\n# Número de muestras: 1000\n",
+        "# Abtastrate = 100 Hz\n# Einheit = m/s^2\n# Anzahl der Werte = 1000\n",
+    ],
+)
+def test_comments_in_other_languages(file, header):
+    (record,) = read(file, header + column(G))
+    assert record.dt == pytest.approx(0.01)
+    np.testing.assert_allclose(record.acceleration, G, rtol=1e-12)
+    assert "1000 samples" in message(file, header + column(G[:-3]))

@@ -194,6 +194,11 @@ class _Numbers:
         last = ends[self.widths.size if end is None else end]
         return _Numbers(self.values[ends[start] : last], self.widths[start:end])
 
+    def without_first_column(self) -> _Numbers:
+        """Return the numbers of a regular block without the first number of each line."""
+        line_starts = np.concatenate(([0], np.cumsum(self.widths)[:-1]))
+        return _Numbers(np.delete(self.values, line_starts), self.widths - 1)
+
     def table(self) -> NDArray[np.float64]:
         """Return the complete lines of a regular block, shape (lines, values per line)."""
         width = int(self.widths[0])
@@ -309,9 +314,12 @@ def _read_table(
         _check_first_lines(block, numbers)
 
     names = _column_names(blocks[main].above, numbers.width, layout)
+    is_numbered = not layout.column and _has_numbered_times(numbers)
+    if is_numbered:
+        numbers, names = numbers.without_first_column(), _names_after_first(blocks[main].above)
     kind, reason = _layout_of(block, numbers, stated, names, layout)
     is_bare = not header and layout.step is not None and not layout.skip_lines
-    is_left = not (reason or first.lines or is_bare)
+    is_left = not (reason or first.lines or is_bare or kind == "pairs" or is_numbered)
     if is_left and _is_text_table(header, kind, names, stated):
         return None
     if not is_confirmed and named_spectra(header):
@@ -369,11 +377,8 @@ def _columns(numbers: _Numbers, kind: str) -> list[NDArray[np.float64]]:
     if kind in ("single", "rows"):
         return [numbers.values]
     if kind == "numbered rows":
-        line_starts = np.concatenate(([0], np.cumsum(numbers.widths)[:-1]))
-        return [np.delete(numbers.values, line_starts)]
-    table = numbers.table()
-    if kind == "pairs":
-        table = table.reshape(-1, 2)
+        return [numbers.without_first_column().values]
+    table = numbers.values.reshape(-1, 2) if kind == "pairs" else numbers.table()
     return list(table.T.copy())
 
 
@@ -698,9 +703,10 @@ def _layout_of(
                 f"`rows` contradicts the {'names of the columns' if names else 'times'} in the "
                 "table; remove it"
             )
-        if numbers.widths[-1] != width:
+        # The last line of pairs may be shorter.
+        if numbers.widths[-1] != width and (pairs is None or numbers.widths[-1] % 2):
             raise _irregular(block, numbers)
-        count = lines if pairs is None else len(pairs)
+        count = lines if pairs is None else total // 2
         _check_count(stated, count, lines, total)
         return ("columns" if pairs is None else "pairs"), ""
 
@@ -790,10 +796,19 @@ def _irregular(block: _NumberBlock, numbers: _Numbers) -> RecordError:
             f"{numbers.widths[0]} to {numbers.widths.max()}; the number of samples in the header "
             "must be equal to their sum"
         )
+    number = block.line_numbers[index]
+    remedy = ""
+    header_rows = int(np.argmax(numbers.widths == width))
+    if 0 < header_rows <= _MAX_HEADER_ROWS and numbers.part(header_rows).is_regular:
+        last = block.line_numbers[header_rows - 1]
+        remedy = f"; if it belongs to the header, skip it by `skip_lines={last}`"
     return RecordError(
-        f"line {block.line_numbers[index]} must contain {width} numbers, got "
-        f"{block.lines[index].strip()[:60]!r}"
+        f"line {number} must contain {width} numbers, got "
+        f"{block.lines[index].strip()[:60]!r}{remedy}"
     )
+
+
+_MAX_HEADER_ROWS = 3  # rows of numbers at the start that may belong to the header
 
 
 def _column_names(above: list[str], width: int, layout: TextLayout) -> tuple[ColumnName, ...]:
@@ -812,6 +827,23 @@ def _column_names(above: list[str], width: int, layout: TextLayout) -> tuple[Col
     names = any_names(line, width)
     is_clear = bool(names) and names[0].quantity == TIME and _has_acceleration(names)
     return names if is_clear or (layout.column and not comment) else ()
+
+
+def _has_numbered_times(numbers: _Numbers) -> bool:
+    """Return True if each line starts with its number, followed by a time."""
+    if not numbers.is_regular or numbers.width < 3 or numbers.widths[-1] != numbers.width:
+        return False
+    table = numbers.table()
+    return counts_rows(table[:, 0]) and are_times(table[:, 1]) and not counts_rows(table[:, 1])
+
+
+def _names_after_first(above: list[str]) -> tuple[ColumnName, ...]:
+    """Return the names of the columns without the first, which numbers the lines; empty if the last
+    line above the block does not name them."""
+    comment = COMMENT.fullmatch(above[-1]) if above else None
+    line = comment[1] if comment else "".join(above[-1:])
+    _, _, others = line.partition(next((mark for mark in ",;\t" if mark in line), " "))
+    return tuple(column_names(others))
 
 
 def _has_acceleration(names: tuple[ColumnName, ...]) -> bool:

@@ -1,9 +1,10 @@
 """Statements in the header of a table in free wording: number of samples, sampling interval, units
 and peak of an accelerogram.
 
-A number counts as a statement only next to a word that names its quantity. Wrong statements are
-worse than none: a distance (`Delta: 5.3 km`) is not an interval, and `8 values per line` is not a
-number of samples.
+The words are English, and for the interval, the number of samples and the units also German,
+French, Spanish, Italian and Portuguese. A number counts as a statement only next to a word that
+names its quantity. Wrong statements are worse than none: a distance (`Delta: 5.3 km`) is not an
+interval, and `8 values per line` is not a number of samples.
 """
 
 from __future__ import annotations
@@ -35,6 +36,9 @@ _COUNTS = tuple(
         rf"\s*({COUNT})\b(?!\.\d)",
         rf"\b(?:NO\.|NUM\.?|N)\s*{_ITEMS}\s*[=:]\s*({COUNT})\b(?!\.\d)",
         rf"\b(?:DATA\s*)?{_ITEMS}\s*[=:]\s*({COUNT})\b(?!\.\d)",
+        r"(?:\bN[UÚ]MERO\s+(?:DE|DI)\s+(?:MUESTRAS|DATOS|PUNTOS|CAMPIONI|PUNTI|DATI|AMOSTRAS)|"
+        r"\bNOMBRE\s+DE\s+(?:POINTS|VALEURS|DONN[EÉ]ES)|\bANZAHL\s+(?:DER\s+)?(?:WERTE|PUNKTE))"
+        rf"\b\s*[=:]?\s*({COUNT})\b(?!\.\d)",
         rf"(?<![\d.])({COUNT})\s+(?:\w+\s+)?(?:POINTS|SAMPLES|VALUES|PTS)\b(?!\s*/|\s+PER)",
     )
 )
@@ -48,6 +52,10 @@ _INTERVALS = tuple(
         r"\b(?:TIME|SAMPLING|SAMPLE|DIGITI[SZ]ATION)[-_ ]*"
         r"(?:STEP|INCREMENT|INTERVAL|PERIOD|SPACING|RATE)\b\s*"
         rf"{_IN_SECONDS}\s*(?:OF|IS)?\s*[=:]?",
+        r"\b(?:(?:INTERVAL(?:O|LO)|PASO|PASSO|P[EÉ]RIODO)\s+D(?:E|I)\s+"
+        r"(?:MUESTREO|TIEMPO|CAMPIONAMENTO|TEMPO|AMOSTRAGEM)|PAS\s+DE\s+TEMPS|"
+        r"(?:PAS|P[EÉ]RIODE)\s+D['\u2019][EÉ]CHANTILLONNAGE|ABTASTINTERVALL|ZEITSCHRITT)\b\s*"
+        rf"{_IN_SECONDS}\s*[=:]?",
         r"\b(?:EQUALLY[ -]SPACED|(?:EQUAL\s+)?(?:TIME\s+)?INTERVALS?)\b\s*(?:\bINTERVALS?\s*)?"
         rf"(?:OF|AT)?\s*{_IN_SECONDS}\s*[=:]?",
     )
@@ -64,6 +72,9 @@ _RATES = tuple(
         r"\b(?:SAMPL(?:E|ING)[-_ ]*(?:RATE|FREQUENCY|FREQ\.?)|"
         r"SAMPLES\s*(?:/|PER)\s*S(?:EC(?:OND)?)?)(?![A-Z])\s*"
         rf"(?:[(\[]\s*(?:HZ|SPS)\s*[)\]])?\s*(?:OF|IS)?\s*[=:]?\s*({NUMBER})",
+        r"\b(?:(?:TASA|FRECUENCIA|FREQUENZA|FREQU[EÊ]NCIA|TAXA)\s+D(?:E|I)\s+"
+        r"(?:MUESTREO|CAMPIONAMENTO|AMOSTRAGEM)|FR[EÉ]QUENCE\s+D['\u2019][EÉ]CHANTILLONNAGE|"
+        rf"ABTAST(?:RATE|FREQUENZ))\b\s*(?:[(\[]\s*HZ\s*[)\]])?\s*[=:]?\s*({NUMBER})",
         rf"({NUMBER})\s*(?:SAMPLES\s*(?:/|PER)\s*S(?:EC(?:OND)?)?|SPS)\b",
     )
 )
@@ -77,7 +88,7 @@ _NO_LONGER_UNIT = r"(?![\w/*^])"
 _UNITS = tuple(
     re.compile(rf"{pattern}\s*({_UNIT}){_NO_LONGER_UNIT}", re.IGNORECASE)
     for pattern in (
-        r"\bUNITS?\b[\s:=]*(?:(?:OF|ARE|IS|IN|ACCELERATION)[\s:=]+)*[(\[]?",
+        r"\b(?:UNITS?|UNIDAD(?:ES)?|UNIT[EÉÀ]S?|UNIDADES?|EINHEIT(?:EN)?)(?!\w)[\s:=]*(?:(?:OF|ARE|IS|IN|ACCELERATION)[\s:=]+)*[(\[]?",
         r"\bACC(?:EL\w*)?\b\.?(?:\s+(?:TIME|SERIES|HISTORY|DATA|VALUES))*\s*(?:IN\b|[:=,(\[])",
     )
 )

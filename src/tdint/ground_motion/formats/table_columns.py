@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from unicodedata import combining, normalize
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER
@@ -41,15 +42,18 @@ _COMPONENT = (
     r"trans(?:v(?:erse)?)?|long(?:itudinal)?|rad(?:ial)?|\d{1,3}|[a-z][hn][a-z0-9]|[ns]\d{1,2}[ew]"
 )
 _ACCELERATION = re.compile(r"(?:mm|cm|m|in|ft)/s(?:\^?2|/s)|gal|g")
-_TIMES = ("t", "time", "times", "s", "sec")
+_TIMES = ("t", "time", "times", "s", "sec", "zeit", "temps", "tiempo", "tempo")
+# English, German, French, Spanish, Italian and Portuguese, without accents
+_WORDS = {
+    "acceleration": "a|ag|acc|accel|acceleration|beschleunigung|aceleracion|accelerazione|"
+    "aceleracao",
+    "velocity": "vg|vel|veloc|velocity|geschwindigkeit|vitesse|velocidade?|velocita",
+    "displacement": "dg|dis|disp|displ|displacement|verschiebung|deplacement|desplazamiento|"
+    "spostamento|deslocamento",
+}
 _QUANTITIES = {
-    "acceleration": re.compile(
-        rf"(?:ground )?(?:a|ag|acc|accel|acceleration)(?:[ -]({_COMPONENT}))?"
-    ),
-    "velocity": re.compile(rf"(?:ground )?(?:vg|vel|veloc|velocity)(?:[ -]({_COMPONENT}))?"),
-    "displacement": re.compile(
-        rf"(?:ground )?(?:dg|dis|disp|displ|displacement)(?:[ -]({_COMPONENT}))?"
-    ),
+    quantity: re.compile(rf"(?:ground )?(?:{words})(?:[ -]({_COMPONENT}))?")
+    for quantity, words in _WORDS.items()
 }
 _LETTERS = {"v": "velocity", "d": "displacement"}
 """Quantities of these letters if a column is named acceleration; otherwise they are components."""
@@ -239,7 +243,7 @@ def _quantity_of_name(name: str) -> tuple[str, str]:
     a component, such as `hne`, is an acceleration.
     """
     for quantity, pattern in _QUANTITIES.items():
-        if match := pattern.fullmatch(name):
+        if match := pattern.fullmatch(_unaccented(name)):
             return quantity, (match[1] or "").upper()
     if re.fullmatch(_COMPONENT, name):
         return "acceleration", name.upper()
@@ -259,17 +263,33 @@ def name_and_units(text: str) -> tuple[str, str]:
 
 COMMENT = re.compile(r"\s*(?:[#%;!]|//)+\s*(.*)")
 
-_DECLARATION = re.compile(r"\s*([a-z][a-z _]*?)\s*[=:]\s*(\S.*?)\s*", re.IGNORECASE)
+_DECLARATION = re.compile(r"\s*([a-zÀ-ÿ][a-zÀ-ÿ _]*?)\s*[=:]\s*(\S.*?)\s*", re.IGNORECASE)
 _QUANTITY = re.compile(rf"({NUMBER})\s*([a-z/]*)", re.IGNORECASE)
 
+# English, then Spanish, French, Italian, Portuguese and German, without accents
 _KEYS = {
-    "dt": ("dt", "delta", "time step", "timestep", "sampling interval", "sample interval"),
-    "rate": ("sampling rate", "sample rate", "sampling frequency", "fs"),
-    "units": ("units", "unit", "acceleration units"),
-    "samples": ("samples", "npts", "number of samples", "number of points"),
+    "dt": (
+        *("dt", "delta", "time step", "timestep", "sampling interval", "sample interval"),
+        *("intervalo de muestreo", "paso de tiempo", "pas de temps", "intervallo di campionamento"),
+        *("intervalo de amostragem", "zeitschritt", "abtastintervall"),
+    ),
+    "rate": (
+        *("sampling rate", "sample rate", "sampling frequency", "fs", "tasa de muestreo"),
+        *("frecuencia de muestreo", "frequenza di campionamento", "taxa de amostragem"),
+        *("abtastrate", "abtastfrequenz"),
+    ),
+    "units": (
+        *("units", "unit", "acceleration units", "unidades", "unidad", "unidade", "unites"),
+        *("unite", "unita", "einheit", "einheiten"),
+    ),
+    "samples": (
+        *("samples", "npts", "number of samples", "number of points", "numero de muestras"),
+        *("numero de datos", "numero de puntos", "nombre de points", "numero di campioni"),
+        *("numero de amostras", "anzahl der werte"),
+    ),
     "start": ("start", "start time", "starttime"),
-    "component": ("component", "channel"),
-    "station": ("station",),
+    "component": ("component", "channel", "componente", "composante", "komponente"),
+    "station": ("station", "estacion", "stazione", "estacao"),
     "network": ("network",),
     "location": ("location",),
     "event": ("event", "earthquake"),
@@ -435,12 +455,17 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
         match = _DECLARATION.fullmatch(assignment)
         if not match:
             continue
-        # Keys may be in upper or lower case, with blanks or underscores.
-        key = " ".join(match[1].lower().replace("_", " ").split())
+        # Keys may be in upper or lower case, with blanks or underscores, and with accents.
+        key = _unaccented(" ".join(match[1].lower().replace("_", " ").split()))
         if key in _MEANINGS:
             declarations.append((_MEANINGS[key], match[2]))
     # A comment may contain other text, another line may not.
     return declarations if comment or len(declarations) == len(assignments) else None
+
+
+def _unaccented(text: str) -> str:
+    """Return a text with plain letters in place of letters with accents."""
+    return "".join(letter for letter in normalize("NFKD", text) if not combining(letter))
 
 
 def _convert_quantity(text: str, units: dict[str, float], quantity: str) -> float:

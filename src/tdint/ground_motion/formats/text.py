@@ -218,9 +218,6 @@ def read_text(
         raise RecordError(
             "`rows` contradicts the names or the times of the columns of the table; remove it"
         )
-    if not (header.names or layout.column):
-        pairs = paired(np.column_stack(columns))
-        columns = columns if pairs is None else list(pairs.T.copy())
     times = _times(columns, header.names, _selected(layout, header.names, width), layout)
     if skipped:
         warnings.warn(
@@ -546,8 +543,11 @@ def _matches(lines: list[str]) -> bool:
         or deviating_rows > (len(rows) // 4 if name_count else 0)
     ):
         return False
-    # Lines of several samples may be numbered; the layout of such a table requires all its lines.
-    if not name_count and width > 3 and counts_rows(np.array([row[0] for row in rows])):
+    # Lines of several samples may be numbered, and lines of several pairs may end with a shorter
+    # line; the layout of such a table requires all its lines.
+    regular = np.array([row for row in rows if len(row) == width])
+    is_numbered = width > 3 and counts_rows(regular[:, 0])
+    if not name_count and (is_numbered or paired(regular) is not None):
         return False
     # Without column names, several columns are recognized only if the first increases like times.
     return (

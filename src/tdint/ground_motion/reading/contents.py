@@ -410,7 +410,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         The format is not supported, the file is corrupt or cut off, it has no numeric channel, or
         the layout contradicts the file.
     """
-    data = _without_end_mark(data)
+    data = _with_decimal_points(_without_end_mark(data))
     recognized = _require_format(data, source, layout)
     name = recognized.format
     try:
@@ -457,6 +457,37 @@ def _without_end_mark(data: bytes) -> bytes:
     if b"\x1a" not in data[-_HEADER_BYTES:] or b"\0" in data:
         return data
     return _END_OF_TEXT.sub(b"", data)
+
+
+_COMMA_NUMBER = re.compile(rb"[-+]?\d+(?:,\d+)?(?:[EeDd][-+]?\d+)?")
+_DECIMAL_COMMA = re.compile(rb"-0,|,0\d")
+"""Pattern of a comma that separates no integers: the number before it is -0, or the number after it
+starts with a zero."""
+
+_NUMBER_ROW = re.compile(rb"[-+,;\dEeDd\s]*\d[-+,;\dEeDd\s]*")
+_MIN_COMMA_ROWS = 5
+
+
+def _with_decimal_points(data: bytes) -> bytes:
+    """Return the content of a text file with decimal points in place of decimal commas.
+
+    Without this, a comma would separate the integer from the decimals of a sample. A file has
+    decimal commas if its rows of numbers contain no point and at most one comma in each number, and
+    if most rows have a number that cannot be two integers.
+    """
+    if b"," not in data or b"\0" in data:
+        return data
+    lines = data[:_HEADER_BYTES].splitlines()[:-1] or data.splitlines()
+    rows = [line for line in lines if _NUMBER_ROW.fullmatch(line)]
+    words = [word for row in rows for word in re.split(rb"[;\s]+", row.strip())]
+    evident = sum(bool(_DECIMAL_COMMA.search(row)) for row in rows)
+    if (
+        len(rows) < _MIN_COMMA_ROWS
+        or 2 * evident < len(rows)
+        or not all(map(_COMMA_NUMBER.fullmatch, words))
+    ):
+        return data
+    return re.sub(rb"(?<=\d),(?=\d)", b".", data)
 
 
 @cache
