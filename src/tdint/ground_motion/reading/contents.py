@@ -465,7 +465,7 @@ _DECIMAL_COMMA = re.compile(rb"-0,|,0\d")
 starts with a zero."""
 
 _NUMBER_ROW = re.compile(rb"[-+,;\dEeDd\s]*\d[-+,;\dEeDd\s]*")
-_MIN_COMMA_ROWS = 5
+_MIN_COMMA_ROWS = 5  # rows of numbers; fewer are no evidence
 
 
 def _with_decimal_points(data: bytes) -> bytes:
