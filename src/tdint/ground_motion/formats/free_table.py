@@ -800,8 +800,8 @@ def _irregular(block: _NumberBlock, numbers: _Numbers) -> RecordError:
     remedy = ""
     header_rows = int(np.argmax(numbers.widths == width))
     if 0 < header_rows <= _MAX_HEADER_ROWS and numbers.part(header_rows).is_regular:
-        last = block.line_numbers[header_rows - 1]
-        remedy = f"; if it belongs to the header, skip it by `skip_lines={last}`"
+        skip = block.line_numbers[header_rows - 1]
+        remedy = f"; if it belongs to the header, skip it by `skip_lines={skip}`"
     return RecordError(
         f"line {number} must contain {width} numbers, got "
         f"{block.lines[index].strip()[:60]!r}{remedy}"
@@ -831,17 +831,16 @@ def _column_names(above: list[str], width: int, layout: TextLayout) -> tuple[Col
 
 def _has_numbered_times(numbers: _Numbers) -> bool:
     """Return True if each line starts with its number, followed by a time."""
-    if not numbers.is_regular or numbers.width < 3 or numbers.widths[-1] != numbers.width:
+    if len(set(numbers.widths)) != 1 or numbers.width < 3:
         return False
-    table = numbers.table()
-    return counts_rows(table[:, 0]) and are_times(table[:, 1]) and not counts_rows(table[:, 1])
+    first, second = numbers.table()[:, :2].T
+    return counts_rows(first) and are_times(second) and not counts_rows(second)
 
 
 def _names_after_first(above: list[str]) -> tuple[ColumnName, ...]:
     """Return the names of the columns without the first, which numbers the lines; empty if the last
     line above the block does not name them."""
-    comment = COMMENT.fullmatch(above[-1]) if above else None
-    line = comment[1] if comment else "".join(above[-1:])
+    line = "".join(above[-1:]).lstrip("#%;!/ ")
     _, _, others = line.partition(next((mark for mark in ",;\t" if mark in line), " "))
     return tuple(column_names(others))
 
