@@ -68,14 +68,9 @@ def test_units_are_read_from_the_column_name(spectra, tdint, header, name, facto
         assert float(row["relative_difference"]) == pytest.approx(1.0 / 1.1 - 1.0, abs=1e-9)
 
 
-def test_interpolation_requires_the_option(spectra, tdint):
-    """The published spectrum is a power of the period, which is linear in logarithms."""
+def test_periods_must_be_published(spectra, tdint):
     published = publish("period_s,sd_m\n0.1,0.01\n0.4,0.16\n")
     tdint.refused("no period 0.2 s", *OPTIONS, *published, "--period", "0.2")
-    interpolated = (*OPTIONS, *published, "--against-interpolation", "log-log", "--period")
-    (row,) = rows(tdint(*interpolated, "0.2").stdout)
-    assert float(row["published_sd_m"]) == pytest.approx(0.04, rel=1e-11)
-    tdint.refused("must be within 0.1 to 0.4 s, got 0.5 s", *interpolated, "0.2,0.5")
 
 
 def test_plot_message_and_summary_of_the_difference(spectra, tdint, drawn):

@@ -419,10 +419,6 @@ def test_an_unresponsive_scheduler_is_reported(
         (["merge", "-o", "all"], "directories to merge and -o DIR are required"),
         (["merge", "nowhere", "-o", "all"], "no campaign in this directory"),
         (["study.yaml", "-o", "new", "--dask", "tcp://far.example:8786"], "must be encrypted"),
-        (
-            ["study.yaml", "-o", "new", "--dask", "tls://far.example:8786"],
-            "a tls:// address requires --tls-ca, --tls-cert and --tls-key",
-        ),
         (["study.yaml", "-o", "new", "--dask", "far.example"], "invalid scheduler address"),
         (
             ["study.yaml", "-o", "new", "--dask", "tcp://localhost:8786/../x"],

@@ -264,11 +264,6 @@ READING = {
     "status": ("campaign status FIFO", 2),
     "merge": ("campaign merge FIFO -o out", 2),
     "output directory": ("campaign study.yaml -o FIFO", 6),
-    "certificate": (
-        "campaign study.yaml -o out --dask tls://far.example:8786 --tls-ca FIFO --tls-cert FIFO "
-        "--tls-key FIFO",
-        2,
-    ),
     "ida": ("ida shaken.yaml FIFO UNITS", 4),
     "fragility": ("fragility FIFO", 3),
     "chart": ("chart FIFO", 3),

@@ -321,7 +321,6 @@ def test_style_sheets_are_used_only_on_request(folder, tdint, rerun, sheet):
     "options",
     [
         ["--dask", "{address}"],
-        ["--dask={address}", "--tls-ca", "a.pem", "--tls-cert", "a.pem", "--tls-key", "a.pem"],
         ["--jobs", "4"],
         ["--max-runs=1"],
         ["--overwrite"],
@@ -362,9 +361,8 @@ def test_options_that_do_not_affect_results_are_not_recorded(folder, tdint):
         if isinstance(option, click.Option) and not is_recorded(option)
         for name in option.opts
     }
-    remote = {"--dask", "--tls-ca", "--tls-cert", "--tls-key"}
     call_options = {"--jobs", "--max-runs", "--overwrite", "--quiet", "-q", "--debug", "--help-all"}
-    assert unrecorded == remote | call_options
+    assert unrecorded == {"--dask"} | call_options
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     typed = ["-q", "campaign", "campaign.yaml", "--jobs", "1", "--max-runs=1000", "-qo", "study"]
     tdint(*typed, "--overwrite", "--debug", code=0)

@@ -224,7 +224,7 @@ def certificate(folder: Path, name: str, signed_by: str | None) -> None:
         subprocess.run(["openssl", *command], cwd=folder, check=True, capture_output=True)
 
 
-def test_certificates_are_required_and_checked(study, start, cluster):
+def test_certificates_are_required_and_checked(study, start, cluster, monkeypatch):
     if shutil.which("openssl") is None:
         pytest.skip("no openssl to make certificates with")
     certificate(study, "authority", None)
@@ -237,25 +237,12 @@ def test_certificates_are_required_and_checked(study, start, cluster):
     assert dask_cluster.address.startswith("tls://")
 
     def campaign(name: str, folder: str):
-        options = [
-            "--tls-ca",
-            "authority.pem",
-            "--tls-cert",
-            f"{name}.pem",
-            "--tls-key",
-            f"{name}-key.pem",
-        ]
-        return start(
-            "campaign",
-            "study.yaml",
-            "-o",
-            folder,
-            "--max-runs",
-            "20",
-            "--dask",
-            dask_cluster.address,
-            *options,
-        ).end(120.0)
+        variable = "DASK_DISTRIBUTED__COMM__TLS__"
+        monkeypatch.setenv(f"{variable}CA_FILE", "authority.pem")
+        monkeypatch.setenv(f"{variable}CLIENT__CERT", f"{name}.pem")
+        monkeypatch.setenv(f"{variable}CLIENT__KEY", f"{name}-key.pem")
+        arguments = ["study.yaml", "-o", folder, "--max-runs", "20"]
+        return start("campaign", *arguments, "--dask", dask_cluster.address).end(120.0)
 
     code, _, messages = campaign("ours", "far")
     assert code == 0, messages

@@ -62,28 +62,7 @@ class CampaignRequest(SuiteRequest):
         rare=True,
         recorded=False,
         help="Execute the runs on the workers of this Dask scheduler: tcp://127.0.0.1:8786 on this "
-        "machine, tls:// on other machines.",
-    )
-    tls_ca: str | None = options.option(
-        type=FileName(),
-        needs="--dask",
-        rare=True,
-        recorded=False,
-        help="Certificate of the certificate authority, for tls:// (PEM).",
-    )
-    tls_cert: str | None = options.option(
-        type=FileName(),
-        needs="--dask",
-        rare=True,
-        recorded=False,
-        help="Client certificate (PEM).",
-    )
-    tls_key: str | None = options.option(
-        type=FileName(),
-        needs="--dask",
-        rare=True,
-        recorded=False,
-        help="Private key of the client certificate (PEM).",
+        "machine, tls:// on other machines (certificates: the configuration of Dask).",
     )
     partial: bool = options.option(
         rare=True, help="With merge: accept missing runs, and report their number."
@@ -242,7 +221,7 @@ def _run(request: CampaignRequest) -> None:
     if request.dask is not None:
         from tdint.campaign.cluster import Cluster
 
-        scheduler = Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
+        scheduler = Cluster(request.dask)
         if request.jobs is not None:
             raise UsageError("--jobs cannot be used with --dask; omit --jobs")
         engine = cluster(scheduler)

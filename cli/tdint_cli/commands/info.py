@@ -30,7 +30,6 @@ class Request(RecordsRequest):
     """The command line of `tdint info`."""
 
     export: str | None
-    jobs: int = options.output.jobs
     outputs: Outputs
 
     @property
@@ -118,7 +117,7 @@ def command(request: Request) -> None:
     tasks = [Task(file) for file in sources.files]
     work = partial(_work, request)
     with outcomes(
-        work, tasks, jobs=request.jobs, label="records", to_terminal=outputs.table is None
+        work, tasks, jobs=1, label="records", to_terminal=outputs.table is None
     ) as results:
         for outcome in results:
             if isinstance(outcome, TdintError):

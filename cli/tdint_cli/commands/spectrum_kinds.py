@@ -299,12 +299,6 @@ class SpectrumRequest(TablesRequest):
         rare=True,
         help="Column of the published spectrum, if the file has several.",
     )
-    against_interpolation: str | None = options.spectra.option(
-        needs="--against",
-        type=click.Choice(["log-log"]),
-        rare=True,
-        help="Interpolate the published spectrum between its periods, linearly in logarithms.",
-    )
     fourier: bool = options.spectra.option(
         help="Write Fourier amplitude spectra of the acceleration instead."
     )
@@ -769,7 +763,6 @@ class Against(TableType):
         """
         from tdint.analysis.spectra.target import differences
 
-        log_log = request.against_interpolation is not None
         lines: list[SpectrumDifference] = []
         for ratio in request.damping:
             # A published spectrum is for one damping ratio: compare spectra of equal damping.
@@ -779,7 +772,7 @@ class Against(TableType):
                 periods = tuple(published.periods.tolist())
                 ratio_request = replace(ratio_request, periods=periods)
             computed = Elastic().compute(ratio_request, records).lines
-            lines += differences(computed, published, log_log)
+            lines += differences(computed, published)
         notes = []
         for line in lines:
             if line.largest is None:

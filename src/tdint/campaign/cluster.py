@@ -36,54 +36,36 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Cluster:
-    """Address of a Dask scheduler, and the TLS certificates for mutual authentication.
+    """Address of a Dask scheduler. The TLS certificates are read from the configuration of Dask.
 
     Attributes
     ----------
     address : str
         tcp://HOST:PORT or tls://HOST:PORT.
-    ca, cert, key : str or None
-        PEM files: certificate of the certificate authority, client certificate, and client key.
 
     Raises
     ------
     UsageError
-        The address is invalid, or certificates are required but missing.
+        The address is invalid, or an unencrypted connection would leave this machine.
     """
 
     address: str
-    ca: str | None = None
-    cert: str | None = None
-    key: str | None = None
 
     def __post_init__(self) -> None:
-        """Check the address and the certificates, and raise UsageError if they are invalid. Anyone
-        who can connect to a scheduler can execute code there, so a scheduler on another machine
-        requires certificates."""
+        """Check the address. Anyone who can connect to a scheduler can execute code there, so a
+        scheduler on another machine requires certificates."""
         parts = _parse_address(self.address)
-        certificates = [self.ca, self.cert, self.key]
-        if parts.scheme == "tls":
-            if None in certificates:
-                raise UsageError(
-                    f"{self.address}: a tls:// address requires --tls-ca, --tls-cert and --tls-key"
-                )
-            # Report an unreadable file here, because the error of the connection does not name it.
-            for file in certificates:
-                try:
-                    read_at_most(str(file), MOST_BYTES, UsageError)
-                except OSError as error:
-                    raise UsageError(
-                        f"{file}: cannot read the file: {error.strerror or error}"
-                    ) from None
-        elif any(certificates):
-            raise UsageError(f"{self.address}: certificates can only be used with a tls:// address")
-        elif not is_loopback(parts.hostname or ""):
+        if not (self.is_encrypted or is_loopback(parts.hostname or "")):
             raise UsageError(
                 f"{self.address}: connections to another machine must be encrypted, because anyone "
                 "who can connect to the port can execute code; start scheduler and workers with "
-                "--tls-ca-file, --tls-cert and --tls-key, and use a tls:// address with --tls-ca, "
-                "--tls-cert and --tls-key"
+                "--tls-ca-file, --tls-cert and --tls-key, and use a tls:// address"
             )
+
+    @property
+    def is_encrypted(self) -> bool:
+        """True for a tls:// address."""
+        return urlsplit(self.address).scheme == "tls"
 
 
 def _parse_address(address: str) -> Any:
@@ -124,7 +106,7 @@ def on_cluster(
     Parameters
     ----------
     cluster : Cluster
-        Scheduler address and certificates.
+        Scheduler address.
     chunk : callable
         Creates the chunk with a given number; called when the chunk is submitted.
 
@@ -170,7 +152,7 @@ def _connect(cluster: Cluster) -> Any:
     Raises
     ------
     UsageError
-        Dask is not installed, or no scheduler responds at the address.
+        Dask is not installed, a certificate is missing, or no scheduler responds at the address.
     """
     try:
         from distributed import Client, Security
@@ -179,23 +161,14 @@ def _connect(cluster: Cluster) -> Any:
             "--dask requires Dask, which is not installed; install it on this machine and on the "
             "workers with: pip install 'tdint[dask]'"
         ) from None
-    # With certificates, refuse unencrypted connections.
-    security = Security(
-        tls_ca_file=cluster.ca,
-        tls_client_cert=cluster.cert,
-        tls_client_key=cluster.key,
-        require_encryption=True,
-    )
+    security = _security(Security(require_encryption=True), cluster)
     connection: Future[Any] = Future()
 
     def connect() -> None:
         """Create the client, and store it or its exception in `connection`."""
         try:
-            # Without certificates the connection is unencrypted, which is allowed within this
-            # machine.
-            used_security = security if cluster.ca else None
             client = Client(
-                cluster.address, security=used_security, timeout=_TIMEOUT, set_as_default=False
+                cluster.address, security=security, timeout=_TIMEOUT, set_as_default=False
             )
             connection.set_result(client)
         except Exception as error:
@@ -222,6 +195,41 @@ def _connect(cluster: Cluster) -> Any:
             "correct the address"
         )
     return connection.result()
+
+
+_CERTIFICATES = {
+    "tls_ca_file": "DASK_DISTRIBUTED__COMM__TLS__CA_FILE",
+    "tls_client_cert": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT",
+    "tls_client_key": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY",
+}
+"""Fields of `distributed.Security` that an encrypted connection requires, and the environment
+variables that set them in the configuration of Dask."""
+
+
+def _security(configured: Any, cluster: Cluster) -> Any:
+    """Return the certificates in the configuration of Dask for an encrypted connection; None for a
+    connection within this machine.
+
+    Raises
+    ------
+    UsageError
+        A certificate is not configured, or its file cannot be read; the error of the connection
+        would not name it.
+    """
+    if not cluster.is_encrypted:
+        return None
+    for name, variable in _CERTIFICATES.items():
+        file = getattr(configured, name)
+        if not file:
+            raise UsageError(
+                f"{cluster.address}: the configuration of Dask contains no {name}, which a tls:// "
+                f"address requires; set it there, or by the environment variable {variable}"
+            )
+        try:
+            read_at_most(str(file), MOST_BYTES, UsageError)
+        except OSError as error:
+            raise UsageError(f"{file}: cannot read the file: {error.strerror or error}") from None
+    return configured
 
 
 def _results(

@@ -624,52 +624,28 @@ class PublishedSpectrum:
     values: Array
     input: Input
 
-    def at(self, periods: Array, log_log: bool) -> Array:
-        """Return the spectral values at given periods.
+    def at(self, periods: Array) -> Array:
+        """Return the spectral values in the file at given periods, in SI units.
 
         Parameters
         ----------
         periods : ndarray, shape (k,)
-            Periods, s.
-        log_log : bool
-            True to interpolate linearly between the logarithms of periods and values, if a period
-            is not in the file.
-
-        Returns
-        -------
-        ndarray, shape (k,)
-            Values in SI units.
+            Periods, s; they may differ from those of the file by rounding.
 
         Raises
         ------
         UsageError
-            The file does not contain a period, or a period is outside its range.
+            The file does not contain a period.
         """
-        # Use the values of the file for periods that differ from those of the file by rounding
-        # only.
         near = np.abs(self.periods[:, None] - periods) <= _TOLERANCE * periods
-        if np.all(near.any(axis=0)):
-            exact: Array = self.values[near.argmax(axis=0)]
-            return exact
-        other = float(periods[~near.any(axis=0)][0])
-        if not log_log:
+        missing = periods[~near.any(axis=0)]
+        if missing.size:
             raise UsageError(
-                f"{self.source} has no period {other:.6g} s; omit the periods to use those of the "
-                "file, or interpolate with --against-interpolation log-log"
+                f"{self.source} has no period {missing[0]:.6g} s; omit the periods to use those of "
+                "the file"
             )
-        positive = (self.periods > 0.0) & (self.values > 0.0)  # values with a logarithm
-        low, high = self.periods[positive][0], self.periods[positive][-1]
-        outside = (periods < low * (1.0 - _TOLERANCE)) | (periods > high * (1.0 + _TOLERANCE))
-        if np.any(outside):
-            raise UsageError(
-                f"{self.source}: periods must be within {low:.6g} to {high:.6g} s, got "
-                f"{periods[outside][0]:.6g} s"
-            )
-        return np.exp(
-            np.interp(
-                np.log(periods), np.log(self.periods[positive]), np.log(self.values[positive])
-            )
-        )
+        values: Array = self.values[near.argmax(axis=0)]
+        return values
 
 
 @dataclass(frozen=True)
@@ -785,17 +761,11 @@ def read_published(
 
 
 def differences(
-    spectra: Sequence[Spectrum], published: PublishedSpectrum, log_log: bool
+    spectra: Sequence[Spectrum], published: PublishedSpectrum
 ) -> list[SpectrumDifference]:
-    """Compare computed spectra with a published spectrum.
-
-    Parameters
-    ----------
-    log_log : bool
-        As in `PublishedSpectrum.at`.
-    """
+    """Compare computed spectra with a published spectrum at their periods."""
     return [
-        SpectrumDifference(spectrum, published, published.at(spectrum.periods, log_log))
+        SpectrumDifference(spectrum, published, published.at(spectrum.periods))
         for spectrum in spectra
     ]
 
