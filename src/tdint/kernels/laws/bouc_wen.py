@@ -64,17 +64,11 @@ half."""
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the Bouc-Wen law.
-
-    f = a k d + (1 - a) Fy w, dw/dx = 1 - |w|^n (beta sgn(w dx) + 1 - beta), x = k d / Fy: force f,
-    drift d, initial stiffness k, hardening ratio a, yield force Fy, dimensionless hysteretic force
-    w (row INTERNAL).
-    """
+    """Return the compiled functions of the Bouc-Wen law."""
     import numpy as np
 
     from tdint.kernels.compiling import inline, outlined
 
-    # The Gauss points and weights on [0, 1] follow from the positive half of the points on [-1, 1].
     nodes = 0.5 + 0.5 * np.array([*(-node for node in reversed(_NODES)), *_NODES])
     weights = 0.5 * np.array([*reversed(_WEIGHTS), *_WEIGHTS])
 
@@ -89,21 +83,8 @@ def _functions() -> LawFunctions:
     @inline
     def unloading(u, q, n, r):
         """Integrate du/dx = -(1 + q u^n) over the drift change `r` by one classical Runge-Kutta
-        step.
-
-        The equation of the dimensionless hysteretic force w of the law has this form during
-        unloading, with u = |w|. The dissipated energy of the path is the integral of q u^(n + 1)
-        dx. u2 to u4 are the values of u at the later stages of the step, and p1 to p4 are the
-        values of q u^n at all four stages.
-
-        `q` is 2 beta - 1, with the parameter beta of the law. `r` is the drift change, a multiple
-        of Fy / k (yield force over initial stiffness).
-
-        Returns
-        -------
-        float, float
-            u at the end, and the integral of q u^(n + 1) over the drift change. The unit of the
-            energy is (1 - a) Fy^2 / k, with the hardening ratio a.
+        step; return u at the end, and the dissipated energy, the integral of q u^(n + 1), a
+        multiple of (1 - a) Fy^2 / k.
         """
         p1 = q * power(u, n)
         u2 = u - 0.5 * r * (1.0 + p1)
@@ -117,21 +98,9 @@ def _functions() -> LawFunctions:
 
     @inline
     def loading(w, n, r):
-        """Integrate dw/dx = 1 - w^n over the drift change `r` by one classical Runge-Kutta step.
-
-        The equation of the dimensionless hysteretic force w of the law has this form during
-        loading. The dissipated energy of the path is the integral of w^(n + 1) dx. w2 to w4 are the
-        values of w at the later stages of the step, and p1 to p4 are the values of w^n at all four
-        stages.
-
-        `w` is the dimensionless hysteretic force at the start of the path, not negative. `r` is the
-        drift change, a multiple of Fy / k (yield force over initial stiffness).
-
-        Returns
-        -------
-        float, float
-            w at the end, and the integral of w^(n + 1) over the drift change. The unit of the
-            energy is (1 - a) Fy^2 / k, with the hardening ratio a.
+        """Integrate dw/dx = 1 - w^n over the drift change `r` by one classical Runge-Kutta step;
+        return w at the end, and the dissipated energy, the integral of w^(n + 1), a multiple of (1
+        - a) Fy^2 / k.
         """
         p1 = power(w, n)
         w2 = w + 0.5 * r * (1.0 - p1)
@@ -147,8 +116,8 @@ def _functions() -> LawFunctions:
     def series(w, n, p):
         """Return the drift change x over which the force increases from 0 to w, and an energy.
 
-        The absolute dimensionless hysteretic force w satisfies dw/dx = 1 - p w^n, with the exponent
-        n of the law. Drift change and energy are integrals from 0 to w and power series in p w^n:
+        With dw/dx = 1 - p w^n, drift change and energy are integrals from 0 to w and power series
+        in p w^n:
 
             x        int dw / (1 - p w^n)               = w sum_(j >= 0) (p w^n)^j / (j n + 1)
             energy   int p w^(n + 1) / (1 - p w^n) dw   = w^2 sum_(j >= 1) (p w^n)^j / (j n + 2)
@@ -157,13 +126,6 @@ def _functions() -> LawFunctions:
         from u = |w| to 0 is the same path backwards, with p = 1 - 2 beta (not positive). x is then
         the drift change until w = 0. The energy E(u) is minus the energy that unloading from u to 0
         dissipates. Unloading from u0 to u1 therefore dissipates E(u1) - E(u0).
-
-        Returns
-        -------
-        float, float
-            Drift change, a multiple of Fy / k, and energy, a multiple of (1 - a) Fy^2 / k (yield
-            force Fy, initial stiffness k, hardening ratio a): the two sums with the terms up to j =
-            25.
         """
         ratio = p * w**n
         term = w  # w (p w^n)^j
@@ -177,14 +139,11 @@ def _functions() -> LawFunctions:
 
     @outlined
     def solve_series(x, n, p):
-        """Return the absolute dimensionless hysteretic force w after the drift change `x` from w =
-        0.
+        """Return the force w after the drift change `x` from w = 0, the inverse of `series`, by
+        Newton's method.
 
-        This is the inverse of `series`: w solves x = int dw / (1 - p w^n), integrated from 0 to w.
-        The equation is solved by Newton's method. x is a multiple of Fy / k (yield force over
-        initial stiffness), n is the exponent of the law, and p is 1 for loading and 1 - 2 beta for
-        unloading. The convergence limit is about one rounding error of w. Rounding can therefore
-        prevent a convergence; w is nevertheless exact up to rounding after eight iterations.
+        The convergence limit is about one rounding error of w. Rounding can therefore prevent a
+        convergence; w is nevertheless exact up to rounding after eight iterations.
         """
         w = x
         for _ in range(8):
@@ -198,34 +157,20 @@ def _functions() -> LawFunctions:
 
     @outlined
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Compute the force f = a k d + (1 - a) Fy w at the drift d; return the tangent stiffness,
-        N/m.
+        """Compute the force at a drift; return the tangent stiffness, N/m.
 
-        With the initial stiffness k, the yield force Fy, the hardening ratio a and the exponent n
-        of the law, and x = k d / Fy, the dimensionless hysteretic force w satisfies
-
-            dw/dx = 1 - |w|^n (beta sgn(w dx) + 1 - beta)
-
-        The drift moves from the state in block `previous` to d. In the computation, w and x are
-        positive in the direction of movement, and drift changes are multiples of Fy / k. The
-        story unloads while w is negative, and loads while w is positive. With u = -w and
-        q = 2 beta - 1, the equation is therefore
+        w and x are positive in the direction of movement. The story unloads while w is negative,
+        and loads while w is positive. With u = -w, the equation is
 
             unloading    sgn(w dx) = -1    du/dx = -(1 + q u^n)    dissipation int q u^(n + 1) dx
             loading      sgn(w dx) = 1     dw/dx = 1 - w^n         dissipation int w^(n + 1) dx
 
-        The path has up to three parts. It ends earlier if the drift d is reached:
+        The path has up to three parts. It ends earlier if the drift is reached:
 
-            1. unloading until w = 0: by Runge-Kutta steps; near w = 0 by a power series
-               (n < _SMOOTH) or by Simpson's rule (larger n)
-            2. loading near w = 0: by a power series (n < _SMOOTH only)
-            3. loading: by Runge-Kutta steps
-
-        The power series is used if |w|^n is at most _NEAR. _SMOOTH (2) is the smallest exponent for
-        a force that is smooth enough at w = 0. The dissipation is a multiple of (1 - a) Fy^2 / k.
-        FORCE, INTERNAL (w) and DISSIPATED (J) are written to block `trial`.
-
-        `drift` is the drift, m.
+        1. unloading until w = 0: by Runge-Kutta steps; near w = 0 by a power series (n < _SMOOTH)
+           or by Simpson's rule (larger n)
+        2. loading near w = 0: by a power series (n < _SMOOTH only)
+        3. loading: by Runge-Kutta steps
         """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
@@ -235,20 +180,18 @@ def _functions() -> LawFunctions:
         drift_change = drift - law_state[previous + rows.DRIFT, i]
         side = 1.0 if drift_change >= 0.0 else -1.0  # direction of the path
         w = side * law_state[previous + rows.INTERNAL, i]
-        remaining = abs(drift_change) * k / strength  # rest of the path, a multiple of Fy / k
+        remaining = abs(drift_change) * k / strength  # multiple of Fy / k
         substep = _SUBSTEP / n
-        dissipation = 0.0  # energy dissipated on the path, a multiple of (1 - a) Fy^2 / k
-        # Below this |w| the power series is used. For a smooth force (large n) it is not necessary.
+        dissipation = 0.0  # multiple of (1 - a) Fy^2 / k
+        # For a smooth force (large n), the series is not necessary.
         series_limit = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
-        # Part 1: the story unloads until w = 0 or until the end of the path.
+        # Part 1
         while w < 0.0 and remaining > 0.0:
             r = min(substep, remaining)
             u = -w
             if u <= series_limit:
-                # `path` is the drift change until w = 0. If less drift change remains, the story
-                # stops at a distance of path - remaining from w = 0, and `solve_series` returns u
-                # at this point. The energies E of `series` are negative during unloading, and E(0)
-                # is 0. The dissipation is E(u at the end) - E(u at the start), which is positive.
+                # `path` is the drift change until w = 0. The energies of `series` are negative
+                # during unloading.
                 path, start_energy = series(u, n, -q)
                 u = solve_series(path - remaining, n, -q) if path > remaining else 0.0
                 dissipation += (series(u, n, -q)[1] if u > 0.0 else 0.0) - start_energy
@@ -256,9 +199,9 @@ def _functions() -> LawFunctions:
                 remaining -= min(path, remaining)
                 break
             if u <= 2.0 * r:
-                # Compute the drift change until w = 0 by Simpson's rule, as the integral of
-                # dx = du / (1 + q u^n) from 0 to u. If it fits into this substep, unloading is
-                # complete. For u > 2 r it never fits, because 1 + q u^n is at most 2.
+                # Drift change until w = 0 by Simpson's rule, as the integral of du / (1 + q u^n)
+                # from 0 to u. For u > 2 r it never fits into this substep, because 1 + q u^n is at
+                # most 2.
                 path = (
                     u
                     / 6.0
@@ -266,7 +209,7 @@ def _functions() -> LawFunctions:
                 )
                 if path <= r:
                     # The dissipation is the integral of q u^(n + 1) dx = u du - u du / (1 + q u^n).
-                    # The second term is integrated by Simpson's rule; its integrand is 0 at u = 0.
+                    # The second integrand is 0 at u = 0.
                     dissipation += 0.5 * u * u - u * u / 6.0 * (
                         2.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n))
                     )
@@ -277,7 +220,7 @@ def _functions() -> LawFunctions:
             w = -u
             dissipation += path_dissipation
             remaining -= r
-        # Part 2: near w = 0, loading follows from the power series, up to the limit of the series.
+        # Part 2
         if 0.0 <= w < series_limit and remaining > 0.0:
             path, path_dissipation = series(w, n, 1.0)
             path_to_limit, dissipation_to_limit = series(series_limit, n, 1.0)
@@ -289,8 +232,7 @@ def _functions() -> LawFunctions:
                 w = series_limit
                 dissipation += dissipation_to_limit - path_dissipation
                 remaining -= path_to_limit - path
-        # Part 3: loading is integrated by Runge-Kutta steps. A saturated w remains 1; its
-        # dissipation is then the drift change.
+        # Part 3. A saturated w remains 1; its dissipation is then the drift change.
         while w >= 0.0 and remaining > 0.0:
             if 1.0 - w <= _SATURATED:
                 w = 1.0
@@ -300,8 +242,8 @@ def _functions() -> LawFunctions:
             w, path_dissipation = loading(w, n, r)
             dissipation += path_dissipation
             remaining -= r
-        # dw/dx at the end of the path, from which the tangent stiffness follows. Without a path,
-        # the direction is unknown, and the initial stiffness is returned.
+        # dw/dx at the end of the path. Without a path, the direction is unknown, and the initial
+        # stiffness is returned.
         if drift_change == 0.0:
             rate = 1.0
         elif w > 0.0:
@@ -322,13 +264,8 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the stored energy, J: a k d^2 / 2 + (1 - a) Fy^2 w^2 / (2 k).
 
-        k is the initial stiffness, a the hardening ratio, d the drift, Fy the yield force and w the
-        dimensionless hysteretic force (row INTERNAL). The law consists of two parallel springs. The
-        first term is the energy of the elastic spring with the stiffness a k. The second term is
-        the energy of the hysteretic spring with the stiffness (1 - a) k and the force (1 - a) Fy w.
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
+        The law consists of two parallel springs: an elastic spring with the stiffness a k, and a
+        hysteretic spring with the stiffness (1 - a) k and the force (1 - a) Fy w.
         """
         d = law_state[rows.DRIFT, i]
         z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]  # Fy w
@@ -347,16 +284,12 @@ def _functions() -> LawFunctions:
     def kink(law_parameters, law_state, i, block, side):
         """Return the drift change after which w changes its sign, m; infinite if it does not.
 
-        w is the dimensionless hysteretic force (row INTERNAL). At w = 0, the force has a sharp bend
-        (kink) for small exponents n. During unloading, v = |w| satisfies dv/dx = -(1 + q v^n) with
-        q = 2 beta - 1. x is the drift change in units of Fy / k (yield force, initial stiffness).
-        If u is the current value of v, the drift change is
+        With the current value u of |w|, the drift change is
 
             x = int_0^u dv / (1 + q v^n) = u int_0^1 2 s ds / (1 + q (u s^2)^n),   v = u s^2
 
-        The integral over s is computed by the Gauss rule with eight points. The substitution makes
-        the integrand smooth near v = 0. For q < 0 the integrand rises near v = 1, and the rule is
-        applied to _PANELS parts.
+        The substitution makes the integrand smooth near v = 0. For q < 0 the integrand rises near v
+        = 1, and the Gauss rule with eight points is applied to _PANELS parts.
         """
         u = -side * law_state[block + rows.INTERNAL, i]
         if not u > 0.0:  # w already has the sign of the direction
@@ -371,7 +304,7 @@ def _functions() -> LawFunctions:
             path *= 2.0 / _PANELS
         else:
             for point in range(8):
-                root = nodes[point]  # s = sqrt(v / u)
+                root = nodes[point]  # sqrt(v / u)
                 path += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
         return path * u * law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
 
@@ -379,24 +312,16 @@ def _functions() -> LawFunctions:
     def limit_branch(law_parameters, law_state, i, previous, block):
         """Set the limits of the branch in `block`: the drift of the change of sign of w.
 
-        w is the dimensionless hysteretic force (row INTERNAL). At w = 0, the force has a sharp bend
-        for exponents below _SMOOTH. The time integration ends a substep at the limit of a branch,
-        so that no substep contains the bend. The branch has no limit if w already has the sign of
-        the direction of loading, or if w changes its sign within _AT_SIGN_CHANGE of the current
-        drift.
-
-        Parameters
-        ----------
-        block : int
-            First row of the block that receives the limits UPPER and LOWER. Its row RATE_SIGN
-            contains the direction of loading. The block can be the same as `previous`.
+        The time integration ends a substep at the limit of a branch, so that no substep contains
+        the kink at w = 0. The branch has no limit if w already has the sign of the direction of
+        loading (RATE_SIGN of `block`), or if w changes its sign within _AT_SIGN_CHANGE of the
+        current drift. `block` can be the same as `previous`.
         """
         side = law_state[block + rows.RATE_SIGN, i]
         law_state[block + rows.UPPER, i] = math.inf
         law_state[block + rows.LOWER, i] = -math.inf
-        # w changes its sign only if it is opposite to the direction of loading.
         if side * law_state[previous + rows.INTERNAL, i] < 0.0:
-            distance = kink(law_parameters, law_state, i, previous, side)  # drift change to w = 0
+            distance = kink(law_parameters, law_state, i, previous, side)  # to w = 0
             # The yield drift is Fy / k.
             if (
                 distance * law_parameters[rows.STIFFNESS, i]
@@ -408,15 +333,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):
-        """Commit the branch of a trial state: its direction and, for small exponents, its limit.
-
-        Small exponents are below _SMOOTH (2). The limit is the drift where the dimensionless
-        hysteretic force w (row INTERNAL) changes its sign and the force has a sharp bend.
-        """
+        """Commit the branch of a trial state: its direction and, for small exponents, its limit."""
         drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
         if drift_change != 0.0:  # without a movement, the direction remains
             law_state[rows.RATE_SIGN, i] = math.copysign(1.0, drift_change)
-        # Compute the limit from drift and w of block `trial`; write it to the committed state (0).
         if law_parameters[_EXPONENT, i] < _SMOOTH:
             limit_branch(law_parameters, law_state, i, trial, 0)
 
@@ -424,15 +344,8 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at its end.
 
-        At a reversal of the drift, where the tangent stiffness is discontinuous, the direction of
-        the branch is reversed. Otherwise the dimensionless hysteretic force w (row INTERNAL) has
-        changed its sign, and the branch continues without limits.
-
-        Parameters
-        ----------
-        event : float
-            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
-            falls below the lower limit) or REVERSED (the drift rate changes its sign).
+        At a reversal, the direction of the branch is reversed. Otherwise w has changed its sign,
+        and the branch continues without limits.
         """
         if event == rows.REVERSED:
             law_state[block + rows.RATE_SIGN, i] = -law_state[block + rows.RATE_SIGN, i]
@@ -445,13 +358,9 @@ def _functions() -> LawFunctions:
     @inline
     def points(law_parameters, law_state, i, drift_change):
         """Return the number of Gauss points that integrate the force over a path with an error of
-        about 1e-6 Fy.
+        about 1e-6 Fy; not an integer.
 
-        The number is 1.9 + 4 (n + 1) (change of drift) k / Fy, with the yield force Fy, the initial
-        stiffness k and the exponent n of the law. The constants were determined by numerical
-        experiments. The number is not an integer; the caller rounds it up.
-
-        `drift_change` is the change of drift along the path, m, not negative.
+        The constants were determined by numerical experiments.
         """
         n = law_parameters[_EXPONENT, i]
         return (

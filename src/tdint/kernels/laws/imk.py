@@ -14,7 +14,9 @@ each reversal, by
 The story fails if beta reaches 1 or if the drift reaches the ultimate drift. Its strength is then
 zero permanently.
 
-In the functions below, drifts and forces with a `side` are positive in the direction of that side.
+In the functions below, `side` is 1 or -1, and drifts and forces with a `side` are positive in the
+direction of that side. k is the initial stiffness, Fy the initial yield force, and Fc = (capping
+ratio) Fy the initial capping force.
 """
 
 from __future__ import annotations
@@ -60,8 +62,7 @@ _PINCHED_FORCE = 11
 _REVERSAL_DRIFT = 12
 _EXTRA_ROWS = 13
 
-# Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
-# first yielding.
+# Types of branches in row INTERNAL, negative on the negative side; 0 before the first yielding
 _UNLOADING = 1.0
 _PINCHED = 2.0
 _TOWARDS_PEAK = 3.0
@@ -69,7 +70,7 @@ _TOWARDS_MAXIMUM = 4.0
 _PLASTIC = 5.0
 _SOFTENING = 6.0
 _RESIDUAL = 7.0
-_FAILED = 8.0  # no strength; the value is positive for both sides
+_FAILED = 8.0  # no strength; positive for both sides
 
 # Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
 _REACHED_TOLERANCE = 1e-12
@@ -79,23 +80,18 @@ _SAME_REVERSAL_TOLERANCE = 1e-6
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law imk (Ibarra, Medina and Krawinkler 2005).
+    """Return the compiled functions of the law: `switch` (next branch), `strain_energy` and `enter`
+    (first branch), and those that `follow_branches` builds from them.
 
-    The functions of the result are `switch` (next branch), `strain_energy` and `enter` (first
-    branch), and those that `follow_branches` builds from them. The other functions defined here are
-    their parts. Drifts and forces with a `side` (1 or -1) are positive in the direction of that
-    side. The decorators are imported here, because they import numba in a process that compiles.
+    The decorators are imported here, because they import numba in a process that compiles.
     """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
     @inline
     def side_row(side, row):
-        """Return the row of a law state that contains a quantity for one side of the story.
-
-        Quantities with separate values for both sides have a row for the positive side (`side` 1),
-        `row`, and a row for the negative side (`side` -1) two rows later. The values of both sides
-        are positive.
+        """Return the row of a quantity with one row per side; `row` is the row of the positive
+        side. The values of both sides are positive.
         """
         return row if side > 0.0 else row + 2
 
@@ -111,14 +107,9 @@ def _functions() -> LawFunctions:
     def plastic_line(law_parameters, law_state, i, block, side):
         """Return the current hardening line of a side: its force at zero drift, N, and slope, N/m.
 
-        The line leads through the yield point, which is at the force r Fy and the drift r Fy / k:
-
-            slope s                r (Fc - Fy) / (plastic drift)
-            force at zero drift    r Fy (1 - s / k)
-
-        Fy is the initial yield force and k the initial stiffness. r is the fraction of the strength
-        that remains after deterioration (row _STRENGTH). Fc = (capping ratio) Fy is the initial
-        capping force, and the plastic drift is the drift from the yield point to the capping point.
+        The line leads through the yield point with the force r Fy and the drift r Fy / k, where r
+        is the fraction of the strength that remains after deterioration. The plastic drift is the
+        drift from the yield point to the capping point.
         """
         k = law_parameters[rows.STIFFNESS, i]
         yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
@@ -135,11 +126,9 @@ def _functions() -> LawFunctions:
     def capping_line(law_parameters, law_state, i, block, side):
         """Return the current capping line of a side: its force at zero drift, N, and slope, N/m.
 
-        Without deterioration, the line falls from the initial capping point with the slope
-        -Fc / (post-capping drift). The capping point has the force Fc = (capping ratio) Fy and the
-        drift Fy / k + (plastic drift), with the yield force Fy and the initial stiffness k.
-        Deterioration multiplies the force at zero drift by the remaining fraction (row _CAPPING)
-        and does not change the slope.
+        Without deterioration, the line falls from the initial capping point with the slope -Fc /
+        (post-capping drift). Deterioration multiplies the force at zero drift by the remaining
+        fraction (row _CAPPING) and does not change the slope.
         """
         yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
         capping_force = side_parameter(law_parameters, i, side, _CAPPING_RATIO) * yield_force
@@ -165,12 +154,7 @@ def _functions() -> LawFunctions:
     def backbone(law_parameters, law_state, i, block, side, drift):
         """Return the force of the current backbone curve of a side at a drift, N.
 
-        It is the smaller force of hardening line and capping line, but at least the residual force.
-        `plastic_line` and `capping_line` return the force of their line at zero drift and its
-        slope. The elastic part below the yield drift is not represented.
-
-        `drift` is the total drift of the story, m, positive on this side; not less than the yield
-        drift.
+        The elastic part below the yield drift is not represented.
         """
         hardening_force, hardening_slope = plastic_line(law_parameters, law_state, i, block, side)
         capping_force, capping_slope = capping_line(law_parameters, law_state, i, block, side)
@@ -181,25 +165,14 @@ def _functions() -> LawFunctions:
 
     @inline
     def deterioration(law_parameters, i, capacity, work, total_work):
-        """Return beta, the relative change of a quantity at a zero crossing or reversal.
+        """Return beta, the relative change of a quantity at a zero crossing or reversal; 2 if the
+        story fails.
 
-        Four quantities deteriorate. The strength, the force of the capping line and the unloading
-        stiffness decrease; the maximum drift increases. `deteriorate` and `unload` apply the
-        change; `deteriorate` multiplies beta by the parameter `rate` of the side. With the capacity
-        Lambda (m) of the quantity and the yield force Fy of the positive side,
-
-            beta = (work / (Lambda Fy - total work))^exponent
-
-        The result is between 0 and 1. It is 2 if beta is at least 1, or if no capacity remains
-        (Lambda Fy <= total work): the story then fails. If the work since the last zero crossing is
-        not positive and capacity remains, beta is 0.
-
-        `capacity` is the row of the capacity Lambda in the table of parameters, m. `work` is the
-        work done on the story since the last zero crossing of the force, J. `total_work` is the
-        work done on the story since the start, J.
+        `capacity` is the row of the capacity Lambda of the quantity, m. `work` is the work done on
+        the story since the last zero crossing of the force, `total_work` since the start, J. Fy is
+        the yield force of the positive side.
         """
-        # Remaining capacity, J. If the work reaches it, the story fails; the result 2 is an
-        # arbitrary value above 1.
+        # Remaining capacity, J. If the work reaches it, the story fails.
         remaining = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - total_work
         if work <= 0.0 and remaining > 0.0:
             return 0.0
@@ -211,12 +184,10 @@ def _functions() -> LawFunctions:
 
     @outlined
     def deterioration_at_reversal(law_parameters, law_state, i, block):
-        """Return the fraction of the unloading stiffness that would be lost by a reversal now.
+        """Return the fraction of the unloading stiffness that would be lost by a reversal now
+        (`deterioration`).
 
-        The work done on the story determines this fraction (`deterioration`). The energy that
-        unloading from the force F with the unloading stiffness Ku would release, F^2 / (2 Ku), is
-        subtracted from the work. The result is between 0 and 1, or 2 if the story would fail. The
-        law state is not changed.
+        The energy that unloading would release is subtracted from the work.
         """
         first = extra_rows(law_state, block)
         force = law_state[block + rows.FORCE, i]
@@ -232,15 +203,8 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
-        """Set a loading branch of one side that ends at the drift `end` or at the ultimate drift.
-
-        The branch consists of the rows INTERNAL, SLOPE, RATE_SIGN, UPPER and LOWER of the law
-        state; it also ends at a reversal of the drift. If the story has already reached the
-        ultimate drift, it fails instead.
-
-        `branch_type` is the type of the branch for row INTERNAL, a positive constant of this
-        module. `slope` is the stiffness of the branch, N/m. `end` is the drift at the end of the
-        branch, m, positive on this side.
+        """Set a loading branch of one side that ends at the drift `end` or at the ultimate drift,
+        or fail at the ultimate drift.
         """
         ultimate = side_parameter(law_parameters, i, side, _ULTIMATE_DRIFT)
         if side * law_state[block + rows.DRIFT, i] >= ultimate * (1.0 - _REACHED_TOLERANCE):
@@ -255,27 +219,17 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_backbone_branch(law_parameters, law_state, i, block, side):
-        """Continue on the backbone curve: set its force and its branch at the current drift d.
+        """Continue on the backbone curve: set its force and its branch at the current drift.
 
-        The hardening line has the force h + s d, and the capping line the force c + t d (t
-        negative). h and c are the forces at zero drift, s and t the slopes, and R is the residual
-        force. The parts of the curve are
-
-            hardening line    up to the capping drift (c - h) / (s - t)
-            capping line      up to the drift (R - c) / t, where the force falls to R
-            constant force    R above this drift
-
-        If deterioration has reduced the hardening line below R, the force is R there as well.
+        If deterioration has reduced the hardening line below the residual force, the force is the
+        residual force there as well.
         """
         drift = side * law_state[block + rows.DRIFT, i]
-        # Forces of both lines at zero drift (h, c) and slopes (s, t). The lines intersect at the
-        # capping drift.
         hardening_force, hardening_slope = plastic_line(law_parameters, law_state, i, block, side)
         capping_force, capping_slope = capping_line(law_parameters, law_state, i, block, side)
         residual_force = residual(law_parameters, i, side)
         capping_drift = (capping_force - hardening_force) / (hardening_slope - capping_slope)
         tolerance = _REACHED_TOLERANCE * drift
-        # The story is on the hardening line up to the capping drift.
         if (
             drift < capping_drift - tolerance
             and hardening_force + hardening_slope * drift >= residual_force
@@ -284,7 +238,7 @@ def _functions() -> LawFunctions:
             set_loading_branch(
                 law_parameters, law_state, i, block, side, _PLASTIC, hardening_slope, capping_drift
             )
-        # The story is on the capping line until this line falls to the residual force.
+        # The capping line ends where it falls to the residual force.
         elif (
             drift >= capping_drift - tolerance
             and drift < (residual_force - capping_force) / capping_slope - tolerance
@@ -300,11 +254,10 @@ def _functions() -> LawFunctions:
                 capping_slope,
                 (residual_force - capping_force) / capping_slope,
             )
-        # The force is the residual force.
         else:
             law_state[block + rows.FORCE, i] = side * residual_force
-            # Deterioration can reduce the hardening line below the residual force. It then exceeds
-            # the residual force again at `recovery_drift`, if this is before the capping drift.
+            # The hardening line exceeds the residual force again at `recovery_drift`, if this is
+            # before the capping drift.
             recovery_drift = math.inf
             if hardening_slope > 0.0:
                 recovery_drift = (residual_force - hardening_force) / hardening_slope
@@ -344,12 +297,8 @@ def _functions() -> LawFunctions:
     def set_branch_to_peak(law_parameters, law_state, i, block, side):
         """Set the reloading branch of a side towards the last peak or the point of maximum drift.
 
-        The last peak is the point of the last reversal on this side. It is selected if three
-        conditions are met, otherwise the point of maximum drift:
-
-            - drift and force of the last peak are larger than the current drift and force
-            - the force of the last peak is smaller than the force of the point of maximum drift
-            - the line to the last peak is steeper than the line to the point of maximum drift
+        The last peak is the point of the last reversal on this side. It is selected if it is ahead,
+        has a smaller force than the point of maximum drift, and the line to it is steeper.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -377,8 +326,7 @@ def _functions() -> LawFunctions:
         """Set the unloading branch after a reversal on a loading branch.
 
         The reversal becomes the last peak of the side and, if its drift is larger, the point of
-        maximum drift. The unloading stiffness is reduced by its deterioration. The branch ends at
-        zero force, or, if the story is loaded again, at the reversal.
+        maximum drift.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -411,25 +359,11 @@ def _functions() -> LawFunctions:
 
     @outlined
     def deteriorate(law_parameters, law_state, i, block, side):
-        """Apply the deterioration of the side that is loaded after a zero crossing of the force.
+        """Apply the deterioration of the side that is loaded after a zero crossing of the force;
+        return True if the story fails.
 
-        `deterioration` returns a fraction beta for each of three quantities. beta depends on the
-        capacity of the quantity and on the work since the last zero crossing. With the parameter
-        `rate` of the side, D, the quantities change by these factors:
-
-            yield force and hardening                   1 - D beta    row _STRENGTH
-            force of the capping line at zero drift     1 - D beta    row _CAPPING
-            maximum drift                               1 + D beta    row HIGH_DRIFT or LOW_DRIFT
-
-        D is between 0 and 1 (checked when a model is read), so that the factors are positive unless
-        the story fails. The rows are also changed if the story fails; the law does not use them
-        after a failure.
-
-        Returns
-        -------
-        bool
-            True if the story fails: at least one of the three fractions beta has reached 1, so
-            that `deterioration` returns 2.
+        The parameter `rate` is between 0 and 1 (checked when a model is read), so that the factors
+        are positive unless the story fails. The law does not use the rows after a failure.
         """
         first = extra_rows(law_state, block)
         total_work = law_state[block + rows.WORK, i]
@@ -446,31 +380,24 @@ def _functions() -> LawFunctions:
 
     @outlined
     def cross_zero_force(law_parameters, law_state, i, block, side):
-        """Apply the deterioration at a zero crossing of the force, and set the reloading branch.
+        """Apply the deterioration at a zero crossing of the force, and set the reloading branch of
+        `side`.
 
-        `switch` calls this function in two cases: an unloading branch has reached zero force, or a
-        loading branch reverses before its force has become positive. In both cases the force is
-        already 0 up to rounding, because the force of a loading branch is never negative. The force
-        is set to exactly 0, and side `side` is loaded next. All drifts and forces below are
-        positive on this side.
+        `switch` calls this function if an unloading branch has reached zero force, or if a loading
+        branch reverses before its force has become positive. In both cases the force is already 0
+        up to rounding, because the force of a loading branch is never negative.
 
-        1. The deterioration is applied (`deteriorate`). If a fraction beta reaches 1, the story
-           fails, and steps 2 and 3 are omitted.
-        2. The point of maximum drift, with the drift dm and the force Fm, is moved to the
-           deteriorated backbone curve.
-        3. The reloading branch is set. With pinching, it leads to the pinched point with the drift
-           x and the force F:
+        The point of maximum drift, with the drift dm and the force Fm, is moved to the deteriorated
+        backbone curve. With pinching, the reloading branch leads to the pinched point
 
-               x = (1 - kD) (dm - Fm / Ku),   F = kF Fm (x - z) / (dm - z)
+            x = (1 - kD) (dm - Fm / Ku),   F = kF Fm (x - z) / (dm - z)
 
-           kD and kF are the pinching parameters `drift` and `force`, z is the drift of the zero
-           crossing, and Ku is the unloading stiffness. If kD and kF are 1, or if x is not larger
-           than z, the pinched point is omitted. The branch then leads towards the last peak or the
-           point of maximum drift (`set_branch_to_peak`).
+        with the pinching parameters kD and kF (`drift` and `force`), the drift z of the zero
+        crossing and the unloading stiffness Ku.
         """
         first = extra_rows(law_state, block)
         law_state[block + rows.FORCE, i] = 0.0
-        # Infinite: there has been no reversal since this zero crossing.
+        # no reversal since this zero crossing
         law_state[first + _REVERSAL_DRIFT, i] = math.inf
         if deteriorate(law_parameters, law_state, i, block, side):
             fail(law_state, i, block, _FAILED)
@@ -479,11 +406,9 @@ def _functions() -> LawFunctions:
         zero_drift = side * law_state[block + rows.DRIFT, i]
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         if max_drift <= zero_drift * (1.0 + _REACHED_TOLERANCE) and zero_drift > 0.0:
-            # The drift of the zero crossing is at least the maximum drift of this side. This occurs
-            # if the stiffness of unloading from the other side is small. The point of maximum drift
-            # is moved ahead of the zero crossing: new maximum drift = drift of the zero crossing +
-            # backbone force at the old maximum drift / unloading stiffness. The lower bound of the
-            # force avoids a reloading line of zero length.
+            # This occurs if the stiffness of unloading from the other side is small. The point of
+            # maximum drift is moved ahead of the zero crossing. The lower bound of the force avoids
+            # a reloading line of zero length.
             max_drift = (
                 zero_drift
                 + max(
@@ -495,11 +420,8 @@ def _functions() -> LawFunctions:
             law_state[block + side_row(side, rows.HIGH_DRIFT), i] = max_drift
         max_force = backbone(law_parameters, law_state, i, block, side, max_drift)
         law_state[block + side_row(side, rows.HIGH_FORCE), i] = max_force
-        # With both pinching parameters equal to 1, reloading has no pinched part: it leads directly
-        # towards the last peak or the point of maximum drift.
+        # With both pinching parameters equal to 1, reloading has no pinched part.
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
-            # Compute the pinched point (x, F). The branch leads to this point, unless the point is
-            # behind the zero crossing.
             pinched_drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (
                 max_drift - max_force / stiffness
             )
@@ -529,14 +451,8 @@ def _functions() -> LawFunctions:
     def resume_loading(law_parameters, law_state, i, block, side):
         """Set the branch after an interrupted unloading that returned to the last reversal.
 
-        The story has been loaded again along the unloading line and has reached the last reversal.
-        Loading continues towards the pinched point, the end of the flatter first part of reloading,
-        if three conditions are met, otherwise towards the point of maximum drift:
-
-            - drift and force of the pinched point are larger than the current drift and force
-            - they are smaller than drift and force of the point of maximum drift
-            - the line to the pinched point is less steep than the line to the point of maximum
-              drift
+        Loading continues towards the pinched point if it is ahead, between the current point and
+        the point of maximum drift, and the line to it is less steep.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -565,27 +481,18 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at its end.
 
-        Row INTERNAL contains the type of the current branch. The next branch depends on the type
-        and on the point where the branch ends:
-
-            elastic (type 0), at a yield point     backbone curve
-            loading, reversal                      unloading
-            loading, reversal, force not yet       deterioration, then reloading of the other side
-                positive on the side of loading
-            unloading, at zero force               deterioration, then reloading of the other side
-            unloading, back at the reversal        reloading
-            loading, at the ultimate drift         failure
-            pinched part of reloading              reloading towards the last peak or the point of
-                                                   maximum drift (`set_branch_to_peak`)
-            towards the last peak                  reloading towards the point of maximum drift
-            towards the maximum drift              backbone curve
-            line of the backbone curve             next line of the backbone curve
-
-        Parameters
-        ----------
-        event : float
-            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
-            falls below the lower limit) or REVERSED (the drift rate changes its sign).
+        elastic (type 0), at a yield point     backbone curve
+        loading, reversal                      unloading
+        loading, reversal, force not yet       deterioration, then reloading of the other side
+            positive on the side of loading
+        unloading, at zero force               deterioration, then reloading of the other side
+        unloading, back at the reversal        reloading
+        loading, at the ultimate drift         failure
+        pinched part of reloading              reloading towards the last peak or the point of
+                                               maximum drift (`set_branch_to_peak`)
+        towards the last peak                  reloading towards the point of maximum drift
+        towards the maximum drift              backbone curve
+        line of the backbone curve             next line of the backbone curve
         """
         branch_type = abs(law_state[block + rows.INTERNAL, i])
         # ABOVE is 1 and BELOW is -1: the event is also the side of the story that is loaded.
@@ -596,8 +503,7 @@ def _functions() -> LawFunctions:
             else:
                 cross_zero_force(law_parameters, law_state, i, block, -side)
         elif branch_type == _UNLOADING:
-            # INTERNAL has the sign of the side that was unloaded. A movement to the other side ends
-            # at zero force, a movement back at the reversal.
+            # INTERNAL has the sign of the side that was unloaded.
             if event * law_state[block + rows.INTERNAL, i] < 0.0:
                 cross_zero_force(law_parameters, law_state, i, block, event)
             else:
@@ -620,33 +526,20 @@ def _functions() -> LawFunctions:
         On a loading branch, Ku is the unloading stiffness after the deterioration that a reversal
         at the current state would cause. There are two differences from a reversal (`unload`): the
         loss of stiffness is at most 0.9, and it is not set to 0 close to the last reversal.
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
         """
         force = law_state[rows.FORCE, i]
         energy = 0.5 * force * force / law_state[extra_rows(law_state, 0) + _UNLOADING_STIFFNESS, i]
-        # The types of all loading branches are above _UNLOADING. The stiffness is multiplied by 1 -
-        # loss; the loss is limited to 0.9 to avoid a division by zero.
+        # The limit 0.9 avoids a division by zero.
         if abs(law_state[rows.INTERNAL, i]) > _UNLOADING and force != 0.0:
             energy /= 1.0 - min(deterioration_at_reversal(law_parameters, law_state, i, 0), 0.9)
         return energy
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the limits of the first branch of story `i`, the yield drifts, and the initial state.
-
-        The first branch is elastic. The caller has already set SLOPE to the initial stiffness and
-        RATE_SIGN to 0 (valid in both directions). FORCE and INTERNAL (type of the branch) are 0 at
-        the start of a run.
+        """Set the limits of the first, elastic branch of story `i`, the yield drifts, and the
+        initial state.
 
         The yield points are also the initial points of maximum drift and the initial last peaks.
-        The remaining fractions of strength (_STRENGTH) and of the capping line (_CAPPING) are 1.
-        The unloading stiffness (_UNLOADING_STIFFNESS) is the initial stiffness.
-        _REVERSAL_DRIFT is infinite, because there has been no reversal.
-
-        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
-        the first rows of column `i` of `law_state`, is changed.
         """
         k = law_parameters[rows.STIFFNESS, i]
         first = extra_rows(law_state, 0)
@@ -667,16 +560,10 @@ def _functions() -> LawFunctions:
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
-    """Return an error message if the parameters of a side are inconsistent, otherwise None.
-
-    The ultimate drift must exceed the yield drift, and the residual ratio must not exceed the
-    capping ratio. The parameters of the positive side are followed by the parameters of the
-    negative side.
-
-    `stiffness` is the initial stiffness, N/m.
+    """Return an error message if the ultimate drift of a side does not exceed the yield drift, or
+    its residual ratio exceeds the capping ratio, otherwise None.
     """
     for side_values, group in ((values[:_SIDE], ""), (values[_SIDE : 2 * _SIDE], "negative.")):
-        # The check does not need the plastic and post-capping drifts and the deterioration rate.
         strength, _, _, capping_ratio, residual_ratio, ultimate_drift, _ = side_values
         if ultimate_drift <= strength / stiffness:
             return (

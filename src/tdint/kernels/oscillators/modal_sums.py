@@ -1,10 +1,13 @@
 """Maximum drifts of a building by superposition of its modes, with an exact recursion for each
 mode.
 
-The ground motion is linear between its samples. The time is divided into chunks. In each chunk all
-modes are integrated together and then superposed for each story. The first pass computes the maxima
-at the steps. The second pass processes the chunks that can contain the maximum between the steps
-again, and computes the maximum from the closed form of the modes.
+The ground motion is linear between its samples. The drift ratio of a story, or of the roof in the
+last column, is the sum of modal coordinate q times `shapes` over the modes, minus `static` times
+the ground acceleration. A modal coordinate satisfies q'' + 2 xi omega q' + omega^2 q = -ag. The
+time is divided into chunks. In each chunk all modes are integrated together and then superposed for
+each story. The first pass computes the maxima at the steps. The second pass processes the chunks
+that can contain the maximum between the steps again, and computes the maximum from the closed form
+of the modes.
 """
 
 from __future__ import annotations
@@ -63,7 +66,7 @@ class _Sum(NamedTuple):
     shapes : ndarray
         Contributions of the modes to the columns (drift ratios of the stories).
     static : ndarray
-        Static correction for the modes that are not included.
+        Static correction: flexibility that is not included in the modes, s^2/m.
     h : float
         Length of a step, s.
     """
@@ -99,22 +102,14 @@ class _Steps(NamedTuple):
 
 @outlined
 def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
-    """Integrate the modes from row 0 of `q` and `rate` to the following rows.
+    """Integrate the modes from row 0 of `q` and `rate` to the following rows, and interpolate the
+    ground acceleration (`motion`).
 
-    A mode with the circular frequency omega and the damping ratio xi has the equation of motion q''
-    + 2 xi omega q' + omega^2 q = -ag, with the ground acceleration ag, linear within a step. The
-    step is exact: q1 = A11 q0 + A12 q0' - B10 ag0 - B11 ag1, q1' = A21 q0 + A22 q0' - B20 ag0 - B21
-    ag1.
-
-    `parts` contains the steps per sampling interval. `first` is the index of the first step of the
-    chunk. `rows` is the number of rows: the number of steps of the chunk plus 1. The last row of
-    the last chunk is the last sample. `modes` is the table of modes, one column each, with the
-    coefficients A11 to B21. `q` and `rate` are the modal coordinates and their rates; one row per
-    step. `motion` is the receives the ground acceleration at the steps, m/s^2.
+    `first` is the index of the first step of the chunk. `rows` is its number of steps plus 1. The
+    last row of the last chunk is the last sample.
     """
     count = modes.shape[1]
     for row in range(rows):
-        # Interpolate the ground acceleration linearly between samples `i` and `i + 1`.
         i, part = divmod(first + row, parts)
         motion[row] = (
             ground[i] if part == 0 else ground[i] + (ground[i + 1] - ground[i]) * (part / parts)
@@ -141,13 +136,8 @@ def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
 def _superpose(q, shapes, static, motion, drift):
     """Compute the drift ratios of all stories and of the roof at successive steps from the modes.
 
-    drift[row, c] = sum over the modes j of q[row, j] shapes[j, c], minus static[c] motion[row].
-    Four rows (d0 to d3) and four modes (w0 to w3) are processed at a time, which is faster.
-
-    `q` contains the modal coordinates, one row per step. Both dimensions are multiples of 4.
-    `shapes` is the drift ratio per modal coordinate of each story and of the roof. `static` is the
-    static correction: drift ratio per ground acceleration of the modes that are not included,
-    s^2/m. `motion` is the ground acceleration at the steps, m/s^2.
+    Four rows (d0 to d3) and four modes (w0 to w3) are processed at a time, which is faster. The
+    numbers of rows and of modes are multiples of 4.
     """
     columns = shapes.shape[1]
     for row in range(0, q.shape[0], 4):
@@ -189,15 +179,11 @@ def _superpose(q, shapes, static, motion, drift):
 
 @outlined
 def _update_maxima(drift, rows, column_maxima, column_bends):
-    """Store the maximum absolute value and the maximum absolute second difference of each column
-    in a chunk.
+    """Store the maximum absolute value and the maximum absolute second difference of each column in
+    a chunk.
 
-    The previous contents of both result arrays, the maxima of another chunk, are replaced. The
-    second difference of three successive steps, d0 - 2 d1 + d2, bounds the excess of the drift
+    The second difference d0 - 2 d1 + d2 of three successive steps bounds the excess of the drift
     ratio between the steps.
-
-    `drift` contains the drift ratios, one row per step. `column_maxima` and `column_bends` are the
-    receive the maxima of the values and of the second differences, one element per column.
     """
     columns = drift.shape[1]
     for c in range(columns):
@@ -215,14 +201,8 @@ def _update_maxima(drift, rows, column_maxima, column_bends):
 
 @inline
 def _rate(sums, steps, row, slope, c):
-    """Return the rate of the drift ratio of column `c` at step `row`, 1/s.
-
-    The drift ratio is the sum of modal coordinate times `shapes` over the modes, minus `static`
-    times the ground acceleration. The rate is the same sum with the rates of the modal coordinates
-    and of the ground acceleration.
-
-    `slope` is the rate of the ground acceleration, m/s^3. `c` is the column: index of the story;
-    the last column is the roof.
+    """Return the rate of the drift ratio of column `c` at step `row`, 1/s; `slope` is the rate of
+    the ground acceleration, m/s^3.
     """
     total = -sums.static[c] * slope
     for j in range(sums.shapes.shape[0]):
@@ -234,25 +214,14 @@ def _rate(sums, steps, row, slope, c):
 def _column_at(sums, steps, row, slope, t, c):
     """Return the drift ratio of column `c` and its rate (1/s) at the time `t` after step `row`.
 
-    The drift ratio is the sum of modal coordinate times `shapes` over the modes, minus `static`
-    times the ground acceleration g0 + slope t. A modal coordinate q with q'' + 2 xi omega q' +
-    omega^2 q = -(g0 + slope t) is the sum of a particular solution and a damped free vibration,
+    With the ground acceleration g0 + slope t, a modal coordinate is the sum of a particular
+    solution and a damped free vibration,
 
         particular   -g0 / omega^2 + 2 xi slope / omega^3 - slope t / omega^2
         vibration    exp(-xi omega t) (y cos(wd t) + (y' + xi omega y) / wd sin(wd t))
 
     with wd = omega sqrt(1 - xi^2); y and y' are the values of q and q' minus the particular
-    solution and its rate at t = 0. The rate of the vibration is
-
-        exp(-xi omega t) (y' cos(wd t) - (omega y + xi y') omega / wd sin(wd t))
-
-    `slope` is the rate of the ground acceleration after the step, m/s^3. `t` is the time after the
-    step, s. `c` is the column: index of the story; the last column is the roof.
-
-    Returns
-    -------
-    float, float
-        Drift ratio, and its rate, 1/s.
+    solution and its rate at t = 0.
     """
     modes, shapes, static, _ = sums
     q, rate, motion, _, _ = steps
@@ -270,7 +239,7 @@ def _column_at(sums, steps, row, slope, t, c):
             y_rate = rate[row, j] - particular_rate
             by_sine = (y_rate + xi * omega * y) / damped
             decay = math.exp(-xi * omega * t)
-            # c_t and s_t are the decaying cosine and sine of the free vibration.
+            # Decaying cosine and sine
             c_t, s_t = decay * math.cos(damped * t), decay * math.sin(damped * t)
             value += weight * (particular + particular_rate * t + y * c_t + by_sine * s_t)
             speed += weight * (
@@ -284,16 +253,11 @@ def _maximum_after(sums, steps, row, c, size):
     """Return the larger value of `size` and of the maximum absolute drift ratio of column `c` at an
     extremum between step `row` and the next step.
 
-    The drift ratio is a superposition of modes (`_column_at`). If its rate has different signs at
-    both steps, the zero of the rate is located by regula falsi, and all values of the iteration are
-    considered. Otherwise the result is `size`. The values at both steps are not evaluated.
-
-    `steps` contains the steps of the chunk; `motion` is the ground acceleration, m/s^2. `row` is
-    the index of the first of both steps in the chunk. `c` is the column: index of the story; the
-    last column is the roof. `size` is the absolute drift ratio at step `row` or at step `row` + 1.
+    If the rate has different signs at both steps, its zero is located by regula falsi, and all
+    values of the iteration are considered. The values at both steps are not evaluated: `size` is
+    the absolute value at one of them.
     """
     h = sums.h
-    # The ground acceleration is linear between both steps, with the rate `slope` (m/s^3).
     slope = (steps.motion[row + 1] - steps.motion[row]) / h
     left_speed = _rate(sums, steps, row, slope, c)
     right_speed = _rate(sums, steps, row + 1, slope, c)
@@ -309,7 +273,6 @@ def _maximum_after(sums, steps, row, c, size):
         size = max(size, abs(value))
         if speed == 0.0 or right - left < 1e-7 * h:
             break
-        # Move the endpoint where the rate has the sign of `speed` to `t`, by `change` (s).
         left, left_speed, right, right_speed, side, change = narrow_bracket(
             left, left_speed, right, right_speed, side, t, speed
         )
@@ -320,21 +283,10 @@ def _maximum_after(sums, steps, row, c, size):
 
 @outlined
 def _refine(sums, steps, first, last, threshold, best):
-    """Return the maximum absolute drift ratio of some columns in a chunk, including the time
-    between the steps, and its column.
+    """Return the maximum absolute drift ratio in a chunk of the columns from `first` to `last` - 1,
+    including the time between the steps, and its column; `best` if it is not larger.
 
-    The columns are stories; the last column of the table is the roof. Only the intervals next to a
-    step with an absolute value of at least `threshold` are searched. The result includes the values
-    at these steps.
-
-    `first` and `last` are the range of columns; `last` is excluded. `threshold` contains the steps
-    with a smaller absolute value cannot be next to the maximum and are skipped. `best` is the
-    maximum until now and its column, returned if no larger value is found.
-
-    Returns
-    -------
-    float, float
-        Maximum absolute drift ratio and its column.
+    Only the intervals next to a step with an absolute value of at least `threshold` are searched.
     """
     value, column = best
     _, _, _, drift, rows = steps
@@ -342,10 +294,8 @@ def _refine(sums, steps, first, last, threshold, best):
         for row in range(rows):
             if abs(drift[row, c]) < threshold:
                 continue
-            # Search between the previous step and this step, and between this step and the next.
             # A chunk has at least two rows, so that at least one interval exists. The last argument
-            # of `_maximum_after` is a lower limit of its result. The result therefore includes the
-            # value at this step.
+            # is a lower limit of the result, which therefore includes the value at this step.
             for start in (row - 1, row):
                 if 0 <= start < rows - 1:
                     size = _maximum_after(sums, steps, start, c, abs(drift[row, c]))
@@ -357,17 +307,6 @@ def _refine(sums, steps, first, last, threshold, best):
 def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray[np.float64], ...]:
     """Return the scratch arrays of `largest_drifts`, filled with zeros, in the order of its
     arguments.
-
-    Parameters
-    ----------
-    samples : int
-        Number of samples of the ground motion.
-    parts : int
-        Steps per sampling interval.
-    modes : int
-        Number of modes in the argument `modes` of `largest_drifts`, a multiple of BLOCK.
-    columns : int
-        Number of stories plus 1 for the roof.
 
     Returns
     -------
@@ -386,8 +325,7 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
         Maximum absolute drift ratio of each chunk: of all stories, and of the roof.
     """
     chunks = -(-(samples - 1) * parts // _CHUNK_STEPS)  # rounded up
-    # A chunk has one row more than steps. `_superpose` processes four rows at a time, so the number
-    # of rows is rounded up to a multiple of 4: _CHUNK_STEPS is such a multiple, and 4 is added.
+    # A chunk has one row more than steps. `_superpose` processes four rows at a time.
     rows = _CHUNK_STEPS + 4
     shapes = (
         (rows, modes),  # q
@@ -398,7 +336,7 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
         (chunks, modes),  # start_rate
         (columns,),  # column_maxima
     )
-    # The last two arrays are column_bends and chunk_maxima.
+    # column_bends and chunk_maxima
     return *(np.zeros(shape) for shape in shapes), np.zeros(columns), np.zeros((chunks, 2))
 
 
@@ -414,12 +352,8 @@ def largest_drifts(
     """Compute the maximum drift ratio of a building from rest, its story, and the maximum roof
     drift ratio.
 
-    The drift ratio of a story (or of the roof) is the sum of modal coordinate times `shapes` over
-    the modes, minus `static` times the ground acceleration. A modal coordinate q satisfies q'' + 2
-    xi omega q' + omega^2 q = -ag; its step is exact for a ground acceleration ag that is linear
-    within the step. The steps are processed in chunks. The first pass computes the maxima at the
-    steps. The second pass integrates again all chunks that can contain the maximum between the
-    steps.
+    The first pass computes the maxima at the steps. The second pass integrates again all chunks
+    that can contain the maximum between the steps. The result is always 0.
 
     Parameters
     ----------
@@ -432,28 +366,20 @@ def largest_drifts(
         Contribution of each mode to the drift ratio of each story and (last column) of the roof,
         1/m.
     static : ndarray, shape (stories + 1,)
-        Flexibility that is not included in the modes, s^2/m. It follows the ground without delay.
+        Static correction, s^2/m.
     q, rate, motion, drift, start_q, start_rate, column_maxima, column_bends, chunk_maxima : ndarray
-        Scratch arrays from `scratch`, which describes their contents. They must be zero at the
-        start: row 0 of `q` and `rate` is the state of rest, and the maxima in `chunk_maxima` start
-        from zero. `column_maxima` and `column_bends` are overwritten for each chunk.
-
-    Returns
-    -------
-    int
-        Always 0, because the superposition cannot fail.
+        Scratch arrays from `scratch`. They must be zero at the start: row 0 of `q` and `rate` is
+        the
+        state of rest, and the maxima in `chunk_maxima` start from zero.
     """
     sums = _Sum(modes, shapes, static, h)
     steps = (ground.size - 1) * parts
     count, columns = shapes.shape
     chunks = (steps + _CHUNK_STEPS - 1) // _CHUNK_STEPS
-    # Maximum second differences of the drift ratio at three successive steps, |d0 - 2 d1 + d2|, of
-    # the stories and of the roof
+    # of the stories and of the roof
     bends = local(2)
     bends[:] = 0.0
-    # The first pass computes the maxima at the steps of each chunk: `_update_maxima` computes the
-    # maxima of each column in the chunk, and the loop over the columns reduces these values to the
-    # maximum of all stories and the maximum of the roof.
+    # First pass
     story_maximum = roof_maximum = 0.0
     for chunk in range(chunks):
         rows = min(_CHUNK_STEPS, steps - chunk * _CHUNK_STEPS) + 1
@@ -469,13 +395,10 @@ def largest_drifts(
             bends[group] = max(bends[group], column_bends[c])
         story_maximum = max(story_maximum, chunk_maxima[chunk, 0])
         roof_maximum = max(roof_maximum, chunk_maxima[chunk, 1])
-        # The last row of a chunk is the first row of the next chunk.
         for j in range(count):
             q[0, j], rate[0, j] = q[rows - 1, j], rate[rows - 1, j]
-    # The second pass processes the chunks that can contain the maximum between the steps. Between
-    # two steps, a smooth curve exceeds its values at both steps by at most about one eighth of the
-    # second difference. The tolerance is _TOLERANCE = 0.5 times the maximum second difference,
-    # which exceeds one eighth with a margin. `story` and `roof` contain the maximum and its column.
+    # Second pass. Between two steps, a smooth curve exceeds its values at both steps by at most
+    # about one eighth of the second difference; _TOLERANCE exceeds one eighth with a margin.
     story_tolerance, roof_tolerance = _TOLERANCE * bends[0], _TOLERANCE * bends[1]
     story, roof = (-1.0, 0.0), (-1.0, 0.0)
     for chunk in range(chunks):

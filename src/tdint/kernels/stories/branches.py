@@ -93,26 +93,13 @@ def advance_outlined(law_parameters, law_state, i, block, drift):
 
 @inline
 def _keep_branch(law_parameters, law_state, i):
-    """Do nothing: default of the function `enter` of a law, for laws with a single branch.
-
-    `enter` determines the branch of story `i` from its committed state. The arguments, the tables
-    of the parameters and states of all laws and the index of the story, are not used.
-    """
+    """Do nothing: default of the function `enter` of a law, for laws with a single branch."""
     pass
 
 
 @inline
 def _keep_branch_after(law_parameters, law_state, i, block, event):
-    """Do nothing: default of the function `switch` of a law, for laws with a single branch.
-
-    `switch` sets the branch that follows the end of the current branch.
-
-    Parameters
-    ----------
-    event : float
-        Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
-        below the lower limit) or REVERSED (the drift rate changes its sign).
-    """
+    """Do nothing: default of the function `switch` of a law, for laws with a single branch."""
     pass
 
 
@@ -124,12 +111,8 @@ _switch = select_function("switch", case_with_5_arguments, _keep_branch_after)
 def enter(law_parameters, law_state, i):
     """Determine the branch of story `i` from its committed state.
 
-    First a default branch is set: it has the initial stiffness, or an infinite SLOPE as the mark of
-    a curved law, no limits, and both directions. The function `enter` of the law, if it has one,
-    then sets the actual branch.
-
-    Column `i` of `law_parameters` contains the parameters of the story. The committed state, in the
-    first rows of column `i` of `law_state`, is changed.
+    A default branch is set before the function `enter` of the law is called: it has the initial
+    stiffness, or an infinite SLOPE as the mark of a curved law, no limits, and both directions.
     """
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         for element in range(
@@ -258,47 +241,23 @@ def _element_of_event(law_parameters, law_state, i, event):
 
 @outlined
 def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
-    """Locate the first change of branch of any story within a step.
+    """Locate the first change of branch of any story within a step: time as a fraction of the step,
+    story and event (ABOVE, BELOW or REVERSED); (NONE, -1, REVERSED) without a change.
 
     The drift of each story within the step, d(s) with s from 0 to 1, is the cubic Hermite
-    interpolant of the drifts d0, d3 and of h times the drift rates, w0, w1, at both endpoints. In
-    Bernstein form
+    interpolant of the drifts d0, d3 and of h times the drift rates, w0, w1, at both endpoints, with
+    the Bezier points d0, d1 = d0 + w0 / 3, d2 = d3 - w1 / 3 and d3.
 
-        d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 + s^3 d3
-        d1 = d0 + w0 / 3,   d2 = d3 - w1 / 3
-
-    A branch changes where d(s) exceeds UPPER or falls below LOWER, or where d'(s) changes to the
-    sign opposite to RATE_SIGN. Rounding errors relative to |d0| + |d3| are tolerated. The start of
-    the step is often the last branch change, which is located with a small error. Two deviations
-    at the start are therefore no branch change:
+    Rounding errors relative to |d0| + |d3| are tolerated. The start of the step is often the last
+    branch change, which is located with a small error. Two deviations at the start are therefore no
+    branch change:
 
     - The drift exceeds a limit and only moves back.
     - The drift rate has the sign opposite to RATE_SIGN, but the points d1, d2 and d3 follow each
       other in the direction of RATE_SIGN.
 
-    Parameters
-    ----------
-    state : ndarray
-        State at the start of the step; only its row VELOCITY (m/s) is used.
-    law_state : ndarray
-        Committed states of the laws at the start of the step: DRIFT (d0, m), limits UPPER and LOWER
-        of the branch (m), RATE_SIGN (1, -1, or 0 for a branch that is valid for both signs of the
-        rate).
-    u1, v1 : int
-        Rows of `scratch` with displacements (m) and velocities (m/s) at the end of the step.
-    ignored : int
-        Row of `scratch`. Reversals of a story are ignored if its value is not 0.
-
-    Returns
-    -------
-    first_fraction : float
-        Time of the change of branch as a fraction of the step; NONE (above 1) if there is no change
-        of branch.
-    story : int
-        Index of the story; -1 if there is no change of branch.
-    event : float
-        ABOVE or BELOW if the drift exceeds the upper limit or falls below the lower limit of the
-        branch; REVERSED if the drift rate changes its sign.
+    `u1` and `v1` are the rows of `scratch` with displacements and velocities at the end of the
+    step. Reversals of a story are ignored if its value in row `ignored` is not 0.
     """
     first_fraction = NONE
     story = -1
@@ -307,9 +266,7 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     u1_below = 0.0
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
-        # d0 and d3 are the drifts at the start and at the end of the step (m), w0 and w1 the drift
-        # rates there times the length of the step (m).
+        link = linear_terms[rows.LINK, i]
         d0 = law_state[rows.DRIFT, i]
         w0 = h * (state[rows.VELOCITY, i] - link * v_below)
         d3 = scratch[u1, i] - link * u1_below
@@ -317,9 +274,9 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
         v_below = state[rows.VELOCITY, i]
         u1_below = scratch[u1, i]
         v1_below = scratch[v1, i]
-        # d0, d1, d2 and d3 are the Bezier points of the cubic. The drift is always between their
-        # minimum and their maximum. The tests below omit d0: a drift that exceeds a limit at the
-        # start only matters if it moves further, and d1 then also exceeds the limit.
+        # The drift is always between the minimum and the maximum of its Bezier points. The tests
+        # omit d0: a drift that exceeds a limit at the start only matters if it moves further, and
+        # d1 then also exceeds the limit.
         d1 = d0 + w0 / 3.0
         d2 = d3 - w1 / 3.0
         tolerance = _LIMIT_TOLERANCE * (abs(d0) + abs(d3))
@@ -368,9 +325,8 @@ def _bezier(cubic, s):
 def _crossing(cubic, limit, tolerance, known_event):
     """Return the smallest s in [0, 1] where a rising cubic exceeds a limit, or `NONE` (2).
 
-    The cubic has the Bezier points d0 to d3: d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 +
-    s^3 d3. Because the last event is located with a small error, the cubic can start above the
-    limit. Only parts where the cubic rises are considered:
+    `cubic` contains its Bezier points. Because the last event is located with a small error, the
+    cubic can start above the limit. Only parts where the cubic rises are considered:
 
     - It starts at or above the limit and rises at the start: the result is 0.
     - It starts above the limit, falls, and later rises. The result is the crossing on the rising
@@ -378,22 +334,15 @@ def _crossing(cubic, limit, tolerance, known_event):
     - It starts above the limit and only falls: the result is `NONE`.
     - It starts below the limit: the result is the first crossing, or `NONE` without a crossing.
 
-    `cubic` contains the bezier points of the drift, m. `limit` is the limit, m.
-
-    Parameters
-    ----------
-    tolerance : float
-        Excess that is tolerated, m. The result is `NONE` if no rising part exceeds the limit by
-        more than the tolerance. Otherwise the crossing of `limit` (without tolerance) is located.
-    known_event : float
-        Fraction of the step at the first event found so far. It only saves time: for a crossing
-        that is not before this event, the result can be `NONE`. The caller compares the result with
-        the event.
+    `tolerance` is an excess that is tolerated, m: the result is `NONE` if no rising part exceeds
+    the limit by more. Otherwise the crossing of `limit` itself is located. `known_event` is the
+    fraction of the step at the first event found so far. It only saves time: for a crossing that is
+    not before this event, the result can be `NONE`.
     """
     d0, d1, d2, d3 = cubic
-    # The cubic is monotonic before, between and after its extrema at s_first and s_second. These
-    # are the roots of its derivative, a s^2 + 2 b s + c = 0 (divided by 3). An extremum outside of
-    # the step is replaced by the nearer endpoint, 0 or 1; both are 1 if the cubic is monotonic.
+    # The cubic is monotonic before, between and after its extrema at s_first and s_second, the
+    # roots of its derivative, a s^2 + 2 b s + c = 0 (divided by 3). An extremum outside of the step
+    # is replaced by the nearer endpoint, 0 or 1; both are 1 if the cubic is monotonic.
     a = d3 - d0 + 3.0 * (d1 - d2)
     b = d0 - 2.0 * d1 + d2
     c = d1 - d0
@@ -410,9 +359,7 @@ def _crossing(cubic, limit, tolerance, known_event):
         s_second = min(max(max(root, other), 0.0), 1.0)
         value_first = _bezier(cubic, s_first)
         value_second = _bezier(cubic, s_second)
-    # `_exceeds_while_rising` considers the tolerance; the search below does not. Search the rising
-    # parts in their order: start, before the first extremum, between both extrema, after the second
-    # extremum.
+    # `_exceeds_while_rising` considers the tolerance; the search below does not.
     if not _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit + tolerance):
         return NONE
     # If a later part exceeds the limit by more than the tolerance, a rise at the start can be
@@ -430,22 +377,11 @@ def _crossing(cubic, limit, tolerance, known_event):
 def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
     """Return True if a cubic exceeds `limit` on a rising part of the step.
 
-    The two extrema divide the step into three parts. The cubic is monotonic in each part. A part
-    rises if its last value exceeds its first value. The result is True if the last value of a
-    rising part exceeds the limit. It is also True if the cubic starts at the limit or above
-    (d0 >= limit) and rises at the start (d1 > d0). If this rise is smaller than the rounding errors
-    of the value at its end, only the second condition detects it.
-
-    `d0`, `d1` and `d3` are the first, second and last Bezier point, m; d0 and d3 are the values at
-    both endpoints, and d1 - d0 has the sign of the slope at the start. `limit` is the limit, m.
-
-    Parameters
-    ----------
-    value_first, value_second : float
-        Values at the first and second extremum, m, which are the last values of the first and
-        second part. If an extremum is outside of the step, its value is replaced by the value at
-        the nearer endpoint, d0 or d3; the part before or after it is then empty. If the cubic has
-        no extrema, both values are d3, and the first part is the complete step.
+    The two extrema divide the step into three parts. A part rises if its last value exceeds its
+    first value. The result is also True if the cubic starts at the limit or above and rises at the
+    start: if this rise is smaller than the rounding errors of the value at its end, only this
+    condition detects it. `value_first` and `value_second` are the values at the extrema
+    (`_crossing`).
     """
     at_first = (d0 >= limit) & (d1 > d0)
     between = ((value_first > limit) & (value_first > d0)) | (
@@ -456,30 +392,18 @@ def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
 
 @outlined
 def _root(cubic, limit, part_start, part_end, known_event):
-    """Return the crossing of a limit on a monotonically rising part of a cubic.
+    """Return the crossing of a limit on a monotonically rising part of a cubic, by Newton's method
+    from the secant of the part, safeguarded by bisection.
 
-    The cubic is d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 + s^3 d3. Newton's method
-    starts from the crossing of the secant of the part and is safeguarded by bisection.
-
-    `cubic` is the bezier points d0 to d3, m. `limit` is the limit, m. `part_start` and `part_end`
-    are the start and end of the part: the argument and the value of the cubic. `known_event` is the
-    fraction of the step at the first event found so far. A crossing that is not before this event
-    is not needed.
-
-    Returns
-    -------
-    float
-        Start of the part if the value there is at or above the limit (without comparison with
-        `known_event`); otherwise the argument of the crossing, or `NONE` if the crossing is not
-        before `known_event`.
+    `part_start` and `part_end` contain the argument and the value of the cubic. The result is the
+    start of the part if the value there is at or above the limit (without comparison with
+    `known_event`), and `NONE` if the crossing is not before `known_event`.
     """
     d0, d1, d2, d3 = cubic
     lower_s, lower_value = part_start
     upper_s, upper_value = part_end
     if lower_value >= limit:
         return lower_s
-    # The crossing is not before the known event if the cubic is still below the limit at that
-    # event.
     if known_event < upper_s and (known_event <= lower_s or _bezier(cubic, known_event) <= limit):
         return NONE
     s = lower_s + (upper_s - lower_s) * (limit - lower_value) / (upper_value - lower_value)
@@ -491,7 +415,7 @@ def _root(cubic, limit, part_start, part_end, known_event):
             lower_s = s
         r = 1.0 - s
         rate = 3.0 * (r * r * (d1 - d0) + 2.0 * r * s * (d2 - d1) + s * s * (d3 - d2))
-        # Take Newton's step, or bisect if it leaves the interval that contains the crossing.
+        # Bisect if Newton's step leaves the interval that contains the crossing.
         new_s = s - value / rate if rate != 0.0 else lower_s
         if not lower_s < new_s < upper_s:
             new_s = 0.5 * (lower_s + upper_s)

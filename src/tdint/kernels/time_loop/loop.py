@@ -85,27 +85,16 @@ building reaches such displacements."""
 
 @inline
 def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
-    """Prepare the arrays of a run for the first step.
+    """Prepare the arrays of a run for the first step, from the displacements and velocities in the
+    state.
 
-    The laws move to the initial drifts, the initial accelerations follow from equilibrium, and the
-    initial energies are stored. The collapse limits are checked, because the initial drifts can
-    exceed them. Displacements and velocities in the state are the initial values of the run.
-
-    Parameters
-    ----------
-    initialize_laws : Kernel
-        Kernel that moves the laws to the initial drifts.
-    sum_law_energies : Kernel
-        Kernel that sums the energies of the laws.
+    The collapse limits are checked, because the initial drifts can exceed them.
     """
     n = scene.linear_terms.shape[1] - 1
     state = memory.state
     call_initialize_laws(initialize_laws, scene, memory)
-    # `observe` computes the accelerations from equilibrium and stores them in row
-    # OBSERVED_ACCELERATION. It also records the initial values as the first peaks. The fields of
-    # the span are its end time 0, its length 0, the ground acceleration at both endpoints, and the
-    # flags on_path, fast, cornered and kinked, which concern only the interior of a step. The next
-    # argument, 0.0, is the rate of the ground acceleration.
+    # `observe` stores the accelerations from equilibrium and records the initial values as the
+    # first peaks. The flags of the span concern only the interior of a step.
     observe(scene, Span(0.0, 0.0, ground, ground, False, False, False, False), 0.0, memory, seen)
     store_previous(state, seen.observer_state, n)
     store_step_start(scene.flags, memory.law_state)
@@ -134,23 +123,12 @@ def has_diverged(state, n):
 def observe_span(update_shear_peaks, scene, points, span, slope, memory, seen):
     """Update peaks and energies with the response at the end of a step or substep and within it.
 
-    Parameters
-    ----------
-    update_shear_peaks : Kernel
-        Kernel that computes the shears at reversals.
-    points : ndarray
-        Points of the tables of forces.
-    slope : float
-        Rate of the ground acceleration in the span, m/s^3.
+    `slope` is the rate of the ground acceleration, m/s^3.
     """
-    # `observe` processes the end of the span. It returns True if a peak may be exceeded at the end
-    # or within the span.
     may_exceed = observe(scene, span, slope, memory, seen)
     if span.kinked and may_exceed:
         raise_accelerations(scene, points, span, memory, seen)
-    # `observe_within_step` processes the interior. It returns the number of stories with a reversal
-    # of the drift that may cause a new peak shear. Only then are the laws evaluated at the
-    # reversals.
+    # The laws are evaluated only at reversals that may cause a new peak shear.
     if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
         update_reversal_shears(update_shear_peaks, scene, memory, seen)
     store_step_start(scene.flags, memory.law_state)
@@ -188,16 +166,13 @@ def _record_collapse(sum_law_energies, scene, memory, steps, seen):
 
 @inline
 def _fit_ground(ground, position, step_ratio, load):
-    """Store the ground acceleration of a step or substep that is longer than a sampling interval.
+    """Store the ground acceleration of a step or substep that is longer than a sampling interval:
+    the straight line with the same impulse and first moment.
 
-    The ground acceleration is replaced by the straight line with the same impulse and first moment.
-    Its values at both endpoints are stored in the rows GROUND_0 and GROUND_1 of `load`, m/s^2. For
-    a complete step that starts and ends at samples, `fitted_line_between_samples` is used, because
-    it is faster than `fitted_line`.
-
-    `position` is the index of the step; completed part of the step and length of the substep, as
-    fractions of the step. `step_ratio` is the (per_sample, stride): `per_sample` steps have the
-    length of `stride` sampling intervals.
+    `position` contains the index of the step, and the completed part of the step and the length of
+    the substep as fractions of the step. `step_ratio` is (per_sample, stride): `per_sample` steps
+    have the length of `stride` sampling intervals. `fitted_line_between_samples` is faster than
+    `fitted_line`.
     """
     step_index, completed_fraction, substep_fraction = position
     per_sample, stride = step_ratio
@@ -249,10 +224,8 @@ def integrate(
 ):
     """Integrate the equations of motion over the steps `first_step` to `last_step` - 1 of a run.
 
-    A run starts with `first_step` 0. A further call continues from the memory of the previous call.
-    The caller can therefore interrupt a run between calls. A step consists of four stages: load of
-    the step, integration by the kernel of the method, observation (peaks, energies, collapse), and
-    a row of the history.
+    A run starts with `first_step` 0. A further call continues from the memory of the previous call,
+    so that the caller can interrupt a run between calls.
 
     If a step is longer than a sampling interval, the ground acceleration within the step is
     replaced by the straight line with the same impulse and first moment. The lines of successive
@@ -267,9 +240,6 @@ def integrate(
 
     Parameters
     ----------
-    initialize_laws, sum_law_energies, update_shear_peaks : Kernel
-        Operations with the laws of all stories: move them to the initial drifts, sum their
-        energies, and compute their forces at reversals within a step.
     steps : int
         Number of steps of the run. If `last_step` is equal to `steps`, the energies of the laws are
         updated at the end of the call.
@@ -277,15 +247,11 @@ def integrate(
         Number of steps that previous calls have completed.
     last_step : int
         Number of steps that are complete after this call.
-    steps_per_row : int
-        Number of steps per row of the history.
     rows_before : int
         Row of the complete history that is stored in row 0 of the array `history`. The array can
         contain only a part of the history.
     per_sample, stride : int
         `per_sample` steps have the length of `stride` sampling intervals.
-    max_halvings : int
-        Maximum number of halvings of a step.
     points : ndarray
         Points of the tables of forces: times (s) and values; empty without tables. The rows of
         `forces` that are tables contain the lines of the current step, which this function changes.
@@ -306,10 +272,9 @@ def integrate(
     seen = Seen(observer_state, peaks, limits, totals, history)
     on_path = flags[rows.PARABOLIC] != 0.0
     has_unresolved_modes = flags[rows.UNRESOLVED_MODES] != 0.0
-    # `ground_0` and `ground_1` are the ground acceleration of the motion at the start and at the
-    # end of a step. Rows GROUND_0 and GROUND_1 of `load` contain the ground acceleration in the
-    # equations of motion at the endpoints of a step or substep. If a step is longer than a sampling
-    # interval (`stride` > 1), the equations use the fitted line, so the values differ.
+    # `ground_0` and `ground_1` are the ground acceleration of the motion, rows GROUND_0 and
+    # GROUND_1 of `load` the values in the equations of motion. They differ if a line is fitted
+    # (`stride` > 1).
     ground_0 = ground_at(ground, first_step, per_sample, stride)
     if first_step == 0:
         initialize_lines(forces, points)
@@ -320,16 +285,14 @@ def integrate(
     for step_index in range(first_step, last_step):
         ground_1 = ground_at(ground, step_index + 1, per_sample, stride)
         ground_rate = (ground_1 - ground_0) / h
-        completed_fraction = 0.0  # completed part of the step, as a fraction of the step
+        completed_fraction = 0.0  # as a fraction of the step
         substep_fraction = 1.0  # length of the next substep, as a fraction of the step
         while completed_fraction < 1.0:
-            # Set the load of the step or substep: its start time and the ground acceleration at
-            # both endpoints. For `stride` > 1, a line is fitted to the ground acceleration of the
-            # step or substep. At its start, the ground acceleration jumps from its value at the end
-            # of the previous line (`step_status[STATE_GROUND]`) to `load[GROUND_0]`.
-            # `shift_ground` subtracts this jump from the relative accelerations of the floors, and
-            # sets STATE_GROUND to the new value. If the substep fails and is halved, another line
-            # is fitted; its jump then starts from the value that is now in STATE_GROUND.
+            # At the start of a line, the ground acceleration jumps from its value at the end of the
+            # previous line (STATE_GROUND) to GROUND_0. `shift_ground` subtracts this jump from the
+            # relative accelerations of the floors, and sets STATE_GROUND to the new value. If the
+            # substep fails and is halved, another line is fitted; its jump then starts from this
+            # value.
             load[rows.TIME] = (step_index + completed_fraction) * h
             if stride > 1:
                 _fit_ground(
@@ -347,26 +310,22 @@ def integrate(
                     if completed_fraction + substep_fraction == 1.0
                     else ground_0 + (completed_fraction + substep_fraction) * (ground_1 - ground_0)
                 )
-            # Fit the lines of the tables of forces, which change the accelerations at the start.
+            # The lines of the tables of forces change the accelerations at the start.
             is_kinked = points.size > 0 and start_step(
                 scene, points, substep_fraction * h, load, shifts, memory, seen
             )
-            # Integrate over the step or substep; halve it if it does not converge. `code` is the
-            # number of iterations, or a negative error code.
             code = take_step(step, coefficients, scene, substep_fraction * h, load, memory)
             if code < 0:
                 if code == rows.NOT_FINITE or substep_fraction <= min_fraction:
                     check_limits(sum_law_energies, scene, memory, step_index, seen)
                     # A residual of at least OVERFLOW, or nan, means that the iteration has
-                    # diverged. This failure is reported as NOT_FINITE.
+                    # diverged.
                     return code if step_status[rows.RESIDUAL] < OVERFLOW else rows.NOT_FINITE
                 substep_fraction *= 0.5
                 totals[rows.HALVINGS] += 1.0
                 step_status[rows.STEPS_DONE] = 0.0  # multi-step methods restart
                 continue
-            # Observe the response of the step or substep. The accelerations of the state are now
-            # valid for the ground acceleration GROUND_1. `has_step_peaks` is True if the method has
-            # computed peaks within the step.
+            # The accelerations of the state are now valid for GROUND_1.
             completed_fraction += substep_fraction
             totals[rows.ITERATIONS] += code
             step_status[rows.STATE_GROUND] = load[rows.GROUND_1]
@@ -383,7 +342,6 @@ def integrate(
                 is_kinked,
             )
             observe_span(update_shear_peaks, scene, points, span, ground_rate, memory, seen)
-        # The step is complete: count it, check divergence and collapse, and store the history.
         # `substep_fraction` is 1 only if the step was not halved.
         step_status[rows.STEPS_DONE] = (
             step_status[rows.STEPS_DONE] + 1.0 if substep_fraction == 1.0 else 0.0
@@ -398,9 +356,8 @@ def integrate(
             return rows.NOT_FINITE
         if history.shape[0] > 0 and (step_index + 1) % steps_per_row == 0:
             update_law_energies(sum_law_energies, scene, memory, seen)
-            # `store` writes the ground acceleration of the motion (first argument). It computes the
-            # absolute accelerations with the value of the fitted line (second argument), because
-            # the relative accelerations are in equilibrium with the line.
+            # The relative accelerations are in equilibrium with the fitted line, so that the
+            # absolute accelerations require its value (second argument).
             store(
                 ground_1,
                 load[rows.GROUND_1],
@@ -499,22 +456,8 @@ class _Kernels(NamedTuple):
 
 
 class _CommonData(NamedTuple):
-    """Data that all runs of `integrate_many` share.
-
-    Attributes
-    ----------
-    max_halvings : int
-        Maximum number of halvings of a step.
-    h : float
-        Length of a step, s.
-    coefficients, shifts : ndarray
-        Coefficients of the method, and changes of its state at a jump of the ground acceleration.
-    load : ndarray
-        Scratch array for the load of a step.
-    ground : ndarray
-        Scratch array for the ground acceleration of a run, m/s^2.
-    points : ndarray
-        Points of the tables of forces, which all runs share.
+    """Data that all runs of `integrate_many` share (arguments of `integrate`; `load` and `ground`
+    are scratch arrays).
     """
 
     max_halvings: int
@@ -531,19 +474,9 @@ def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory,
     """Call `integrate` for the steps of one run from `first_step` to `last_step`, without a
     history.
 
-    The kernel is called by its address with plain arrays. `last_step` is also passed as the number
-    of steps of the run, so that each successful call updates the energies of the laws at its end.
-    The steps per row of the history (1) and the number of earlier rows (0) have no effect, because
-    the history has no rows.
-
-    `step_ratio` is the (per_sample, stride): `per_sample` steps have the length of `stride`
-    sampling intervals. `last_step` and `first_step` are the number of steps that are complete at
-    the end of the call and before the call.
-
-    Returns
-    -------
-    int
-        Return value of `integrate`: 0, or a negative error code.
+    `last_step` is also passed as the number of steps of the run, so that each successful call
+    updates the energies of the laws at its end. The steps per row of the history (1) and the number
+    of earlier rows (0) have no effect.
     """
     return _call_integrate(
         kernels.integrate, kernels.step, kernels.initialize_laws,
@@ -574,19 +507,11 @@ def _initialize_memory(initial, memory, observer_state):
 
 @inline
 def _start_window(memory, peaks, previous_peaks, n):
-    """Set the peak velocities of a run to zero, so that they are determined for a window of steps.
+    """Set the peak velocities of a run to zero, so that they are determined for a window of steps;
+    keep them in `previous_peaks` for `_end_window`.
 
-    `_end_window` restores the peaks of the run after the window.
-
-    `peaks`: peaks of the run; row PEAK_VELOCITY (m/s) is set to zero. `previous_peaks` is the
-    receives the peak velocities until now, m/s.
-
-    Parameters
-    ----------
-    memory : Memory
-        Scratch array and status of the step. A method can keep a copy of the peaks in the scratch
-        array. Element RUN_PEAKS of the status is the first row of the copy, or 0 without a copy.
-        The peak velocities in the copy are set to zero as well.
+    A method can keep a copy of the peaks in the scratch array (RUN_PEAKS); its peak velocities are
+    set to zero as well.
     """
     _, _, scratch, step_status = memory
     for i in range(n):
@@ -598,17 +523,8 @@ def _start_window(memory, peaks, previous_peaks, n):
 
 @inline
 def _end_window(peaks, previous_peaks, n):
-    """Return the maximum velocity in a window of steps and the maximum displacement of the run.
-
-    The peak velocities of the run are restored: the peak velocity of each floor is the maximum of
-    its values before the window and in the window.
-
-    `previous_peaks` contains the peak velocities before the window, m/s.
-
-    Returns
-    -------
-    float, float
-        Maxima over all floors, m/s and m.
+    """Return the maximum velocity (m/s) in a window of steps and the maximum displacement (m) of
+    the run over all floors, and restore the peak velocities of the run.
     """
     max_velocity = 0.0
     max_displacement = 0.0
@@ -672,18 +588,10 @@ def integrate_many(
 
     Parameters
     ----------
-    integrate, step, initialize_laws, sum_law_energies, update_shear_peaks : Kernel
-        Time loop, step and operations with the laws.
-    samples : ndarray
-        Samples of all ground motions, m/s^2.
     runs : ndarray
         Table of the runs, one row per run, with the columns GROUND_START and GROUND_SIZE (first
         sample and number of samples), SCALE (scale factor), STEPS, PER_SAMPLE and STRIDE
         (PER_SAMPLE steps have the length of STRIDE sampling intervals).
-    points : ndarray
-        Points of the tables of forces, which all runs share.
-    coefficients, shifts : ndarray
-        Coefficients of the method, and changes of its state at a jump of the ground acceleration.
     state_0, law_state_0, scratch_0, step_status_0, totals_0 : ndarray
         Initial memory and totals, which each run copies. `scratch_0` is not used: the scratch array
         of a run is set to zero.
@@ -716,8 +624,7 @@ def integrate_many(
     failed_count = 0
     n = linear_terms.shape[1] - 1
     for run_index in range(runs.shape[0]):
-        # Scale the ground motion of the run, fill the rest of the array with zeros, and reset the
-        # memory.
+        # The rest of the array is filled with zeros.
         first_sample = int(runs[run_index, GROUND_START])
         sample_count = int(runs[run_index, GROUND_SIZE])
         for i in range(ground.size):
@@ -734,8 +641,6 @@ def integrate_many(
         code = 0
         # Pass 0 integrates the specified steps, each further pass one window of free vibration.
         at_rest = 1.0 if max_windows == 0 else 0.0
-        # `_start_window` sets the peak velocities to zero, so that `_end_window` returns the
-        # maximum velocity of the pass. `_end_window` restores the peak velocities of the run.
         for window_index in range(max_windows + 1):
             _start_window(memory, seen.peaks, previous_peaks, n)
             code = _continue(kernels, common, step_ratio, last_step, completed, scene, memory, seen)
@@ -747,8 +652,7 @@ def integrate_many(
             if window_index > 0 and max_velocity <= velocity_limit * max_displacement:
                 at_rest = 1.0
                 break
-        # Store the results of the run. A failed run keeps the number of steps of its last complete
-        # pass.
+        # A failed run keeps the number of steps of its last complete pass.
         if code < 0:
             failed_count += 1
         for i in range(n):
