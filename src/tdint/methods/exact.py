@@ -55,36 +55,18 @@ def step(
     scratch,
     step_status,
 ):
-    """Compute the exact response of a linear building at the end of one time step.
+    """Compute the exact response of a linear building at the end of one time step; the result is 1.
 
-    The displacements u1 and velocities v1 of the n floors at the end of the step are the product of
-    the matrix of `prepare` and a vector. The vector contains the displacements u0 and velocities v0
-    at the start, then the loads at the start, then the loads at the end. The loads are the ground
-    acceleration and the forces on floors; they are linear within the step.
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground; updated in
-        place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-
-    Returns
-    -------
-    int
-        1, or NOT_FINITE (negative) if the new state is not finite.
+    The matrix of `prepare` is multiplied by the displacements and velocities at the start, the
+    loads at the start, and the loads at the end. The loads are the ground acceleration and the
+    forces on floors.
     """
     n = linear_terms.shape[1] - 1
-    loads = 1 + forces.shape[0]  # number of loads: ground acceleration and forces on floors
+    loads = 1 + forces.shape[0]  # ground acceleration and forces on floors
     moments = forces.shape[1] - rows.FORCE_COLUMNS  # Legendre coefficients of each force
     for i in range(n):
         scratch[0, i] = 0.0
         scratch[1, i] = 0.0
-    # Add each column of the matrix times its factor: a value of the state or a load.
     for j in range(2 * n + 2 * loads):
         if j < n:
             factor = state[rows.DISPLACEMENT, j]
@@ -103,7 +85,7 @@ def step(
             scratch[0, i] += factor * coefficients[column_start + i]
         for i in range(n):
             scratch[1, i] += factor * coefficients[column_start + n + i]
-    # Add the deviations of the tables from their lines.
+    # Deviations of the tables from their lines
     column_start = 4 * n * (n + loads)
     for j in range(forces.shape[0]):
         for k in range(moments):
@@ -113,7 +95,6 @@ def step(
                     scratch[0, i] += factor * coefficients[column_start + i]
                     scratch[1, i] += factor * coefficients[column_start + n + i]
             column_start += 2 * n
-    # Store the new state, and move the (linear) laws to the new drifts.
     u_below = 0.0
     for i in range(n):
         u = scratch[0, i]
@@ -136,21 +117,13 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     """Return the exact step of oscillators u'' + 2 xi omega u' + omega^2 u = p, with a load p that
     is linear within the step.
 
-    omega is the circular frequency, xi the damping ratio and h the time step. With the time divided
-    by h, the step has the length 1 and the circular frequency is w = omega h; velocities are
-    multiplied by h and loads by h^2. At the end of this step,
+    With the time divided by h, the step has the length 1 and the circular frequency is w = omega h;
+    velocities are multiplied by h and loads by h^2. At the end of this step,
 
         g        is the displacement after a unit initial velocity (impulse response)
         i1, i2   are the first and second integral of the impulse response over the step
         a11      is the displacement after a unit initial displacement: a11 = 1 - w^2 i1
         a22      is the velocity after a unit initial velocity: a22 = a11 - 2 xi w g
-
-    `_assemble_step` computes the matrices from these values.
-
-    Parameters
-    ----------
-    omega_h, damping : ndarray, shape (k,)
-        omega h (not negative) and damping ratio xi (not negative).
 
     Returns
     -------
@@ -165,9 +138,9 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     use_series = np.maximum(omega_h, 2.0 * damping * omega_h) < _SERIES_BELOW
     use_closed_form = ~use_series & (damping < 1.0)
     if use_series.any():
-        # Taylor series of the impulse response and its first two integrals; exact at omega = 0.
-        # The impulse response is the sum of terms[n] t^(n + 1) / (n + 1)!, with t = 1 at the end of
-        # the step. Its k-th integral has the factors 1 / (n + 1 + k)! instead.
+        # Taylor series of the impulse response and its first two integrals; exact at omega = 0. The
+        # impulse response is the sum of terms[n] t^(n + 1) / (n + 1)!, with t = 1 at the end of the
+        # step. Its k-th integral has the factors 1 / (n + 1 + k)! instead.
         w, xi = omega_h[use_series], damping[use_series]
         count = _SERIES_TERMS[0] + math.ceil(_SERIES_TERMS[1] * np.max(np.maximum(w, 2.0 * xi * w)))
         terms = np.empty((count, *w.shape))
@@ -179,18 +152,16 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
         a11 = 1.0 - w * w * i1
         result[use_series] = _assemble_step(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
     if use_closed_form.any():
-        # Underdamped oscillators have a closed form.
         w, xi = omega_h[use_closed_form], damping[use_closed_form]
-        # `damped` is the damped circular frequency times h.
+        # Damped circular frequency times h
         damped, decay = w * np.sqrt((1.0 - xi) * (1.0 + xi)), np.exp(-xi * w)
-        # c is the decaying cosine, g the impulse response; i1 and i2 are its first and second
-        # integral.
+        # c is the decaying cosine.
         c, g = decay * np.cos(damped), decay * np.sin(damped) / damped
         a11 = c + xi * w * g
         i1 = (1.0 - a11) / w**2
         i2 = (1.0 - g - 2.0 * xi * w * i1) / w**2
         result[use_closed_form] = _assemble_step(w, g, i1, i2, a11, c - xi * w * g)
-    # Overdamped oscillators with a large omega h are rare and computed one by one.
+    # Overdamped oscillators with a large omega h are rare.
     for index in np.argwhere(~use_series & ~use_closed_form):
         w, xi = omega_h[tuple(index)], damping[tuple(index)]
         result[tuple(index)] = _van_loan(np.array([[w * w]]), np.array([[2.0 * xi * w]]), np.eye(1))
@@ -198,51 +169,30 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
 
 
 def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> Array:
-    """Assemble the matrices of `oscillator` for a step of unit length.
+    """Assemble the matrices of `oscillator`, shape (k, 2, 4), for a step of unit length.
 
-    An oscillator u'' + 2 xi w u' + w^2 u = p has the impulse response g. With its first and second
-    integral i1, i2 over the step, a load that is linear from p0 to p1 causes at the end the
-    displacement (i1 - i2) p0 + i2 p1 and the velocity (g - i1) p0 + i1 p1. A unit initial
-    displacement causes the displacement a11 and the velocity -w^2 g, a unit initial velocity the
-    displacement g and the velocity a22. Row 0 of a matrix is the displacement and row 1 the
-    velocity at the end; the columns are u0, v0, p0 and p1.
-
-    `w` is the circular frequency times the time step h, because the time is divided by h. `g`, `i1`
-    and `i2` are the displacement at the end of the step after a unit initial velocity (impulse
-    response), and its first and second integral over the step. `a11` and `a22` are the displacement
-    at the end after a unit initial displacement, and velocity at the end after a unit initial
-    velocity.
-
-    Returns
-    -------
-    ndarray, shape (k, 2, 4)
-        One matrix for each oscillator.
+    A load that is linear from p0 to p1 causes at the end the displacement (i1 - i2) p0 + i2 p1 and
+    the velocity (g - i1) p0 + i1 p1. A unit initial displacement causes the displacement a11 and
+    the velocity -w^2 g, a unit initial velocity the displacement g and the velocity a22.
     """
     coefficient_rows = np.array([[a11, g, i1 - i2, i2], [-w * w * g, a22, g - i1, i1]])
     return np.moveaxis(coefficient_rows, (0, 1), (-2, -1))
 
 
 def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
-    """Return the exact step of u'' + c u' + k u = P p(t) over unit time, by Van Loan (1978).
+    """Return the exact step of u'' + c u' + k u = P p(t) over unit time, by Van Loan (1978): the
+    matrix that maps (u0, v0, p0, p1) to (u1, v1).
 
-    The load p = p0 + (p1 - p0) t is linear over the step. The load p and its increase d = p1 - p0
-    are additional state variables of the first-order system
+    The load p = p0 + (p1 - p0) t and its increase d = p1 - p0 are additional state variables of the
+    first-order system
 
         u' = v,   v' = -k u - c v + P p,   p' = d,   d' = 0
 
-    The matrix exponential of the matrix of this system maps (u0, v0, p0, d) to the values at the
-    end of the step.
-
     `patterns` is the distribution P of each load over the floors, divided by the masses.
-
-    Returns
-    -------
-    ndarray, shape (2 n, 2 n + 2 loads)
-        Matrix that maps (u0, v0, p0, p1) to (u1, v1).
     """
     from scipy.linalg import expm
 
-    # The rows and columns of the block matrix are u (n floors), v (n floors), p and d (loads each).
+    # u (n floors), v (n floors), p and d (loads each)
     n, loads = patterns.shape
     block = np.zeros((2 * n + 2 * loads, 2 * n + 2 * loads))
     block[:n, n : 2 * n] = np.eye(n)
@@ -250,8 +200,8 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     block[n : 2 * n, n : 2 * n] = -c
     block[n : 2 * n, 2 * n : 2 * n + loads] = patterns
     block[2 * n : 2 * n + loads, 2 * n + loads :] = np.eye(loads)
-    # With the columns P0 and D of the exponential for p0 and d, the response to the load is
-    # P0 p0 + D (p1 - p0) = (P0 - D) p0 + D p1.
+    # With the columns P0 and D of the exponential for p0 and d, the response to the load is P0 p0 +
+    # D (p1 - p0) = (P0 - D) p0 + D p1.
     exponential = expm(block)[: 2 * n]
     by_increase = exponential[:, 2 * n + loads :]
     return np.hstack(
@@ -260,42 +210,29 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
 
 
 def prepare(building: Building, forces: Array, h: float) -> Array:
-    """Return the matrix of one step of a linear building, for the coefficients of `step`.
+    """Return the matrix of one step of a linear building, column by column, for the coefficients of
+    `step`.
 
-    The equation of motion is M u'' + C u' + K u = -M ag + forces on floors, with the ground
-    acceleration ag and forces that are linear within the step. If the damping is classical (the
-    modes are not coupled by C), the steps of the modes are superposed (`oscillator`). Otherwise
-    `_van_loan` computes the matrix.
-
-    Parameters
-    ----------
-    building : Building
-        Building with n floors.
-
-    Returns
-    -------
-    ndarray, shape (2 n (2 n + 2 loads),)
-        Matrix that maps (u0, v0, loads at the start, loads at the end) to (u1, v1), column by
-        column. u are displacements and v velocities of the floors, at the start (0) and end (1).
+    If the damping is classical (the modes are not coupled by C), the steps of the modes are
+    superposed (`oscillator`). Otherwise `_van_loan` computes the matrix.
     """
     n = building.stories
     patterns = np.zeros((n, 1 + len(forces)))
-    # `patterns` is the acceleration of each floor per unit of each load.
-    patterns[:, 0] = -1.0  # the ground acceleration acts on each floor with -M ag
+    # Acceleration of each floor per unit of each load
+    patterns[:, 0] = -1.0  # -M ag
     for j, floor in enumerate(forces[:, rows.FLOOR].astype(int)):
         patterns[floor, 1 + j] = 1.0 / building.mass[floor]
     modes = building.modes()
-    # Damping ratios of the modes, or None if the damping is not classical
+    # None if the damping is not classical
     classical = modes.damping_ratios(building.damping_matrix())
     if classical is None:
         k, c = building.stiffness_matrix(), building.damping_matrix()
         per_mass = 1.0 / building.mass[:, None]
         matrix = _van_loan(h * h * per_mass * k, h * per_mass * c, patterns)
     else:
-        # Superpose the steps of the modes. The columns of `shapes` are mass-normalized mode shapes;
-        # their transpose times the mass is the projection on the modes. The matrix has 2 x 4
-        # blocks, with the rows u1, v1 and the columns u0, v0, p0, p1. Each block is
-        # shapes * (steps of the modes) * projection.
+        # The columns of `shapes` are mass-normalized mode shapes; their transpose times the mass is
+        # the projection on the modes. The matrix has 2 x 4 blocks, with the rows u1, v1 and the
+        # columns u0, v0, p0, p1.
         steps, shapes = oscillator(modes.omega * h, classical), modes.shapes
         modal_projection = shapes.T * building.mass
         modal_load = modal_projection @ patterns
@@ -307,11 +244,11 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
         matrix = np.block(blocks)
     loads = patterns.shape[1]
     # Both branches compute with the time divided by h: the matrix maps (u0, h v0, h^2 p0, h^2 p1)
-    # to (u1, h v1). Convert its rows and columns to v and p.
+    # to (u1, h v1).
     matrix[n:] /= h
     matrix[:, n : 2 * n] *= h
     matrix[:, 2 * n : 2 * n + 2 * loads] *= h * h
-    # The transpose, row by row, is the matrix column by column, as `step` reads it.
+    # The transpose, row by row, is the matrix column by column.
     columns = [matrix.T]
     if forces[:, rows.POINTS].any():
         columns += _moment_columns(building, patterns[:, 1:], h)
@@ -329,17 +266,11 @@ def moments(building: Building, h: float) -> int:
 
 
 def _moment_columns(building: Building, patterns: Array, h: float) -> list[Array]:
-    """Return the responses at the end of a step to Legendre polynomials of degree 2 and above.
+    """Return the responses at the end of a step to Legendre polynomials of degree 2 and above: for
+    each force the displacements (m) and velocities (m/s) per N, shape (moments, 2 n).
 
     With x from -1 to 1 over the step, the response to the load P_k(x) is the integral of the
     impulse response g(h (1 - x) / 2) times P_k(x) h / 2.
-
-    `patterns` is the acceleration of each floor per unit of each force, 1/kg.
-
-    Returns
-    -------
-    list of ndarray, shape (moments, 2 n)
-        For each force, the displacements (m) and velocities (m/s) per N.
     """
     count = moments(building, h)
     nodes, weights = np.polynomial.legendre.leggauss(count + 24)
@@ -348,7 +279,7 @@ def _moment_columns(building: Building, patterns: Array, h: float) -> list[Array
     modes = building.modes()
     classical = modes.damping_ratios(c)
     per_mass = 1.0 / building.mass[:, None]
-    responses = []  # (displacements and velocities after a unit force impulse) at each node
+    responses = []  # Displacements and velocities after a unit force impulse at each node
     for node in nodes:
         time = 0.5 * h * (1.0 - node)
         if classical is None:
@@ -359,7 +290,7 @@ def _moment_columns(building: Building, patterns: Array, h: float) -> list[Array
             steps = oscillator(modes.omega * time, classical)
             modal = (modes.shapes.T * building.mass) @ patterns
             after = np.vstack([modes.shapes @ (steps[:, row, 1, None] * modal) for row in range(2)])
-        # `after` is displacement / time, and velocity, per unit initial velocity.
+        # Displacement / time, and velocity
         after[: building.stories] *= time
         responses.append(after)
     weighted = (0.5 * h * weights)[:, None] * polynomials

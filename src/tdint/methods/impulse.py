@@ -87,8 +87,8 @@ from tdint.methods.method import Family, Method, Parameter
 # Index of the parameter beta in the coefficients of the step
 BETA = 0
 
-# Weights in the kinematic equation (eqs. 11, 12 of the publication),
-# u1 - u0 = h _THETA (v0 + v1) + h^2 _BY_A (a0 - a1)
+# Weights in the kinematic equation (eqs. 11, 12), u1 - u0 = h _THETA (v0 + v1) + h^2 _BY_A (a0 -
+# a1)
 _THETA = 0.5
 _BY_A = 1.0 / 12.0
 
@@ -123,60 +123,21 @@ def step(
 ):
     """Integrate the equations of motion over one time step of the published method.
 
-    With displacement u0, velocity v0 and acceleration a0 at the start and u1, v1, a1 at the end of
-    the step of length h, the equations are
-
-        kinematics   M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
-        momentum     M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
-        equilibrium  M a1 + C v1 + f(u1) = p1
-
-    with the mass and damping matrices M and C, the restoring forces f (f0 at the start), the
-    impulse I of the load, the load p1 at the end, and the tangent stiffness k_T at the end of the
-    step. q is an approximation of the integral of the displacement over the step,
-
-        q = h (72 beta u0 + (1 - 72 beta) u1 + h ((48 beta - 1/4) v0 + (24 beta - 1/4) v1)
-            + h^2 (12 beta - 1/12) a0)
-
-    The parameter beta occurs only in q. In the publication of 2022 (module docstring), eqs. 11 and
-    12 are kinematics, eq. 13 (for nonlinear laws, eq. 46) is momentum, and eq. 14 is q.
-
     Newton's method solves kinematics and momentum for u1 - u0 and v1 - v0 of each floor; a1 follows
     from equilibrium. The derivative of k_T is omitted from the matrix.
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
-        the ground; updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-    step_status : ndarray
-        FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
-
-    Returns
-    -------
-    int
-        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
-        then unchanged. NOT_FINITE if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
     _store_load(linear_terms, forces, h, load, scratch)
-    # The first guess is zero in a linear building, otherwise the motion with constant acceleration.
+    # The guess is zero in a linear building.
     store_first_guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)
     iterations = 0
-    # True if the last correction has been applied. The final pass of the loop then computes the
-    # forces and the acceleration that belong to the corrected increments.
+    # The final pass of the loop computes forces and acceleration of the corrected increments.
     is_last = False
     while True:
-        # Compute the story forces and their impulses (terms with f0, k_T and q).
         is_stale = _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory)
-        # Compute the residuals of kinematics and momentum, and the acceleration at the end from
-        # equilibrium. _BY_A is the weight of both a0 and a1.
+        # _BY_A is the weight of both a0 and a1.
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
         is_balanced = has_converged(
             iterations == MAX_ITERATIONS,
@@ -195,11 +156,10 @@ def step(
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, factors)
             step_status[rows.FACTORED_STEP] = h
-        # No further correction follows in three cases. `correct` returns True: the correction is of
-        # the order of rounding errors. The residuals were already within RESIDUAL_TOLERANCE: this
-        # correction satisfies the published equations up to rounding. The building is linear: a
-        # single correction is exact. In each case, the residuals of the final pass consist of
-        # rounding errors. They are therefore not tested again.
+        # No further correction follows if the correction is of the order of rounding errors, if the
+        # residuals were already within RESIDUAL_TOLERANCE (this correction satisfies the published
+        # equations up to rounding), or if the building is linear. The residuals of the final pass
+        # then consist of rounding errors and are not tested again.
         is_last = correct(_BY_A, modal, h, factors, n) or is_balanced or flags[rows.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
@@ -207,17 +167,13 @@ def step(
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
-    # The loop ends only after a correction: `iterations` is at least 1 even without `max`.
     return max(iterations, 1) if finite(state, n) else rows.NOT_FINITE
 
 
 @inline
 def _store_load(linear_terms, forces, h, load, scratch):
-    """Store the load at the end of the step, and the impulse of the load over the step.
-
-    The load of a floor with the mass m is p = -m ag + forces on the floor, with the ground
-    acceleration ag. The impulse follows from the trapezoidal rule (eq. 13 of the publication of
-    2022), I = h (p0 + p1) / 2 with the loads p0 and p1 at the start and at the end of the step.
+    """Store the load at the end of the step, and the impulse of the load by the trapezoidal rule
+    (eq. 13).
     """
     # Row IMPULSE first receives the load p0.
     floor_load(
@@ -234,43 +190,15 @@ def _store_load(linear_terms, forces, h, load, scratch):
 
 @inline
 def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
-    """Compute the story forces at the end of the step and their impulses over the step.
+    """Compute the story forces at the end of the step and their impulses over the step; return True
+    if the factorization must be computed again.
 
-    Equation numbers are those of the publication of 2022. With displacement, velocity and
-    acceleration u0, v0, a0 of a floor at the start of the step of length h, u1 and v1 at its end,
-    and the parameter beta, the integral of u - u0 over the step is
+    The impulse of a story (eq. 46) is h f0 + k_T (q of the floor above - q of the floor below),
+    where q is the integral of u - u0 (eq. 14 without the term u0 h). P-delta and the story damper
+    are added.
 
-        q = h ((1 - 72 beta) (u1 - u0) + h ((48 beta - 1/4) v0 + (24 beta - 1/4) v1)
-            + h^2 (12 beta - 1/12) a0)
-
-    This is eq. 14 without the term u0 h: the publication uses the symbol q for the integral of u.
-    The impulse of the force of a story (eq. 46) is
-
-        h f0 + k_T (q of the floor above - q of the floor below)
-
-    with the story force f0 at the start and the tangent stiffness k_T at the end of the step. The
-    terms of P-delta and of the story damper are added to the force and to the impulse.
-
-    Parameters
-    ----------
-    memory : Memory
-        State at the start of the step; law states (block FIRST_TRIAL is set). Rows DU (m) and DV
-        (m/s) of the scratch array contain the increments u1 - u0 and v1 - v0. The function sets the
-        following rows of the scratch array.
-
-            U1, V1     displacement (m) and velocity (m/s) of the floor at the end
-            FORCE_1    force of the story at the end, N
-            FORCE_S    impulse of the story, N s
-            SIZE       force that corresponds to the rounding errors of the displacements, divided
-                       by RESIDUAL_TOLERANCE, N
-            TANGENT    tangent stiffness k_T of the law, N/m
-
-    Returns
-    -------
-    bool
-        True if the factorization must be computed again: the time step differs, or the difference
-        of a tangent from its value in the factorization exceeds TANGENT_TOLERANCE times the initial
-        stiffness of the story.
+    Row SIZE receives the force that corresponds to the rounding errors of the displacements,
+    divided by RESIDUAL_TOLERANCE.
     """
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
@@ -284,14 +212,14 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         du = scratch[momentum.DU, i]
         u = state[rows.DISPLACEMENT, i] + du
         v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
-        q = h * (  # integral of u - u0, eq. 14 without the term u0 h
+        q = h * (  # eq. 14 without the term u0 h
             (1.0 - 72.0 * beta) * du
             + h * ((48.0 * beta - 0.25) * state[rows.VELOCITY, i] + (24.0 * beta - 0.25) * v)
             + h * h * (12.0 * beta - 1.0 / 12.0) * state[rows.ACCELERATION, i]
         )
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        link = linear_terms[rows.LINK, i]
         drift = u - link * u_below
         rate = v - link * v_below
         drift_change = du - link * du_below
@@ -300,14 +228,11 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         v_below = v
         du_below = du
         q_below = q
-        # The law is evaluated at the drift at the end of the step, for equilibrium at this time.
-        # Its tangent k_T approximates the integral of the force over the step (eq. 46).
+        # The tangent at the end of the step approximates the integral of the force (eq. 46).
         tangent = restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
         scratch[_ROW.TANGENT, i] = tangent
-        # A drift is a difference of displacements. Their rounding errors, as a force, are ROUNDING
-        # times stiffness times displacements. This force is divided by the tolerance, because the
-        # convergence test multiplies row SIZE by the tolerance. u - drift is the displacement of
-        # the floor below, or 0 on the ground.
+        # The rounding errors of the displacements appear in the drift. u - drift is the
+        # displacement of the floor below.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(u - drift))
         is_stale = (
@@ -332,74 +257,52 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
 def _factor(coefficients, linear_terms, modal, h, factors):
     """Assemble and factorize the matrix of Newton's method for the current tangents.
 
-    With displacement u0, velocity v0 and acceleration a0 at the start and u1, v1, a1 at the end of
-    the step of length h, the equations are kinematics and momentum (eqs. 11 to 14 of the
-    publication of 2022):
-
-        M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
-        M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
-
-    with the mass and damping matrices M and C, the restoring forces f0 at the start, the tangent
-    stiffness k_T at the end, the integral q of the displacement over the step, and the impulse I of
-    the load. The factors 1/2 and 1/12 of the kinematic equation are _THETA and _BY_A. The unknowns
-    are u1 - u0 and v1 - v0 of each floor. Equilibrium with the load p1 at the end eliminates a1:
-    M a1 = p1 - C v1 - f(u1). The matrix contains these derivatives of two terms (eq. 14 for q):
+    The unknowns are u1 - u0 and v1 - v0. Equilibrium eliminates a1. The matrix contains these
+    derivatives of two terms (eq. 14 for q):
 
         term           with respect to u1    with respect to v1
         h^2/12 M a1    -h^2/12 k_T           -h^2/12 C
         q              h (1 - 72 beta)       h^2 (24 beta - 1/4)
 
-    The derivative of k_T is omitted.
-
-    `factors` contains the scratch array and the rows of the factorization. Row TANGENT of the
-    scratch array contains k_T without P-delta for each story, N/m.
+    The derivative of k_T is omitted. Row TANGENT contains k_T without P-delta.
     """
     scratch = factors.table
     n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
     by_a = _BY_A * h * h
     for i in range(n):
-        # Later iterations compare their tangents with row FACTORED. The factorization is reused
-        # while the differences are small.
+        # Later iterations compare their tangents with row FACTORED.
         scratch[_ROW.FACTORED, i] = scratch[_ROW.TANGENT, i]
         tangent = scratch[_ROW.TANGENT, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
-        # The four rows COUPLING are the 2 x 2 block of a story, row by row. First row: derivatives
-        # of the kinematic equation with respect to u1 and v1, from the term h^2/12 M a1.
+        # 2 x 2 block of a story: derivatives of the kinematic equation, from the term h^2/12 M a1
         scratch[_ROW.COUPLING, i] = -by_a * tangent
         scratch[_ROW.COUPLING + 1, i] = -by_a * damper
-        # Second row: derivatives of the momentum equation with respect to u1 and v1, from
-        # C (u1 - u0) and from k_T times the derivatives of q.
+        # Derivatives of the momentum equation, from C (u1 - u0) and from k_T times the derivatives
+        # of q
         scratch[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         scratch[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)
-    # Modal damping C contributes -h^2/12 C to the derivative of the kinematic equation with respect
-    # to v1, and C to the derivative of the momentum equation with respect to u1. The four numbers
-    # are the factors of C: kinematic equation by u1 and v1, momentum equation by u1 and v1.
+    # The four numbers are the factors of C: kinematic equation by u1 and v1, momentum equation by
+    # u1 and v1.
     factor_blocks(factors, ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
 
 
 def _limit(beta: float) -> float:
     """Return the omega h from which an undamped oscillator is unstable; inf for beta = 1/144.
 
-    omega is the circular frequency, h the time step and beta the parameter of the method. The
-    amplification matrix has the determinant 1, and the method is unstable if its trace is less than
-    -2. With W = omega h, trace + 2 has the sign of the product (W^2 - 12) (12 beta W^2 - 1) from
-    W = 0 until the product becomes negative. The product is positive at W = 0, and becomes negative
-    at its smallest root:
-
-        beta > 0        the smaller of W = sqrt(12) and W = 1 / sqrt(12 beta)
-        beta <= 0       W = sqrt(12), because the second factor is negative for any W
-        beta = 1/144    (PUBLISHED) never, because both roots are equal
+    The amplification matrix has the determinant 1, and the method is unstable if its trace is less
+    than -2. With W = omega h, trace + 2 has the sign of the product (W^2 - 12) (12 beta W^2 - 1)
+    from W = 0 until the product becomes negative, at its smallest root. For beta <= 0 the second
+    factor is negative for any W; for beta = 1/144 (PUBLISHED) both roots are equal.
     """
     if beta == PUBLISHED:
         return math.inf
-    # Roots W^2 of the product
     roots = [12.0] if beta <= 0.0 else [12.0, 1.0 / (12.0 * beta)]
     return math.sqrt(min(roots))
 
 
-PUBLISHED = 1.0 / 144.0  # beta of the paper, the only value without an unstable band (`_limit`)
+PUBLISHED = 1.0 / 144.0  # the only value without an unstable band (`_limit`)
 
 FAMILY = Family(
     "impulse",

@@ -88,41 +88,13 @@ def step(
     scratch,
     step_status,
 ):
-    """Integrate the equations of motion over one time step of KR-alpha or CR.
+    """Integrate the equations of motion over one time step of KR-alpha or CR; the result is 1
+    iteration.
 
-    The equations of a step of length h are
-
-        u1 = u0 + h v0 + h^2/2 q0,   v1 = v0 + h ((1 - gamma) q0 + gamma q1)
-        (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0
-        r = p - C v - f(u) - beta h^2 K0 q
-
-    with displacement u, velocity v and the variable q of the method at the start (0) and at the end
-    (1). q replaces the acceleration and has its unit. M and C are the mass and damping matrices, p
-    the loads, f the restoring forces and K0 the initial stiffness matrix.
-
-    The displacements u1 follow from the start of the step. The change q1 - q0 follows from a linear
-    system with the matrix (1 - alpha_m) M + (1 - alpha_f) (gamma h C + beta h^2 K0). Its right side
-    is the residual for q1 = q0. Loads, forces and velocities in this residual are weighted means
-    of start and end with the weights alpha_f and 1 - alpha_f: values at the weighted point.
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground, and q in row
-        ACCELERATION (m/s^2); updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-    step_status : ndarray
-        STEPS_DONE is used, FACTORED_STEP is updated.
-
-    Returns
-    -------
-    int
-        1, because the step has no iteration, or NOT_FINITE (negative) if the new state is not
-        finite. Steps with an iteration return the number of iterations.
+    The change q1 - q0 follows from a linear system with the matrix (1 - alpha_m) M + (1 - alpha_f)
+    (gamma h C + beta h^2 K0). Its right side is the residual for q1 = q0. Loads, forces and
+    velocities in this residual are weighted means of start and end with the weights alpha_f and 1 -
+    alpha_f: values at the weighted point. Row ACCELERATION of the state contains q.
     """
     n = linear_terms.shape[1] - 1
     memory = Memory(state, law_state, scratch, step_status)
@@ -139,10 +111,6 @@ def step(
             linear_terms, modal, law_parameters, rows.STIFFNESS, combination, factors, n
         )
         step_status[rows.FACTORED_STEP] = h
-    # Compute the right side of the linear system in row X. `_advance_displacements` sets row SUM
-    # (story forces, with the term beta h^2 K0 q and the story dampers) and row V (velocity at the
-    # weighted point), and moves displacements and laws to the end of the step. LINK is 0 if the
-    # story above is on the ground, and in the additional last column.
     _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n)
     _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory)
     for i in range(n):
@@ -157,7 +125,7 @@ def step(
         )
     add_modal_force(modal, scratch, _ROW.V, -1.0, scratch, _ROW.X, n)
     solve_damped(factors, modal, _ROW.X, n)
-    # Row X now contains q1 - q0. The new velocity is v1 = v0 + h q0 + gamma h (q1 - q0).
+    # Row X now contains q1 - q0.
     for i in range(n):
         q = state[rows.ACCELERATION, i]
         state[rows.VELOCITY, i] += h * q + by_c * scratch[_ROW.X, i]
@@ -167,18 +135,10 @@ def step(
 
 @inline
 def _initialize_q(linear_terms, law_parameters, by_k, state, factors, n):
-    """Replace the initial acceleration a0 in the state by q0, from (M + beta h^2 K0) q0 = M a0.
+    """Replace the initial acceleration a0 in the state by q0, from (M + beta h^2 K0) q0 = M a0
+    (`by_k` is beta h^2).
 
-    q is the variable that replaces the acceleration in the method KR-alpha. At the start of a run,
-    q0 and the acceleration a0 from equilibrium satisfy
-
-        M q0 = p - C v - f(u) - beta h^2 K0 q0,   M a0 = p - C v - f(u)
-
-    with the mass and damping matrices M and C, the initial stiffness matrix K0, the loads p and the
-    restoring forces f. The equation for q0 is the difference of these equations.
-
-    `by_k` is the beta h^2, s^2. `factors` contains the scratch array and the rows of the
-    factorization, which is overwritten.
+    This is the difference of M q0 = r0 and of equilibrium. The factorization is overwritten.
     """
     scratch = factors.table
     assemble_combination(
@@ -195,13 +155,7 @@ def _initialize_q(linear_terms, law_parameters, by_k, state, factors, n):
 @inline
 def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
     """Store the load at the weighted point of the step in row LOAD, N: (1 - alpha_f) p1 + alpha_f
-    p0.
-
-    p0 and p1 are the loads at the start and at the end of the step. If the weight 1 - alpha_f is 1,
-    p0 is not computed.
-
-    `end_weight` is the weight 1 - alpha_f of the load at the end of the step. `scratch`: row LOAD
-    is set; row LOAD_0 receives p0 if it is needed.
+    p0, with `end_weight` = 1 - alpha_f.
     """
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     if end_weight != 1.0:
@@ -214,40 +168,18 @@ def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
 
 @inline
 def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory):
-    """Move displacements and hysteretic laws to the end of the step.
+    """Move displacements and laws to the end of the step, and compute two parts of the residual for
+    q1 = q0: velocities at the weighted point and story forces.
 
-    The variable q of the method replaces the acceleration (row ACCELERATION of the state). The
-    displacement at the end of the step of length h, u1 = u0 + h v0 + h^2/2 q0, depends only on
-    displacement u0, velocity v0 and q0 at the start.
+    With q1 = q0, the velocity at the end is v1 = v0 + h q0, and the weighted mean of beta h^2 K0 q
+    is beta h^2 K0 q0. `step` adds the load, the inertia, and the forces of floor dampers and modal
+    damping.
 
-    The equation of motion of the method, with the mass, damping and initial stiffness matrices M, C
-    and K0, the restoring forces f and the loads p, is
+        row V, for each floor      v = (1 - alpha_f) v1 + alpha_f v0 = v0 + (1 - alpha_f) h q0
+        row SUM, for each story    (1 - alpha_f) f1 + alpha_f f0 + beta h^2 k0 dq + c dv
 
-        (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0
-        r = p - C v - f(u) - beta h^2 K0 q
-
-    `step` solves this equation for q1 - q0 and needs its residual for q1 = q0. With q1 = q0, the
-    velocity at the end is v1 = v0 + h q0, and the weighted mean of beta h^2 K0 q is beta h^2 K0 q0.
-    The function computes two parts of the residual, the velocities at the weighted point and the
-    story forces. `step` adds the load, the inertia, and the forces of floor dampers and modal
-    damping. The following rows are set:
-
-        row V, for each floor     v = (1 - alpha_f) v1 + alpha_f v0 = v0 + (1 - alpha_f) h q0
-        row SUM, for each story   (1 - alpha_f) f1 + alpha_f f0 + beta h^2 k0 dq + c dv
-
-    f0 and f1 are the forces of the story (restoring force and P-delta) at the start and at the end,
-    k0 its initial stiffness including P-delta and c its damper. dq and dv are the differences of q0
-    and v between the floors above and below the story.
-
-    `end_weight` is the weight 1 - alpha_f of the forces at the end of the step. `by_k` is the
-    factor beta h^2 of the initial stiffness, s^2.
-
-    Parameters
-    ----------
-    memory : Memory
-        State, law states and scratch array. Row DISPLACEMENT of the state and the law states are
-        moved to the end of the step; the other rows of the state are not changed. Rows V (m/s) and
-        SUM (N) of the scratch array are set.
+    f0, f1 and k0 include P-delta; dq and dv are the differences of q0 and v between the floors
+    above and below the story.
     """
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
@@ -258,7 +190,7 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
         q = state[rows.ACCELERATION, i]
         u = state[rows.DISPLACEMENT, i] + h * state[rows.VELOCITY, i] + 0.5 * h * h * q
         v = state[rows.VELOCITY, i] + end_weight * h * q
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        link = linear_terms[rows.LINK, i]
         geometric = linear_terms[rows.GEOMETRIC, i]
         force_0 = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
         restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, u - link * u_below)
@@ -292,11 +224,10 @@ def chang_step(
     scratch,
     step_status,
 ):
-    """Integrate the equations of motion over one time step of the method of Chang (2002).
+    """Integrate the equations of motion over one time step of the method of Chang (2002); the
+    result is 1 iteration.
 
-    The displacement u1 at the end of the step of length h depends only on displacement u0, velocity
-    v0 and acceleration a0 at the start. With the mass, damping and initial stiffness matrices M, C
-    and K0,
+    The displacement at the end depends only on the start of the step:
 
         u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0),   D = M + h/2 C + h^2/4 K0
 
@@ -305,44 +236,20 @@ def chang_step(
 
         (M + h/2 C) a1 = p1 - C (v0 + h/2 a0) - f(u1),   v1 = v0 + h/2 (a0 + a1)
 
-    with the load p1 at the end and the forces f(u1) of the stories. K0 and f(u1) include P-delta
-    (the geometric stiffnesses).
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces : ndarray
-        Building (linear terms, modal damping, parameters of the laws) and forces on floors; not
-        changed.
-    state : ndarray
-        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
-        the ground; updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-    step_status : ndarray
-        FACTORED_STEP is updated.
-
-    Returns
-    -------
-    int
-        1, because the step has no iteration, or NOT_FINITE (negative) if the new state is not
-        finite. Steps with an iteration return the number of iterations.
+    K0 and f(u1) include P-delta.
     """
     n = linear_terms.shape[1] - 1
     half_h = 0.5 * h
     displacement_factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
-    # For modal damping, each factorization needs two rows per damped mode and a temporary row. The
-    # rows of the first factorization start at _STORE, the rows of the second after them.
+    # For modal damping, each factorization needs two rows per damped mode and a temporary row.
     acceleration_factors = Factors(
         scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1
     )
-    # Factorize D and M + h/2 C. Both factorizations remain valid as long as h is the same.
+    # Both factorizations remain valid as long as h is the same.
     if step_status[rows.FACTORED_STEP] != h:
         factorizations = displacement_factors, acceleration_factors
         _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n)
         step_status[rows.FACTORED_STEP] = h
-    # Solve for the displacement at the end of the step, and commit the laws at the new drifts. The
-    # drift of story `i` is u - LINK u_below: LINK is 1 for a story on the floor below and 0 for a
-    # story on the ground. Block 0 of `law_state` is the committed state (rows.COMMITTED).
     _displacement_right_side(linear_terms, law_parameters, half_h, state, scratch, n)
     solve_damped(displacement_factors, modal, _ROW.X, n)
     u_below = 0.0
@@ -361,8 +268,7 @@ def chang_step(
         u_below = u
         state[rows.DISPLACEMENT, i] = u
         scratch[_ROW.V, i] = v + half_h * state[rows.ACCELERATION, i]
-    # Solve for the acceleration a1 at the end, from equilibrium with the predicted velocity. Row X
-    # first receives the internal forces, then the right side, then a1.
+    # Row X first receives the internal forces, then the right side, then a1.
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     internal_forces(linear_terms, modal, law_state, 0, scratch, _ROW.V, _ROW.X, _ROW.SUM)
     for i in range(n):
@@ -378,11 +284,7 @@ def chang_step(
 def _displacement_right_side(linear_terms, law_parameters, half_h, state, scratch, n):
     """Store the right side M a0 - h/2 K0 v0 of Chang's equation for the displacement in row X, N.
 
-    a0 and v0 are acceleration and velocity at the start of the step. K0 contains the initial
-    stiffnesses of the stories and P-delta. The forces h/2 k0 (drift rate) of the stories, with the
-    stiffness k0 of a story, are stored in row SUM.
-
-    `half_h` is the half of the time step, s.
+    The forces h/2 k0 (drift rate) of the stories are stored in row SUM.
     """
     v_below = 0.0
     for i in range(n):
@@ -393,9 +295,7 @@ def _displacement_right_side(linear_terms, law_parameters, half_h, state, scratc
             * (v - linear_terms[rows.LINK, i] * v_below)
         )
         v_below = v
-    # The force on a floor is the force of the story below minus the force of the story above. LINK
-    # is 0 if the story above is on the ground, and in the additional last column. The last column
-    # of row SUM always contains 0.
+    # The last column of row SUM always contains 0.
     for i in range(n):
         floor_force = (
             scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
@@ -405,13 +305,7 @@ def _displacement_right_side(linear_terms, law_parameters, half_h, state, scratc
 
 @inline
 def _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n):
-    """Factorize the two matrices of Chang's method, D = M + h/2 C + h^2/4 K0 and M + h/2 C.
-
-    M, C and K0 are the mass, damping and initial stiffness matrices.
-
-    `half_h` is the half of the time step, s. `factorizations` contains the rows of both
-    factorizations, which are overwritten.
-    """
+    """Factorize the two matrices of Chang's method, D = M + h/2 C + h^2/4 K0 and M + h/2 C."""
     displacement_factors, acceleration_factors = factorizations
     factor_combination(
         linear_terms,

@@ -77,58 +77,24 @@ def step(
 ):
     """Integrate the equations of motion over one time step of Houbolt's or Park's method.
 
-    Displacement, velocity and acceleration are u0, v0, a0 at the start and u1, v1, a1 at the end of
-    the step of length h. w1, w0, w_ are the mean velocities of this step, of the last step and of
-    the step before the last step, and b1, b0, b_ the mean accelerations of these steps. The
-    formulas are
-
-        w1 = (u1 - u0) / h,   b1 = (v1 - v0) / h
-        v1 = V . (w1, w0, w_),   a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
-        M a1 + C v1 + f(u1) = p1
-
-    with the mass and damping matrices M and C, the restoring forces f and the load p1 at the end.
-    V, W and B contain three weights of the method each; the dot is the sum of products. The first
-    START steps use average acceleration instead.
-
     `solve_equilibrium` computes an unknown x (m/s^2) for each floor. The response at the end is a
     first guess plus x times constants. With average acceleration, x is the change of the
     acceleration over the step. With the multi-step formulas, h x is the correction of the guessed
     mean velocity w1.
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Displacement u (m), velocity v (m/s) and acceleration a (m/s^2) of all floors; then the mean
-        velocities w0 and w_ (m/s) and the mean accelerations b0 and b_ (m/s^2). Updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-    step_status : ndarray
-        STEPS_DONE is used. FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is
-        no convergence.
-
-    Returns
-    -------
-    int
-        Number of linear solutions. NOT_CONVERGED (negative) if Newton's method does not converge;
-        the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
     weights = coefficients
-    # Store the first guess. by_w, by_v and by_a are the changes of mean velocity, velocity and
-    # acceleration per unit of the unknown x.
+    # by_w, by_v and by_a are the changes of mean velocity, velocity and acceleration per unit of x.
     if step_status[rows.STEPS_DONE] < START:
         by_w = 0.25 * h  # u1 changes by h^2 x / 4
         by_v = 0.5 * h
         by_a = 1.0
         _guess_average_acceleration(h, state, scratch, n)
     else:
-        # With the first weights V_1, W_1, B_1 of V, W and B, the changes for the unknown x are
-        # h x of w1, V_1 h x of v1, V_1 x of b1 and (W_1 + B_1 V_1) x of a1.
+        # With the first weights V_1, W_1, B_1 of V, W and B, x changes w1 by h x, v1 by V_1 h x, b1
+        # by V_1 x and a1 by (W_1 + B_1 V_1) x.
         by_w = h
         by_v = weights[V_BY_W] * h
         by_a = weights[A_BY_W] + weights[A_BY_B] * weights[V_BY_W]
@@ -144,7 +110,6 @@ def step(
     )
     if code < 0:
         return code
-    # Shift the means by one step, and store the response at the end.
     for i in range(n):
         state[OLDER_MEAN_VELOCITY, i] = state[MEAN_VELOCITY, i]
         state[OLDER_MEAN_ACCELERATION, i] = state[MEAN_ACCELERATION, i]
@@ -159,12 +124,7 @@ def step(
 
 @inline
 def _guess_average_acceleration(h, state, scratch, n):
-    """Store the first guess of a step with average acceleration: a constant acceleration a.
-
-    With displacement u, velocity v and acceleration a at the start of the step of length h, the
-    guess is w = v + h a / 2 for the mean velocity, u + h w for the displacement and v + h a for the
-    velocity at the end. The step then computes the change of the acceleration.
-    """
+    """Store the first guess of a step with average acceleration: a constant acceleration."""
     for i in range(n):
         v = state[rows.VELOCITY, i]
         a = state[rows.ACCELERATION, i]
@@ -176,20 +136,8 @@ def _guess_average_acceleration(h, state, scratch, n):
 
 @inline
 def _guess_multi_step(coefficients, h, state, scratch, n):
-    """Store the first guess of a multi-step method: the mean velocity w1 is extrapolated linearly.
-
-    w0 and w_ are the mean velocities, b0 and b_ the mean accelerations of the last step and of the
-    step before the last step. V, W and B contain three weights of the method each; the dot is
-    the sum of products. With displacement u0 and velocity v0 at the start of the step, the guess is
-
-        w1 = 2 w0 - w_,   u1 = u0 + h w1,   v1 = V . (w1, w0, w_),   b1 = (v1 - v0) / h
-        a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
-
-    Parameters
-    ----------
-    state : ndarray
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
-        step, and mean velocities (m/s) and mean accelerations (m/s^2) of the last two steps.
+    """Store the first guess of a multi-step method: the mean velocity is extrapolated linearly, w1
+    = 2 w0 - w_.
     """
     for i in range(n):
         w0 = state[MEAN_VELOCITY, i]
@@ -218,34 +166,23 @@ def _guess_multi_step(coefficients, h, state, scratch, n):
 
 
 def _family(*memory: int) -> Family:
-    """Return the family of the multi-step methods, with the independent rows of the state.
+    """Return the family of the multi-step methods, with the independent rows of the state
+    (`memory`).
 
-    The rows of the state are displacement, velocity, acceleration, the mean velocities of the last
-    step and of the step before, and the mean accelerations of these steps. `derivatives` contains
-    the order of the displacement derivative in each row. The function for the number of scratch
-    rows receives the number of damped modes.
+    The independent rows are those that the formulas of the method use: Houbolt's method does not
+    use the velocity and the mean accelerations. `derivatives` contains the order of the
+    displacement derivative in each row of the state. `shifts` is its change at a jump of 1 of the
+    acceleration, divided by h^(2 - derivative):
 
-    If a time step is longer than the sampling interval, the ground acceleration in each step is
-    replaced by a straight line, and the floor accelerations jump between two steps. The state must
-    then change as if the new acceleration had already acted in the previous two steps. For a jump
-    of 1 at t = 0 and the step length h, the motion t^2 / 2 is added to these steps (t < 0):
+        row of the state                      change    shifts
+        displacement, velocity at t = 0       0         0
+        acceleration at t = 0                 1         1
+        mean velocity of the last step        -h/2      -1/2
+        mean velocity of the step before      -3 h/2    -3/2
+        mean accelerations of both steps      1         1
 
-        row of the state                         change    divided by h^(2 - derivative)
-        displacement, velocity at t = 0          0         0
-        acceleration at t = 0                    1         1
-        mean velocity of the last step           -h/2      -1/2
-        mean velocity of the step before         -3 h/2    -3/2
-        mean accelerations of both steps         1         1
-
-    The last column is `shifts`. At a jump, the time loop adds `shifts` times h^(2 - derivative)
-    times the jump to the rows of the state (`state_jumps`).
-
-    Parameters
-    ----------
-    *memory : int
-        Indices of the independent rows: the rows of the state that the multi-step formulas of the
-        method use. The other rows follow from these rows. Houbolt's method does not use the
-        velocity and the mean accelerations.
+    The motion t^2 / 2 is added to the previous two steps (t < 0) as if the new acceleration had
+    already acted (`state_jumps`).
     """
     return Family(
         "multi-step",

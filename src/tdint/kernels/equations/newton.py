@@ -184,13 +184,8 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
 def solve_equilibrium_with_braces(brace_step, effective, factors, previous, trial, scene, memory):
     """Solve the equilibrium of `solve_equilibrium` with the forces of dampers with braces.
 
-    Parameters
-    ----------
-    brace_step : BraceStep
-        Step of the dampers. Row RISE contains the changes of the displacements for x = 0, and rows
-        BRACE receive the forces.
-    effective, factors, previous, trial, scene, memory
-        Arguments of `solve_equilibrium`, as is the return value.
+    Row RISE contains the changes of the displacements over the step for x = 0, and rows BRACE
+    receive the forces.
     """
     by_u, by_v, by_a = effective
     linear_terms, modal, _, _, flags = scene
@@ -201,10 +196,8 @@ def solve_equilibrium_with_braces(brace_step, effective, factors, previous, tria
         scratch, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE
     )
     # `factor_combination` assembles by_a M + by_v (linear dampers) + by_k (row TANGENT + geometric
-    # stiffness). With by_k = by_u, row TANGENT contains the stiffness of the law plus by_v / by_u
-    # times the derivative of the dashpot force. If by_u is 0, the displacements are known and the
-    # stiffness does not contribute. With by_k = 1, row TANGENT then contains by_v times the
-    # derivative of the dashpot force, minus the geometric stiffness (`_story_forces`).
+    # stiffness). If by_u is 0, the displacements are known and the stiffness does not contribute;
+    # row TANGENT then contains the other terms for by_k = 1 (`_story_forces`).
     combination = Combination(by_a, by_v, by_u if by_u != 0.0 else 1.0)
     for i in range(n):
         scratch[ROW.X, i] = 0.0
@@ -216,17 +209,13 @@ def solve_equilibrium_with_braces(brace_step, effective, factors, previous, tria
     if BRACES and flags[rows.HAS_BRACES] != 0.0:
         undamped_iterations = 0
     while True:
-        # Compute the story forces. `is_stale` is True if the factorization is for other tangents.
-        # `_update_residuals` returns True if all residuals are within the tolerance. Its first
-        # argument is True if no further solution is allowed; if the test fails, the largest
-        # relative residual is then stored for the error message.
+        # If no further solution is allowed, the largest relative residual is stored for the error
+        # message.
         is_stale = _story_forces(brace_step, effective, factors, previous, trial, scene, memory)
         if _update_residuals(
             iterations == MAX_ITERATIONS, linear_terms, modal, scratch, step_status
         ):
             break
-        # Line search, after the first UNDAMPED_ITERATIONS corrections: halve the applied fraction
-        # of a correction that does not reduce the norm of the residuals.
         if iterations >= undamped_iterations:
             norm = squared_norm(linear_terms, scratch, ROW.RESIDUAL, n)
             if must_halve(norm, previous_norm, applied_fraction):
@@ -237,14 +226,13 @@ def solve_equilibrium_with_braces(brace_step, effective, factors, previous, tria
             applied_fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
-        # Factorize if a tangent has changed, and solve for the correction of x.
         if is_stale:
             for i in range(n):
                 scratch[tangents, i] = scratch[ROW.TANGENT, i]
             factor_combination(
                 linear_terms, modal, scratch, tangents, combination, factorization, n
             )
-        # `solve_damped` replaces the residuals in row RESIDUAL by the correction.
+        # `solve_damped` replaces the residuals by the correction.
         solve_damped(factorization, modal, ROW.RESIDUAL, n)
         iterations += 1
         if iterations > undamped_iterations:
@@ -253,9 +241,7 @@ def solve_equilibrium_with_braces(brace_step, effective, factors, previous, tria
         is_linear_in_x = flags[rows.LINEAR] != 0.0 or (
             by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0
         )
-        # Apply the correction fully (fraction 1). `_correct` returns True if the change is of the
-        # order of rounding errors. Without a further iteration, only the laws must be evaluated at
-        # the final displacements.
+        # Without a further iteration, only the laws must be evaluated at the final displacements.
         if _correct(1.0, ROW.RESIDUAL, effective, scratch, n) or is_linear_in_x:
             _evaluate_laws(previous, trial, scene, memory)
             break
@@ -264,38 +250,21 @@ def solve_equilibrium_with_braces(brace_step, effective, factors, previous, tria
 
 @inline
 def _story_forces(brace_step, effective, factors, previous, trial, scene, memory):
-    """Compute story forces and tangents for the current displacements and velocities.
+    """Compute story forces and tangents for the current displacements and velocities; return True
+    if the factorization must be computed again.
 
-    The force of a story (row SUM, N) is the sum of restoring force, P-delta, linear damper and
-    power-law dashpot. Displacement and velocity of a floor are functions of the same unknown x, an
-    acceleration: u = U + by_u x, v = V + by_v x. The derivative of the force of a story with
-    respect to the change of x over the story is
+    The derivative of the force of a story with respect to the change of x over the story is by_u (k
+    + g) + by_v (c + s). k is the tangent stiffness of the restoring force, g the geometric
+    stiffness, c the linear damper, and s the derivative of the force of a power-law dashpot with
+    respect to the drift rate (N s/m). `factor_combination` computes it from row TANGENT and adds
+    the parts with g and c:
 
-        by_u (k + g) + by_v (c + s)
-
-    k is the tangent stiffness of the restoring force, g the geometric stiffness, c the linear
-    damper, and s the derivative of the force of a power-law dashpot with respect to the drift rate
-    (N s/m). `factor_combination` computes it from row TANGENT and adds the parts with g and c:
-
-                            derivative                     row TANGENT
+                            derivative                       row TANGENT
         if by_u is not 0    by_u (TANGENT + g) + by_v c    k + (by_v / by_u) s, N/m
         if by_u is 0        TANGENT + g + by_v c           by_v s - g, numerically in kg
 
-    If by_u is 0, the displacements are known, and the derivative is by_v (c + s). Row TANGENT
-    contains -g in this case, because `factor_combination` adds g.
-
-    Row SIZE receives the scale of the force for the convergence test, N: |force| + (rounding force)
-    / RESIDUAL_TOLERANCE. The rounding force is the stiffness times the rounding errors of the
-    displacements. `_update_residuals` multiplies the row by RESIDUAL_TOLERANCE, so that residuals
-    up to the rounding force are accepted.
-
-    `effective` is the by_u, by_v and by_a: change of displacement, velocity and acceleration for a
-    unit change of x. `factors` is the first scratch row of the factorization.
-
-    Returns
-    -------
-    bool
-        True if the existing factorization is for other tangents and must be computed again.
+    Row SIZE is multiplied by RESIDUAL_TOLERANCE, so that residuals up to the force of the rounding
+    errors of the displacements are accepted.
     """
     by_u, by_v, _ = effective
     linear_terms, _, law_parameters, _, _ = scene
@@ -308,23 +277,21 @@ def _story_forces(brace_step, effective, factors, previous, trial, scene, memory
         rate = scratch[ROW.V, i] - linear_terms[rows.LINK, i] * v_below
         u_below = scratch[ROW.U, i]
         v_below = scratch[ROW.V, i]
-        # `restoring_force` stores the force in block `trial` and returns the tangent stiffness,
-        # without P-delta.
+        # without P-delta
         tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
-        # A changed tangent makes the factorization stale. The comparison below is False for nan:
-        # the force is then also invalid, and the residual test reports the failure.
+        # The comparison is False for nan: the force is then also invalid, and the residual test
+        # reports the failure.
         tangent_scale = law_parameters[rows.STIFFNESS, i]
         if by_u == 0.0:
-            # The row contains by_v s - g, which is added to the mass by_a M in the matrix (by_a is
-            # dimensionless). Its change is therefore compared with the mass.
+            # by_v s - g is added to the mass by_a M in the matrix (by_a is dimensionless).
             tangent = by_v * dashpot_tangent - linear_terms[rows.GEOMETRIC, i]
             tangent_scale = linear_terms[rows.MASS, i]
         elif dashpot_tangent != 0.0:
             tangent += by_v / by_u * dashpot_tangent
         if BRACES and linear_terms[rows.BRACE, i] != 0.0:
-            # The force of the brace is added to the dashpot force, which is 0. Its derivative with
-            # respect to x has the unit of a mass.
+            # The dashpot force of a story with a brace is 0. The derivative with respect to x has
+            # the unit of a mass.
             dashpot_force, by_x = _brace_force(brace_step, linear_terms, i, memory)
             tangent += by_x if by_u == 0.0 else by_x / by_u
         scratch[ROW.TANGENT, i] = tangent
@@ -340,8 +307,8 @@ def _story_forces(brace_step, effective, factors, previous, trial, scene, memory
             + dashpot_force
         )
         scratch[ROW.SUM, i] = story_force
-        # A drift is a difference of displacements. ROUNDING times both displacements are its
-        # rounding errors; U - drift is the displacement of the floor below.
+        # The rounding errors of both displacements appear in the drift; U - drift is the
+        # displacement of the floor below.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[ROW.SIZE, i] = abs(story_force) + rounding * (
             abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift)
@@ -374,36 +341,13 @@ def _brace_force(brace_step, linear_terms, i, memory):
 
 @inline
 def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
-    """Compute the residuals p - M a - C v - f(u) of all floors (row RESIDUAL, N), and test
-    convergence.
+    """Compute the residuals p - M a - C v - f(u) of all floors (row RESIDUAL, N); return True if
+    each is at most RESIDUAL_TOLERANCE times the sum of the absolute values of its terms (with row
+    SIZE for the stories).
 
-    p is the load, M a the inertia force and C v the damping force. The force f on a floor is the
-    force of the story below minus the force of the story above (row SUM, N), with story dampers.
-    C contains the floor dampers and modal damping.
-
-    `is_last` is True if no further iteration is allowed. The largest relative residual above the
-    tolerance is then stored in `step_status`.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Properties of the building, one column per floor. Rows MASS, FLOOR_DAMPER and LINK are used.
-        P-delta and story dampers are already included in the story forces (row SUM).
-    scratch : ndarray
-        The following rows are used: LOAD, p (N); V (m/s); A (m/s^2); SUM, story forces (N); SIZE,
-        |story force| + (rounding force) / RESIDUAL_TOLERANCE (N). The rounding force corresponds to
-        the rounding errors of the displacements. Row RESIDUAL first receives the damping forces
-        C v, then the residuals (N).
-    step_status : ndarray
-        Row RESIDUAL is set to 0, or to the largest relative residual if `is_last` is True and a
-        residual is too large; row WORST_STORY then receives its floor.
-
-    Returns
-    -------
-    bool
-        True if each residual is at most RESIDUAL_TOLERANCE times the sum of the absolute values of
-        the terms of its equation, plus the rounding forces of the stories below and above the
-        floor.
+    If `is_last`, no further iteration is allowed: the largest relative residual above the tolerance
+    and its floor are stored in `step_status`. P-delta and story dampers are included in the story
+    forces (row SUM).
     """
     n = linear_terms.shape[1] - 1
     for i in range(n):
@@ -415,7 +359,7 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
         load = scratch[ROW.LOAD, i]
         inertia = linear_terms[rows.MASS, i] * scratch[ROW.A, i]
         damping = scratch[ROW.RESIDUAL, i]
-        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
+        link = linear_terms[rows.LINK, i + 1]
         residual = load - inertia - damping - scratch[ROW.SUM, i] + link * scratch[ROW.SUM, i + 1]
         scratch[ROW.RESIDUAL, i] = residual
         scale = (
@@ -453,22 +397,13 @@ def _evaluate_laws(previous, trial, scene, memory):
 
 @inline
 def _correct(fraction, row, effective, scratch, n):
-    """Add a fraction of the correction of x to x and to the response of all floors.
+    """Add a fraction of the correction of x (scratch row `row`) to x and to the response of all
+    floors; return True if the change of the displacements is of the order of rounding errors.
 
-    Displacement, velocity and acceleration are u = U + by_u x, v = V + by_v x, a = A + by_a x.
-
-    `fraction` is the fraction of the correction, of either sign. `row` is the scratch row of the
-    correction. `effective` is the change of displacement, velocity and acceleration for a unit
-    change of x. `scratch`: rows X (m/s^2), U (m), V (m/s) and A (m/s^2) are updated.
-
-    Returns
-    -------
-    bool
-        True if the change of the displacements is of the order of rounding errors. If by_u is 0,
-        the displacements do not change, and the change of the velocities is tested instead. In very
-        short steps, the displacements change by less than rounding errors, although velocities and
-        accelerations still change. The remaining error is then much smaller than this last
-        correction, because the tangents hardly change within such a step.
+    If by_u is 0, the displacements do not change, and the change of the velocities is tested
+    instead. In very short steps, the displacements change by less than rounding errors, although
+    velocities and accelerations still change. The remaining error is then much smaller than this
+    last correction, because the tangents hardly change within such a step.
     """
     by_u, by_v, by_a = effective
     tested, by_tested = (ROW.U, by_u) if by_u != 0.0 else (ROW.V, by_v)

@@ -119,21 +119,14 @@ def solve(factors, x, n):
 
 @outlined
 def invert(scratch, first, size):
-    """Invert a small dense matrix in place by Gauss-Jordan elimination without pivoting.
+    """Invert a small dense matrix in place by Gauss-Jordan elimination without pivoting; `first` is
+    its first row, `size` its order.
 
-    The function is used for the matrix of the Woodbury formula. It is the identity matrix plus a
-    damping matrix and therefore well conditioned.
-
-    Parameters
-    ----------
-    first : int
-        First row of the matrix.
-    size : int
-        Order of the matrix.
+    The matrix of the Woodbury formula is the identity matrix plus a damping matrix and therefore
+    well conditioned.
     """
-    # For each pivot, the row of the pivot is divided by the pivot, and the column of the pivot is
-    # eliminated from all other rows. The column that becomes a unit vector is not stored; its place
-    # receives the column of the inverse.
+    # The column that becomes a unit vector is not stored; its place receives the column of the
+    # inverse.
     for pivot in range(size):
         inverse = 1.0 / scratch[first + pivot, pivot]
         scratch[first + pivot, pivot] = 1.0
@@ -175,26 +168,16 @@ def factor_damped(factors, modal, scale, n):
 
 @outlined
 def _store_woodbury(factors, modal, scale, n):
-    """Compute and store the terms of the Woodbury formula for modal damping.
-
-    The inverse of T + s W^T W, with the factorized tridiagonal matrix T and s = `scale`, is
-
-        T^-1 - T^-1 W^T [s (I + s W T^-1 W^T)^-1] W T^-1
-
-    For m damped modes, scratch rows `store` to `store + m - 1` receive T^-1 W^T, one row per mode.
-    The next m rows receive the matrix in brackets.
-
-    `factors` is the scratch array, factorization of T, and row number `store`.
+    """Store the terms of the Woodbury formula for s = `scale`: from row `store` on T^-1 W^T, one
+    row per mode, then the matrix in brackets.
     """
     scratch, _, _, store = factors
     modes = modal.shape[0]
     inverse_row = store + modes
-    # Solve T x = w for each mode. Row store + j then contains T^-1 w_j.
     for j in range(modes):
         for i in range(n):
             scratch[store + j, i] = modal[j, i]
         solve(factors, store + j, n)
-    # Compute I + s W T^-1 W^T, invert it in place, and multiply the inverse by s.
     for j in range(modes):
         for k in range(modes):
             product = 0.0
@@ -233,16 +216,12 @@ def solve_damped(factors, modal, x, n):
 def _apply_woodbury(scratch, modal, store, x, n):
     """Correct the solution of the tridiagonal system for modal damping by the Woodbury formula.
 
-    With x = T^-1 b, the solution of (T + s W^T W) y = b is
-
-        y = x - T^-1 W^T [s (I + s W T^-1 W^T)^-1] W x
-
     `store` is the first row of T^-1 W^T; the matrix in brackets and one temporary row follow.
     """
     modes = modal.shape[0]
     inverse_row = store + modes
     temporary = inverse_row + modes
-    # Row `temporary` receives W x; `amplitude` is an element of [s (I + s W T^-1 W^T)^-1] W x.
+    # Row `temporary` receives W x; `amplitude` is an element of the matrix in brackets times W x.
     for j in range(modes):
         product = 0.0
         for i in range(n):
@@ -438,14 +417,13 @@ def factor_blocks(factors, damping, n):
     if _MODAL and _is_full(damping.modal, n):
         _factor_full(factors, damping, n)
         return
-    scratch, blocks, coupling, _ = factors  # `blocks` is the number of row `pivot`.
+    scratch, blocks, coupling, _ = factors  # `blocks` is the number of row `pivot`
     # The second half of the coupling rows is for the products A_i B_(i+1).
     upper = coupling + COUPLING_ROWS // 2
     for i in range(n):
         # Diagonal block D_i = ((p, q), (r, s)). The block pivot of floor `i` is D_i minus B_i
         # A_(i-1) B_i, with the coupling block B_i to the floor below and the inverse block pivot
-        # A_(i-1) of the floor below. (i0 ... i3) is A_(i-1), (b0 ... b3) is B_i, and (x0 ... x3) is
-        # the product A_(i-1) B_i.
+        # A_(i-1) of the floor below; x is the product A_(i-1) B_i.
         p = scratch[blocks, i]
         q = scratch[blocks + 1, i]
         r = scratch[blocks + 2, i]
@@ -463,12 +441,11 @@ def factor_blocks(factors, damping, n):
             x1 = i0 * b1 + i1 * b3
             x2 = i2 * b0 + i3 * b2
             x3 = i2 * b1 + i3 * b3
-            # Subtract B_i A_(i-1) B_i from the diagonal block.
             p -= b0 * x0 + b1 * x2
             q -= b0 * x1 + b1 * x3
             r -= b2 * x0 + b3 * x2
             s -= b2 * x1 + b3 * x3
-            # Store A_(i-1) B_i for the backward and B_i A_(i-1) for the forward substitution.
+            # A_(i-1) B_i is for the backward and B_i A_(i-1) for the forward substitution.
             scratch[upper, i - 1] = x0
             scratch[upper + 1, i - 1] = x1
             scratch[upper + 2, i - 1] = x2
@@ -477,7 +454,6 @@ def factor_blocks(factors, damping, n):
             scratch[coupling + 1, i] = b0 * i1 + b1 * i3
             scratch[coupling + 2, i] = b2 * i0 + b3 * i2
             scratch[coupling + 3, i] = b2 * i1 + b3 * i3
-        # Store the inverse of the block pivot, A_i.
         inverse = 1.0 / (p * s - q * r)
         scratch[blocks, i] = s * inverse
         scratch[blocks + 1, i] = -q * inverse
@@ -511,18 +487,12 @@ def _factor_full(factors, damping, n):
     `factors.store` on contain it: the entries xx of all blocks, one row per floor, then the entries
     xy, yx and yy. On the diagonal they contain the inverse pivots, below it L, and above it U.
 
-    Pivoting is not necessary: as without modal damping, each leading block is the matrix of the
-    lower part of the building, for which the same step has a unique solution. If a pivot were
-    singular, the solution would be infinite or nan, and the step would report a failure.
-
-    `factors`: rows of the diagonal blocks and couplings as `factor_blocks` receives them, and row
-    number `store`.
+    If a pivot were singular, the solution would be infinite or nan, and the step would report a
+    failure.
     """
     scratch, blocks, coupling, xx = factors
     modal = damping.modal
     xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
-    # Assemble the matrix: modal damping W^T W in the rows xx, times the four coefficients, plus the
-    # diagonal blocks and, with a minus sign, the blocks that couple adjacent floors.
     for i in range(n):
         for j in range(n):
             scratch[xx + i, j] = 0.0
@@ -543,8 +513,7 @@ def _factor_full(factors, damping, n):
                 scratch[row, i - 1] -= scratch[coupling + entry, i]
             if i + 1 < n:
                 scratch[row, i + 1] -= scratch[coupling + entry, i + 1]
-    # Eliminate the blocks below the diagonal, column by column. The pivot is ((p, q), (r, s)), and
-    # its inverse ((i0, i1), (i2, i3)).
+    # Elimination column by column: the pivot is ((p, q), (r, s)), its inverse ((i0, i1), (i2, i3)).
     for k in range(n):
         p, q = scratch[xx + k, k], scratch[xy + k, k]
         r, s = scratch[yx + k, k], scratch[yy + k, k]
@@ -557,8 +526,8 @@ def _factor_full(factors, damping, n):
         for i in range(k + 1, n):
             b0, b1 = scratch[xx + i, k], scratch[xy + i, k]
             b2, b3 = scratch[yx + i, k], scratch[yy + i, k]
-            # The block (m0 ... m3) of L is the block (b0 ... b3) below the pivot times the inverse
-            # pivot. Subtract L times the row of the pivot, with the blocks (u0 ... u3) of U.
+            # The block m of L is the block b below the pivot times the inverse pivot; u is a block
+            # of U.
             m0 = b0 * i0 + b1 * i2
             m1 = b0 * i1 + b1 * i3
             m2 = b2 * i0 + b3 * i2
@@ -578,13 +547,8 @@ def _factor_full(factors, damping, n):
 
 @outlined
 def _solve_full(scratch, xx, x, y, n):
-    """Solve a linear system for two unknowns (x, y) per floor with the factors of `_factor_full`.
-
-    Parameters
-    ----------
-    xx : int
-        First of the 4 n rows of the block L U factorization: n rows with the entries xx of the
-        2 x 2 blocks, then the entries xy, yx and yy. The diagonal contains inverse pivots.
+    """Solve a linear system for two unknowns (x, y) per floor with the factors of `_factor_full`
+    from row `xx` on.
     """
     xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
     # Forward substitution with L, which has a unit diagonal
@@ -595,7 +559,7 @@ def _solve_full(scratch, xx, x, y, n):
             y_i -= scratch[yx + i, j] * scratch[x, j] + scratch[yy + i, j] * scratch[y, j]
         scratch[x, i] = x_i
         scratch[y, i] = y_i
-    # Backward substitution with U; the diagonal blocks are inverse pivots.
+    # Backward substitution; the diagonal blocks are inverse pivots.
     for i in range(n - 1, -1, -1):
         x_i, y_i = scratch[x, i], scratch[y, i]
         for j in range(i + 1, n):
@@ -675,9 +639,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
 
     M are the masses, C the floor and story dampers, and K contains the stiffnesses of the current
     branches of all stories with P-delta. The complex unknown of a floor, x + i y, is stored as the
-    pair of real numbers (x, y). The elimination proceeds from the ground upwards: the pivot of
-    floor i is its diagonal entry minus b^2 / (pivot of floor i - 1), where -b is the entry between
-    both floors. The terms of the Woodbury formula for modal damping are also stored.
+    pair of real numbers (x, y). The elimination proceeds from the ground upwards.
 
     No pivot is zero if 1 / l has a positive real part and is not real, even if stiffnesses are
     negative.
@@ -698,35 +660,32 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     factors : Factors
         Two rows from `pivot` on receive the inverse pivots (real and imaginary part), two rows from
         `coupling` on the multipliers of the elimination from the ground upwards. The rows from
-        `store` on receive the terms of the Woodbury formula for modal damping: four rows for each
-        mode, and the small inverse in two rows for each mode.
+        `store` on receive the terms of the Woodbury formula (`_woodbury_storing_function`).
     damping : ModalBlocks
         Modal part of l C. With l = re + i im, the coefficients of the real part x and of the
         imaginary part y of an unknown are xx = re, xy = -im, yx = im and yy = re.
     """
     re, im = root
     scratch, pivot, coupling, _ = factors
-    # Compute the real and imaginary part of l^2, then of the contribution l C + l^2 K of the first
-    # story.
+    # l^2, and the contribution l C + l^2 K of the first story
     square_re = re * re - im * im
     square_im = 2.0 * re * im
     spring = law_state[rows.SLOPE, 0] + linear_terms[rows.GEOMETRIC, 0]
     damper = linear_terms[rows.STORY_DAMPER, 0]
     story_re = re * damper + square_re * spring
     story_im = im * damper + square_im * spring
-    # In each pass of the loop, `link`, `story_re` and `story_im` first describe story i, which is
-    # below floor i: its LINK and its contribution l C + l^2 K. They are then replaced by the values
-    # of story i + 1 for the next pass. In the first pass, LINK is 0: there is no floor below.
+    # `link`, `story_re` and `story_im` first describe story i, which is below floor i, and then
+    # story i + 1. There is no floor below the first story.
     link = 0.0
     inverse_re = 0.0  # inverse of the pivot of the floor below
     inverse_im = 0.0
     for i in range(n):
-        # The pivot p + i q is the diagonal entry minus b^2 / (pivot of the floor below). The entry
-        # between both floors is -b, with b = link times the contribution of story i.
+        # The pivot p + i q is the diagonal entry minus b^2 / (pivot of the floor below), with the
+        # entry -b between both floors.
         b_re = link * story_re
         b_im = link * story_im
-        # b divided by the pivot of the floor below. The multiplier of the elimination has the
-        # opposite sign, because the entry of the matrix is -b.
+        # The multiplier of the elimination has the opposite sign, because the entry of the matrix
+        # is -b.
         by_re = b_re * inverse_re - b_im * inverse_im
         by_im = b_re * inverse_im + b_im * inverse_re
         p = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i] + story_re
@@ -735,8 +694,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         q -= by_re * b_im + by_im * b_re
         scratch[coupling, i] = -by_re
         scratch[coupling + 1, i] = -by_im
-        # Compute the same values for story i + 1, and add its contribution to the pivot of floor i.
-        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
+        link = linear_terms[rows.LINK, i + 1]
         spring = law_state[rows.SLOPE, i + 1] + linear_terms[rows.GEOMETRIC, i + 1]
         damper = linear_terms[rows.STORY_DAMPER, i + 1]
         story_re = re * damper + square_re * spring
@@ -757,25 +715,16 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
 
 @inline
 def solve_pairs(factors, x, y, n):
-    """Solve a complex tridiagonal system with the factorization of `factor_pairs`.
+    """Solve a complex tridiagonal system with the factorization of `factor_pairs`, without modal
+    damping.
 
-    A pair (x, y) is the real and the imaginary part of the complex unknown x + i y of a floor. With
-    the right side b, the multipliers m and the inverse pivots g of the factorization, forward
-    substitution computes f_i = b_i - m_i f_(i-1) from the lowest floor upwards. Backward
-    substitution computes the solution z_i = g_i f_i - m_(i+1) z_(i+1) from the roof downwards. The
-    multiplier above the roof, in column n, is 0. Modal damping is not included.
-
-    Parameters
-    ----------
-    factors : Factors
-        Scratch array and the rows of the factorization. Two rows from `pivot` on contain real and
-        imaginary part of the inverse pivots g, two rows from `coupling` on the multipliers m.
-    x, y : int
-        Rows of the real and imaginary part of the right side; they receive the solution.
+    x and y are the rows of the real and the imaginary part of the right side, which receive the
+    solution. With the right side b, the multipliers m and the inverse pivots g, forward
+    substitution computes f_i = b_i - m_i f_(i-1), and backward substitution z_i = g_i f_i - m_(i+1)
+    z_(i+1).
     """
     scratch, pivot, coupling, _ = factors
-    # Forward substitution: (x0, y0) is the complex value of the floor below, (by_re, by_im) is the
-    # complex multiplier with which it is subtracted.
+    # (x0, y0) is the value of the floor below.
     x0 = scratch[x, 0]
     y0 = scratch[y, 0]
     for i in range(1, n):
@@ -786,8 +735,7 @@ def solve_pairs(factors, x, y, n):
         x0 = forward
         scratch[x, i] = x0
         scratch[y, i] = y0
-    # Backward substitution: (p, q) is the complex solution of the floor above, (by_re, by_im) its
-    # multiplier, (re, im) the inverse pivot of floor `i`, and (x0, y0) its value f.
+    # (p, q) is the solution of the floor above.
     p = 0.0
     q = 0.0
     for i in range(n - 1, -1, -1):
@@ -808,25 +756,15 @@ def _woodbury_storing_function(solve_undamped):
     """Return a compiled function that stores the terms of the Woodbury formula for two unknowns per
     floor.
 
-    The formula gives the solution of a system with modal damping from solutions without modal
-    damping.
-
-    `solve_undamped` is the (factors, x, y, n). Solves the system without modal damping, with the
-    right side in the rows x and y: `solve_blocks` or `solve_pairs`.
-
-    Returns
-    -------
-    function
-        (factors, damping, n). Its arguments are described in `store_woodbury`.
+    `solve_undamped` solves the system without modal damping: `solve_blocks` or `solve_pairs`.
     """
 
     @outlined
     def store_woodbury(factors, damping, n):
         """Compute and store the terms of the Woodbury formula for pairs of unknowns (x, y) per
-        floor.
+        floor, after the factorization of the matrix T without modal damping.
 
-        A matrix T without modal damping has been factorized. The formula gives the inverse of the
-        matrix with modal damping, T + U^T D U, from solutions with T:
+        The inverse of the matrix with modal damping is
 
             (T + U^T D U)^-1 = T^-1 - T^-1 U^T (I + D U T^-1 U^T)^-1 D U T^-1
 
@@ -843,24 +781,20 @@ def _woodbury_storing_function(solve_undamped):
             4 m rows    T^-1 U^T: the solution of T z = (row j of U)^T for each j, in row 2 j for x
                         and in row 2 j + 1 for y
             2 m rows    the inverse of the small matrix I + D U T^-1 U^T
-
-        `factors` is the factorization without modal damping, and row number `store`.
         """
         scratch, _, _, store = factors
         modal, xx, xy, yx, yy = damping
         modes = modal.shape[0]
         inverse_row = store + 4 * modes
-        # Solve for each row j of U: mode j in x for j < modes, otherwise mode j - modes in y. The
-        # right side is replaced by the solution.
+        # The right side is replaced by the solution.
         for j in range(2 * modes):
             x = store + 2 * j
             for i in range(n):
                 scratch[x, i] = modal[j, i] if j < modes else 0.0
                 scratch[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
             solve_undamped(factors, x, x + 1, n)
-        # Compute the small matrix I + D U T^-1 U^T. Row j is the equation of mode j in x, and row
-        # modes + j is the equation of mode j in y. `product_x` and `product_y` are the products of
-        # mode j with the x part and with the y part of solution k.
+        # Row j is the equation of mode j in x, and row modes + j is the equation of mode j in y.
+        # `product_x` and `product_y` are the products of mode j with both parts of solution k.
         for j in range(modes):
             for k in range(2 * modes):
                 product_x = 0.0
@@ -885,19 +819,8 @@ _store_pairs_woodbury = _woodbury_storing_function(solve_pairs)
 
 @outlined
 def _apply_pairs_woodbury(factors, damping, x, y, n):
-    """Correct a solution for modal damping by the Woodbury formula, for pairs of unknowns (x, y)
-    per floor.
-
-    With z = T^-1 b, the solution of (T + U^T D U) z' = b is z' = z - T^-1 U^T (I + D U T^-1 U^T)^-1
-    D U z. U applies the damped modes W to x and to y, and D contains the coefficients xx, xy, yx
-    and yy.
-
-    Parameters
-    ----------
-    factors : Factors
-        Table with the terms of the formula from row `store` on: T^-1 U^T, the inverse of the small
-        matrix (order 2 m for m modes), and a temporary row. The table has at least 2 m columns
-        (`tdint.methods.workspace`).
+    """Correct a solution without modal damping by the Woodbury formula (`store_woodbury`), for
+    pairs of unknowns (x, y) per floor.
     """
     scratch, _, _, store = factors
     modal, xx, xy, yx, yy = damping
@@ -913,7 +836,6 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
             product_y += modal[j, i] * scratch[y, i]
         scratch[temporary, j] = xx * product_x + xy * product_y
         scratch[temporary, modes + j] = yx * product_x + yy * product_y
-    # Subtract the columns of T^-1 U^T, each with its amplitude.
     for j in range(2 * modes):
         amplitude = 0.0
         for k in range(2 * modes):
@@ -960,21 +882,7 @@ def solve_blocks_damped(factors, damping, x, y, n):
 @inline
 def solve_pairs_damped(factors, damping, x, y, n):
     """Solve a complex linear system with the factorization of `factor_pairs`, including modal
-    damping.
-
-    The matrix is M + l C + l^2 K with the masses M, the damping matrix C, the stiffness matrix K
-    and a complex number l (s), for which `factor_pairs` has factorized the matrix. Each floor has
-    the complex unknown x + i y, stored as a pair of real numbers.
-
-    Parameters
-    ----------
-    factors : Factors
-        Scratch array and the rows of the factorization.
-    damping : ModalBlocks
-        Modal part of l C, with the values for which the matrix was factorized.
-    x, y : int
-        Rows of the real and of the imaginary parts. They contain the right side and receive the
-        solution.
+    damping with the same `damping`.
     """
     solve_pairs(factors, x, y, n)
     if _MODAL and damping.modal.shape[0] > 0:

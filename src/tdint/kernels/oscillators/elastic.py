@@ -1,12 +1,13 @@
-"""Peak response of many linear oscillators to a ground motion.
+"""Peak response of many linear oscillators u'' + 2 xi omega u' + omega^2 u = -ag to a ground
+motion.
 
 The ground motion is linear between its samples. Therefore the recursion from sample to sample is
 exact (Nigam and Jennings 1969), and the response between two samples is known. The result is the
 maximum at the samples and between the samples:
 
-1. All oscillators are integrated together. The maxima at the samples are stored for each interval
-  of `INTERVAL_STEPS` steps.
-2. Between two samples, a quantity q exceeds the larger of its two values by at most h^2/8 times the
+1. All oscillators are integrated together, in groups of `lanes`. The maxima at the samples are
+  stored for each interval of `INTERVAL_STEPS` steps.
+2. Between two steps, a quantity q exceeds the larger of its two values by at most h^2/8 times the
   maximum of |q''|. q'' is a free vibration, which the maxima bound. Only few intervals can contain
   the overall maximum. These intervals are integrated again, separately for each oscillator.
 3. If q' changes its sign between two samples of such an interval, Newton's method computes the zero
@@ -77,17 +78,8 @@ _BLOCK = 4
 def scratch(samples: int, parts: int, lanes: int) -> tuple[NDArray[np.float64], ...]:
     """Return the scratch arrays of `peaks`, uninitialized, in the order of its arguments.
 
-    A step is a sampling interval divided by `parts`. An interval has INTERVAL_STEPS (32) steps; the
-    remaining steps after the last complete interval only have a row in `starts`.
-
-    Parameters
-    ----------
-    samples : int
-        Number of samples of the ground motion.
-    parts : int
-        Steps per sampling interval.
-    lanes : int
-        Number of oscillators that are integrated together.
+    A step is a sampling interval divided by `parts`. The remaining steps after the last complete
+    interval only have a row in `starts`.
 
     Returns
     -------
@@ -129,25 +121,15 @@ def peaks(
     """Integrate oscillators from rest over a ground motion and store their maximum absolute
     responses.
 
-    The equation of motion is u'' + 2 xi omega u' + omega^2 u = -ag, with the ground acceleration
-    ag, linear within a step of length h. Displacement u and velocity v = u' are relative to the
-    ground; the absolute acceleration is -(2 xi omega v + omega^2 u). The step is exact (Nigam and
-    Jennings 1969):
+    Displacement and velocity are relative to the ground; the absolute acceleration is -(2 xi omega
+    v + omega^2 u). The step is exact:
 
         u1 = A11 u0 + A12 v0 - B10 ag0 - B11 ag1,   v1 = A21 u0 + A22 v0 - B20 ag0 - B21 ag1
 
-    First, all oscillators of a group are integrated together, and the maxima at the steps are
-    stored for each interval of INTERVAL_STEPS steps. Then `_search` computes the overall maxima of
-    each oscillator from the stored maxima. It integrates the remaining steps after the last
-    complete interval. If maxima between the steps are required, it integrates again the intervals
-    that can contain such maxima.
+    The result is always 0.
 
     Parameters
     ----------
-    samples : ndarray
-        Ground acceleration, m/s^2.
-    dt : float
-        Sampling interval, s.
     parts : int
         Steps per sampling interval.
     oscillators : ndarray, shape (COEFFICIENTS, multiple of `lanes`)
@@ -161,11 +143,6 @@ def peaks(
         acceleration (m/s^2). The remaining oscillators only complete the last group.
     ground, starts, maxima, ground_maxima : ndarray
         Scratch arrays from `scratch`.
-
-    Returns
-    -------
-    int
-        Always 0, because the integration of linear oscillators cannot fail.
     """
     h = dt / parts
     interpolate_samples(samples, parts, ground)
@@ -177,13 +154,11 @@ def peaks(
     by_u, by_v = local(lanes), local(lanes)
     us, vs = local(lanes), local(lanes)
     max_u, max_v, max_a = local(lanes), local(lanes), local(lanes)
-    # `best` receives the maxima of an oscillator. `series` is the scratch array for the Taylor
-    # series of a quantity q, of q' and of q''.
+    # Maxima of an oscillator, and scratch array for the Taylor series
     best, series = local(PEAKS), local_table(3, TERMS)
     for c in range(intervals):
         _measure_ground(ground, h, c, ground_maxima)
     for group in range(0, oscillators.shape[1], lanes):
-        # Copy the coefficients of the group, and set the state of rest.
         for i in range(lanes):
             a11[i], a12[i] = oscillators[A11, group + i], oscillators[A12, group + i]
             b10[i], b11[i] = oscillators[B10, group + i], oscillators[B11, group + i]
@@ -194,9 +169,8 @@ def peaks(
                 oscillators[BY_VELOCITY, group + i],
             )
             us[i] = vs[i] = 0.0
-        # Integrate the group over the complete intervals, and store the state at the start and the
-        # maxima of each interval. _BLOCK divides INTERVAL_STEPS. `size_u`, `size_v` and `size_a`
-        # are the maxima of |u|, |v| and |omega^2 u + 2 xi omega v| until now.
+        # `size_u`, `size_v` and `size_a` are the maxima of |u|, |v| and |omega^2 u + 2 xi omega v|
+        # until now.
         for c in range(intervals):
             for i in range(lanes):
                 starts[i, c, 0], starts[i, c, 1] = us[i], vs[i]
@@ -220,8 +194,7 @@ def peaks(
                     us[i], vs[i], max_u[i], max_v[i], max_a[i] = u, v, size_u, size_v, size_a
             for i in range(lanes):
                 maxima[i, c, 0], maxima[i, c, 1], maxima[i, c, 2] = max_u[i], max_v[i], max_a[i]
-        # Compute the maxima of each oscillator of the group. Row `intervals` of `starts` is the
-        # state at the start of the remaining steps, which `_search` integrates.
+        # Row `intervals` of `starts` is the state at the start of the remaining steps.
         for i in range(min(lanes, result.shape[1] - group)):
             starts[i, intervals, 0], starts[i, intervals, 1] = us[i], vs[i]
             best[:] = 0.0
@@ -236,14 +209,8 @@ def peaks(
 
 @outlined
 def _measure_ground(ground, h, interval, ground_maxima):
-    """Store the maximum absolute ground acceleration (m/s^2) and its maximum rate (m/s^3) in an
-    interval.
-
-    An interval has INTERVAL_STEPS steps; the ground acceleration is linear within a step.
-
-    `interval` is the index of a complete interval. The remaining steps after the last complete
-    interval have no row in `ground_maxima`. `ground_maxima`: one row per complete interval; columns
-    0 and 1 receive both values.
+    """Store the maximum absolute ground acceleration (m/s^2) and its maximum rate (m/s^3) in a
+    complete interval.
     """
     begin = interval * INTERVAL_STEPS
     size, slope = abs(ground[begin]), 0.0
@@ -254,26 +221,8 @@ def _measure_ground(ground, h, interval, ground_maxima):
 
 
 class _TableOscillator(NamedTuple):
-    """Oscillator of the table that is integrated separately.
-
-    Attributes
-    ----------
-    ground : ndarray
-        Ground acceleration at the steps, m/s^2.
-    h : float
-        Length of a step, s.
-    oscillators : ndarray
-        Table of oscillators.
-    column : int
-        Column of the oscillator in the table.
-    starts : ndarray
-        Displacement (m) and velocity (m/s) at the start of each interval.
-    between_steps : int
-        1 if the maxima between the steps are computed.
-    series : ndarray
-        Scratch array for the Taylor series of a quantity q and of q' and q''.
-    best : ndarray
-        Maximum displacement, velocity and acceleration until now.
+    """Oscillator in `column` of the table that is integrated separately; `best` contains its maxima
+    until now.
     """
 
     ground: Array
@@ -299,26 +248,17 @@ def _vibration(oscillator):
 
 @outlined
 def _search(oscillator, maxima, ground_maxima):
-    """Compute the maxima of an oscillator from its maxima at the steps of each interval.
+    """Compute the maxima of an oscillator from its maxima at the steps of each interval (`maxima`).
 
-    Between two steps of length h, a quantity q exceeds the larger of its values at the steps by at
-    most about h^2/8 times the maximum of |q''| (`excess_factor`). Intervals in which this bound
-    does not exceed the maximum of the run are skipped; the remaining intervals are integrated again
-    with `_integrate_interval`. The quantities are displacement u, velocity v and absolute
-    acceleration, with the bounds
+    Intervals in which the bound of a quantity (`excess_factor`) does not exceed the maximum of the
+    run are skipped. The bounds of the second derivatives are
 
         |u''| <= max |p| + max |ag|,   |v''| <= 2 xi omega |u''| + omega^2 |v| + max |ag'|
         |p''| <= 2 xi omega |v''| + omega^2 |u''|,   p = 2 xi omega v + omega^2 u
 
-    where -p is the absolute acceleration and ag the ground acceleration.
-
-    `oscillator`: oscillator; `best` is updated. `maxima` is the maximum absolute displacement,
-    velocity and acceleration at the steps of each interval (columns 0 to 2; one row per interval).
-    `ground_maxima` is the maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in each
-    interval.
+    where -p is the absolute acceleration.
     """
-    # Find the interval with the maximum of each quantity; the index is `intervals` if there is no
-    # complete interval.
+    # Intervals with the maximum of each quantity; `intervals` without a complete interval
     best = oscillator.best
     intervals = maxima.shape[0]
     interval_u = interval_v = interval_a = intervals
@@ -333,8 +273,7 @@ def _search(oscillator, maxima, ground_maxima):
     _integrate_interval(oscillator, intervals)
     if oscillator.between_steps == 0:
         return
-    # The intervals with the maximum samples are processed first, because few other intervals can
-    # exceed their maxima.
+    # Few other intervals can exceed the maxima of the intervals with the maximum samples.
     if interval_u < intervals:
         _integrate_interval(oscillator, interval_u)
     if interval_v < intervals and interval_v != interval_u:
@@ -347,7 +286,6 @@ def _search(oscillator, maxima, ground_maxima):
     for c in range(intervals):
         if c in (interval_u, interval_v, interval_a):
             continue
-        # Compute bounds of the second derivatives of displacement, velocity and acceleration.
         bound_u = maxima[c, 2] + ground_maxima[c, 0]
         bound_v = by_v * bound_u + by_u * maxima[c, 1] + ground_maxima[c, 1]
         bound_a = by_v * bound_v + by_u * bound_u
@@ -363,31 +301,10 @@ def _search(oscillator, maxima, ground_maxima):
 def _integrate_interval(oscillator, interval):
     """Integrate one oscillator over an interval of steps and update its maxima.
 
-    The displacement u and the velocity v (relative to the ground) at the end of a step follow from
-    the exact recursion for a ground acceleration ag that is linear within the step. Then
-
-        p = omega^2 u + 2 xi omega v      the absolute acceleration is -p
-        a = -p - ag                       relative acceleration u''
-        j = -p' - ag'                     relative jerk
-
-    The maxima of |u|, |v| and |p| at the ends of the steps are recorded. If maxima between the
-    steps are required, extrema of u, v and p within a step are included. `may_exceed` tests
-    whether an extremum can exceed the maximum. `largest_between` computes the extremum from the
-    quantity and its first three derivatives at the start of the step, and from its first derivative
-    at the end. In the code, `dp`, `ddp` and `dddp` are the first, second and third derivative of p.
-    The suffix 1 denotes the end of a step.
-
-    `interval` is the index of the interval, which has INTERVAL_STEPS steps. The index after the
-    last complete interval denotes the remaining steps.
-
-    Parameters
-    ----------
-    oscillator : _TableOscillator
-        Oscillator. Its fields are the ground accelerations at the steps `ground` (m/s^2), the
-        length of a step `h` (s), the table of all oscillators `oscillators` with the column number
-        `column` of the present oscillator, displacement and velocity at the start of each interval
-        (`starts`), the flag `between_steps` (1 to include maxima between the steps), a scratch
-        array `series`, and the maxima of |u|, |v| and |p| (`best`), which are updated.
+    -p = -(omega^2 u + 2 xi omega v) is the absolute acceleration, a = -p - ag the relative
+    acceleration and j = -p' - ag' its rate. `dp`, `ddp` and `dddp` are the first, second and third
+    derivative of p. The suffix 1 denotes the end of a step. The index after the last complete
+    interval denotes the remaining steps.
     """
     ground, h, oscillators, column, starts, between_steps, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
@@ -395,10 +312,8 @@ def _integrate_interval(oscillator, interval):
     a21, a22 = oscillators[A21, column], oscillators[A22, column]
     b20, b21 = oscillators[B20, column], oscillators[B21, column]
     vibration = _vibration(oscillator)
-    by_u, by_v, _ = vibration  # omega^2 and 2 xi omega; the third field is h
-    # Between the endpoints of a step, |q| exceeds the larger of its two endpoint values by at most
-    # `factor` times the larger endpoint value of |q''|; q is u, v or p. `n` is the number of terms
-    # of the Taylor series of q in `largest_between`.
+    by_u, by_v, _ = vibration
+    # `n` is the number of terms of the Taylor series.
     factor, n = excess_factor(vibration), term_count(vibration)
     u, v = starts[interval, 0], starts[interval, 1]
     g0 = ground[interval * INTERVAL_STEPS]
@@ -416,8 +331,6 @@ def _integrate_interval(oscillator, interval):
         best[1] = max(best[1], abs(v1))
         best[2] = max(best[2], abs(p1))
         if between_steps == 1:
-            # The derivatives follow in this order, because u' = v, v' = a and a' = j:
-            #     p' = omega^2 v + 2 xi omega a,   j = -p' - ag',   p'' = omega^2 a + 2 xi omega j
             # ag is linear within the step (ag'' = 0), so that j' = -p''. Therefore the third
             # derivative of v is -p'', and p''' = omega^2 j - 2 xi omega p''.
             slope = (g1 - g0) / h
