@@ -58,43 +58,14 @@ def step(
 ):
     """Integrate the equations of motion over one time step of the Bathe method.
 
-    The step of length h from t0 consists of two substeps,
-
-        t0 + gamma h:  vg = v0 + gamma h (a0 + ag) / 2      ug = u0 + gamma h (v0 + vg) / 2
-        t0 + h:        v1 = v0 + h (q0 a0 + q1 ag + q2 a1)  u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
-
-    with displacement u, velocity v and acceleration a at the start (0), at the inner point
-    t0 + gamma h (g) and at the end (1). Equilibrium M a + C v + f(u) = p is satisfied at the inner
-    point and at the end, with the mass and damping matrices M and C, the restoring forces f and the
-    loads p. The unknown of a substep is the change of the acceleration of each floor from its first
-    guess. The hysteretic laws follow the path from the committed state to the inner point (block
-    FIRST_TRIAL) and from this state to the end (SECOND_TRIAL).
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
-        the ground; updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-    step_status : ndarray
-        FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
-
-    Returns
-    -------
-    int
-        Number of linear solutions. NOT_CONVERGED (negative) if Newton's method does not converge;
-        the state is then unchanged. NOT_FINITE (negative) if the new state is not finite.
+    The unknown of a substep is the change of the acceleration of each floor from its first guess.
+    The hysteretic laws follow the path from the committed state to the inner point (FIRST_TRIAL)
+    and from this state to the end (SECOND_TRIAL).
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
-    # The matrix of a substep depends only on the weight of the acceleration at its end: gamma / 2
-    # in the first substep, q2 in the second. If the weights are equal, the substeps share one
-    # factorization.
+    # The matrix of a substep depends only on the weight of the acceleration at its end.
     has_equal_matrices = coefficients[Q2] == 0.5 * coefficients[GAMMA]
     # Otherwise, the rows after _FACTORS contain two factorizations of equal size.
     second_factors = _FACTORS if has_equal_matrices else (_FACTORS + scratch.shape[0]) // 2
@@ -105,8 +76,8 @@ def step(
     iterations = 0
     for substep in range(2):
         if substep == 0:
-            # `fraction` is the time of equilibrium as a fraction of the step; `by_v` is the change
-            # of the velocity for a unit change of the acceleration, s.
+            # Time of equilibrium as a fraction of the step, and change of the velocity for a unit
+            # change of the acceleration, s
             fraction = coefficients[GAMMA]
             by_v = 0.5 * fraction * h
             factors = _FACTORS
@@ -122,16 +93,13 @@ def step(
             _guess_end(coefficients, h, state, scratch, n)
         ground = load[rows.GROUND_0] + fraction * (load[rows.GROUND_1] - load[rows.GROUND_0])
         floor_load(linear_terms, forces, load[rows.TIME] + fraction * h, ground, scratch, ROW.LOAD)
-        # Per unit of the unknown, the displacement changes by by_v^2, the velocity by by_v and the
-        # acceleration by 1.
         code = solve_equilibrium(
             EffectiveCoefficients(by_v * by_v, by_v, 1.0), factors, previous, trial, scene, memory
         )
         if code < 0:
             return code  # NOT_CONVERGED
         iterations += code
-    # Store the response at the end of the step, and commit the laws with the energy dissipated on
-    # both parts of the path.
+    # The energy is dissipated on both parts of the path.
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
         state[rows.VELOCITY, i] = scratch[ROW.V, i]
@@ -143,13 +111,7 @@ def step(
 
 @inline
 def _guess_inner(half_length, state, scratch, n):
-    """Store the first guess of the first substep: a constant acceleration a0.
-
-    With displacement u0, velocity v0 and acceleration a0 at the start and the length 2 d of the
-    substep, the guess at its end is v = v0 + 2 d a0 and u = u0 + d (v0 + v).
-
-    `half_length` is the half of the length of the substep, d, s.
-    """
+    """Store the first guess of the first substep: a constant acceleration a0."""
     for i in range(n):
         v = state[rows.VELOCITY, i] + 2.0 * half_length * state[rows.ACCELERATION, i]
         scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + half_length * (
@@ -161,13 +123,8 @@ def _guess_inner(half_length, state, scratch, n):
 
 @inline
 def _guess_end(coefficients, h, state, scratch, n):
-    """Store the first guess of displacement and velocity at the end of the second substep.
-
-    The acceleration at the end is guessed to be equal to the acceleration ag at the inner point.
-    With displacement u0, velocity v0 and acceleration a0 at the start of the step of length h, the
-    velocity vg at the inner point, and the coefficients q0, q1 and q2 of the method, the guess is
-
-        v = v0 + h (q0 a0 + (q1 + q2) ag),   u = u0 + h (q0 v0 + q1 vg + q2 v)
+    """Store the first guess at the end of the second substep: the acceleration at the inner
+    point.
     """
     q0 = coefficients[Q0]
     q1 = coefficients[Q1]
@@ -193,22 +150,11 @@ def gamma_with_equal_matrices(rho_inf: float) -> float:
 
 
 def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
-    """Return the coefficients gamma, q0, q1 and q2 of Noh and Bathe (2019).
+    """Return the coefficients gamma, q0, q1 and q2 of Noh and Bathe (2019) for a spectral radius
+    `rho_inf` at infinite frequency.
 
-    gamma is the length of the first substep as a fraction of the step, and rho_inf the spectral
-    radius at infinite frequency:
-
-        q1 = (1 + rho_inf) / (4 - 2 gamma (1 - rho_inf)),   q0 = 1/2 - (1 - gamma) q1
-        q2 = 1/2 - gamma q1
-
-    With displacement u, velocity v and acceleration a at the start (0), at the end of the first
-    substep (g) and at the end of the step of length h (1), the coefficients are the weights in
-
-        v1 = v0 + h (q0 a0 + q1 ag + q2 a1),   u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
-
-    The first substep uses average acceleration. `step` compares q2 with gamma / 2 to recognize that
-    both substeps have the same matrix. If q2 equals gamma / 2 up to rounding, it is therefore set
-    to exactly this value.
+    `step` compares q2 with gamma / 2 to recognize that both substeps have the same matrix. If q2
+    equals gamma / 2 up to rounding, it is therefore set to exactly this value.
     """
     q1 = (1.0 + rho_inf) / (4.0 - 2.0 * gamma * (1.0 - rho_inf))
     q0 = 0.5 - (1.0 - gamma) * q1

@@ -173,22 +173,17 @@ def register_method(method: Method, where: str | Origin = "") -> None:
 
 
 def _evaluate_with_defaults(method: Method, where: str) -> None:
-    """Evaluate all functions of a registered method with its default parameters.
+    """Evaluate all functions of a registered method with its default parameters; raise an error if
+    a property does not have the required type.
 
     The coefficients of a family with `prepare` depend on the building and are not evaluated.
-
-    Raises
-    ------
-    UsageError
-        A property does not have the required type. Exceptions of the functions of the method are
-        not converted.
+    Exceptions of the functions of the method are not converted.
     """
     integrator = parse(method.name)
     property_types = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     for name, property_type in property_types.items():
         value = getattr(integrator, name)
-        # An integer is also accepted for a property of type float. True and False are integers in
-        # Python, but they are accepted only for a property of type bool.
+        # True and False are integers in Python.
         allowed_types = (float, int) if property_type is float else property_type
         if not isinstance(value, allowed_types) or (
             isinstance(value, bool) and property_type is not bool
@@ -199,7 +194,7 @@ def _evaluate_with_defaults(method: Method, where: str) -> None:
             )
     if integrator.family.prepare is None:
         np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
-    integrator.family.scratch_rows(0)  # rows for a building without modal damping
+    integrator.family.scratch_rows(0)  # without modal damping
 
 
 def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
@@ -242,16 +237,16 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
         laws = list(declared(module, "LAWS", DriftLaw, file))
         methods = list(declared(module, "METHODS", Method, file))
         if hasattr(module, "MEASURES"):
-            # The module is imported here because `tdint methods` does not need it.
+            # `tdint methods` does not need the module.
             from tdint.ground_motion.measures import MEASURES, Measure
 
             for measure in declared(module, "MEASURES", Measure, file):
                 if MEASURES.get(measure.name) is not measure:
                     check_name(measure.name, {*MEASURES, "sa", "sa-avg", "sdi"}, "measure", file)
                     MEASURES[measure.name] = measure
-    # Laws and methods of a file that was loaded before are not registered again. A registered
-    # method is the object of the file. A registered law is a changed copy of the object of the
-    # file (`register_law`); the copy has the same attribute `functions`, which is compared instead.
+    # Laws and methods of a file that was loaded before are not registered again. A registered law
+    # is a changed copy of the object of the file (`register_law`) with the same attribute
+    # `functions`.
     for law in laws:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
             register_law(law, Origin(file, module.__name__))
@@ -288,13 +283,12 @@ def parse(text: str) -> Integrator:
     name, _, parameter_text = text.strip().partition(":")
     # The sources are in the order of their cost. `_built_in` imports only the families that it
     # searches. `_known` imports all families and contains plug-ins that are already registered.
-    # `catalogue` adds the methods of installed packages and then contains all methods. It registers
-    # them with `register_method`, which calls `parse`; `_known` already contains the new method.
+    # `catalogue` registers the methods of installed packages with `register_method`, which calls
+    # `parse`; `_known` already contains the new method.
     method = _built_in(name) or _known().get(name) or catalogue().get(name)
     if method is None:
         hint = did_you_mean(name, catalogue())
         raise UsageError(f"unknown method {name!r}{hint} (known: {', '.join(catalogue())})")
-    # Read the parameters of the specification: numbers, or fractions such as 1/144.
     allowed = {parameter.name: parameter for parameter in method.parameters}
     specified: dict[str, float] = {}
     # A colon without a parameter (`newmark:`) gives an empty item, which is reported as an error.
@@ -321,7 +315,7 @@ def parse(text: str) -> Integrator:
             raise UsageError(
                 f"method {text!r}: {key} must be a number in {allowed[key].range}, {received}"
             ) from None
-    # Set all parameters in their order, because a default may depend on the preceding values.
+    # A default may depend on the preceding values.
     values: list[float] = []
     for parameter in method.parameters:
         default = parameter.default
@@ -334,7 +328,7 @@ def parse(text: str) -> Integrator:
                 f"method {text!r}: {parameter.name} must be in {parameter.range}, got {value!r}"
             )
         values.append(value)
-    # Write the specification with colons and without white space, for labels and messages.
+    # Colons and no white space, for labels and messages
     typed = ":".join([name, *("".join(item.split()) for item in items)])
     if "," in parameter_text:
         _deprecate(text, typed)
@@ -364,18 +358,10 @@ def _deprecate(text: str, typed: str) -> None:
 
 
 def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[str, ...]]:
-    """Pickle an integrator as its specification, with the file of its plug-in if it has one.
-
-    Compiled functions cannot be pickled.
-
-    Returns
-    -------
-    function : function
-        Function that creates the integrator again: `parse`, or `_parse_again` for a plug-in.
-    arguments : tuple of str
-        Its arguments: the specification and, for a plug-in, file and SHA-256 of the plug-in.
+    """Pickle an integrator as its specification, with the file of its plug-in and its SHA-256 if it
+    has one: compiled functions cannot be pickled.
     """
-    # `home` contains the file of the plug-in and its SHA-256; it is None for a built-in method.
+    # None for a built-in method
     name = integrator.method.name
     home = None if is_ours(name) else home_of(_known().get(name), "METHODS")
     return (_parse_again, (integrator.label, *home)) if home else (parse, (integrator.label,))
@@ -384,14 +370,10 @@ def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[st
 def _parse_again(text: str, file: str, digest: str) -> Integrator:
     """Create an integrator with a plug-in method again, from the data that `_reduce` has pickled.
 
-    The integrator may be from another process. If this process has no method with the same name,
-    the plug-in is loaded, provided that its file is unchanged. If this process has a method with
-    the same name, it must be defined by the same version of the plug-in. Otherwise, or if the
-    plug-in cannot be loaded, the result contains an `_Unknown` method, which raises the error when
-    it is used.
-
-    `file` and `digest` are the file of the plug-in and its SHA-256 in the process that pickled the
-    integrator.
+    The integrator may be from another process. If this process has a method with the same name, it
+    must be defined by the same version of the plug-in; otherwise the plug-in is loaded, provided
+    that its file is unchanged. If this fails, the result contains an `_Unknown` method, which
+    raises the error when it is used.
     """
     method = catalogue().get(text.partition(":")[0])
     try:

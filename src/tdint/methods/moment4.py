@@ -79,64 +79,23 @@ def step(
 ):
     """Integrate the equations of motion over one time step of moment4.
 
-    The time t increases from 0 to 1 over the step of length h, and s = t - 1/2. The displacement of
-    a floor is the parabola
+    The unknowns are D0 = h U0 and D1 = h U1. P0 = int p dt is the mean of the load p, and P1 = 12
+    int s p dt its first moment. For r > 0, the moment in P1 of an external force q on a floor is
+    replaced by q1 - q0 + 12 r ((q0 + q1) / 2 - mean of q), with the values q0 at the start and q1
+    at the end (`mean_load`). The term r h K U1 results from the same rule for the linear force K
+    u(t).
 
-        u(t) = u0 + D0 t + D1 (t^2 - t) / 2
-
-    with the displacement u0 at the start and the unknowns D0 (change of u over the step, m) and D1
-    (change of du/dt over the step, m). As t is dimensionless, du/dt is h times the velocity. The
-    acceleration is A0 + A1 s, with its mean A0 and its change A1 over the step (m/s^2):
-
-        h^2 A1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   h^2 A0 = D1 - r h^2 A1
-
-    where v0 is the velocity at the start. The equations of motion are integrated over t from 0 to 1
-    with the weights 1 (impulse, divided by h) and 12 s (first moment):
-
-        impulse         M A0 + C D0 / h + int f dt = P0
-        first moment    M A1 + C D1 / h + 12 int s f dt + r K D1 = P1
-        end             u1 = u0 + D0,   v1 = v0 + h A0
-
-    with the mass and damping matrices M and C, the restoring forces f and the initial stiffness
-    matrix K. The terms with r are the numerical damping; r is 0 for rho_inf = 1. P0 = int p dt is
-    the mean of the load p, and P1 = 12 int s p dt its first moment. For r > 0, the moment in P1 of
-    an external force q on a floor is replaced by q1 - q0 + 12 r ((q0 + q1) / 2 - mean of q), with
-    the values q0 at the start and q1 at the end (`mean_load`). The term r K D1 results from the
-    same rule for the linear force K u(t).
-
-    The step has three stages: integrals of the load, solution for D0 and D1 of all floors, and
-    update of the state. If a story changes its branch or reverses, the peaks within the step are
-    computed before the update, because they require the state at the start of the step.
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground; updated in
-        place. Row ACCELERATION (m/s^2) is only the first guess of the next step.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-    step_status : ndarray
-        STEP_PEAKS, RUN_PEAKS, WORK_INPUT and WORK_VISCOUS are updated; RESIDUAL and WORST_STORY
-        are set if there is no convergence.
-
-    Returns
-    -------
-    int
-        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
-        then unchanged. NOT_FINITE if the new state is not finite.
+    If a story changes its branch or reverses, the peaks within the step are computed before the
+    update of the state, because they require the state at the start of the step. The state row
+    ACCELERATION is only the first guess of the next step.
     """
-    # Compute the mean P0 and the first moment P1 of the load in the two rows LOAD.
     mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
-    # Solve for D0 and D1; a negative code means that Newton's method does not converge.
+    # D0 and D1
     code = solve_step(coefficients, scene, h, memory)
     if code < 0:
         return code
-    # Update the peaks at branch changes and reversals, then the state to the end of the step.
     if HAS_NONLINEAR_FORCE:
         update_peaks_at_corners(coefficients, scene, h, load, memory)
     update_state(coefficients, scene, h, memory)
@@ -146,14 +105,8 @@ def step(
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """Return the coefficients of the step: r, 12 / (1 + 6 r) and the tolerance of the residuals.
 
-    r = (1 - rho_inf) / (6 (1 + rho_inf)) for a spectral radius `rho_inf` at infinite frequency. For
-    r = 0, the method has no numerical dissipation. The second coefficient is a factor in the change
-    A1 of the acceleration over the step of length h,
-
-        h^2 A1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r)
-
-    with the velocity v0 at the start and the displacement u0 + D0 t + D1 (t^2 - t) / 2, where t
-    increases from 0 to 1 over the step.
+    The second coefficient is a factor in the change of the acceleration over the step, h^2 A1 = (h
+    U1 / 2 - h U0 + h v0) 12 / (1 + 6 r).
     """
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     return r, 12.0 / (1.0 + 6.0 * r), MAX_RESIDUAL

@@ -80,41 +80,12 @@ def step(
     scratch,
     step_status,
 ):
-    """Advance the state by one step of two explicit substeps.
+    """Advance the state by one step of two explicit substeps; the result is 1.
 
-    Displacement u, velocity v and acceleration a have the suffix 0 at the start t0 of the step of
-    length h, c at the end t0 + p h of the first substep, and 1 at the end t0 + h:
-
-        uc = u0 + p h v0 + (p h)^2 / 2 a0
-        M ac = load(t0 + p h) - C (v0 + p h a0) - f(uc)
-        u1 = u0 + h v0 + h^2 (b0 a0 + bc ac)
-        w1 = v0 + h (c0 a0 + cc ac)
-        M a1 = load(t0 + h) - C w1 - f(u1)
-        v1 = v0 + h (d0 a0 + dc ac + d1 a1)
-
-    with the mass and damping matrices M and C, the restoring forces f, the predicted velocity w1 of
-    the damping forces, and the weights b, c and d of the method. The hysteretic laws follow the
-    path from the committed state to the end of the first substep (block FIRST_TRIAL of the law
-    states) and from this state to the end of the step (SECOND_TRIAL).
-
-    Parameters
-    ----------
-    linear_terms, modal, law_parameters, forces, flags : ndarray
-        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
-        not changed.
-    state : ndarray
-        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
-        the ground; updated in place.
-    law_state : ndarray
-        State of the hysteretic laws; updated in place.
-
-    Returns
-    -------
-    int
-        1, or NOT_FINITE (negative) if the new state is not finite.
+    The hysteretic laws follow the path from the committed state to the end of the first substep
+    (FIRST_TRIAL) and from this state to the end of the step (SECOND_TRIAL).
     """
     n = linear_terms.shape[1] - 1
-    # The first substep computes displacement and predicted velocity from the state only.
     elapsed = coefficients[_P] * h
     u_below = 0.0
     for i in range(n):
@@ -128,8 +99,6 @@ def step(
     ground = load[rows.GROUND_0] + coefficients[_P] * (load[rows.GROUND_1] - load[rows.GROUND_0])
     floor_load(linear_terms, forces, load[rows.TIME] + elapsed, ground, scratch, _ROW.LOAD)
     _accelerate(linear_terms, modal, law_state, rows.FIRST_TRIAL, scratch)
-    # The second substep computes displacement and predicted velocity at the end of the step from
-    # the accelerations a0 and ac.
     u_by_a0 = coefficients[_U1] * h * h
     u_by_ac = coefficients[_U1 + 1] * h * h
     w_by_a0 = coefficients[_W1] * h
@@ -138,7 +107,7 @@ def step(
     for i in range(n):
         v0 = state[rows.VELOCITY, i]
         a0 = state[rows.ACCELERATION, i]
-        ac = scratch[_ROW.INNER_FORCE, i]  # `_accelerate` has stored it in this row
+        ac = scratch[_ROW.INNER_FORCE, i]  # stored by `_accelerate`
         scratch[_ROW.AC, i] = ac
         u = state[rows.DISPLACEMENT, i] + h * v0 + u_by_a0 * a0 + u_by_ac * ac
         scratch[_ROW.V, i] = v0 + w_by_a0 * a0 + w_by_ac * ac
@@ -148,8 +117,7 @@ def step(
         u_below = u
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     _accelerate(linear_terms, modal, law_state, rows.SECOND_TRIAL, scratch)
-    # Store velocity and acceleration at the end, and commit the laws with the energy dissipated on
-    # both parts of the path.
+    # The energy is dissipated on both parts of the path.
     v_by_a0 = coefficients[_V1] * h
     v_by_ac = coefficients[_V1 + 1] * h
     v_by_a1 = coefficients[_V1 + 2] * h
@@ -165,16 +133,8 @@ def step(
 
 @inline
 def _accelerate(linear_terms, modal, law_state, trial, scratch):
-    """Compute the accelerations M^-1 (p - C v - f) of all floors from equilibrium, m/s^2.
-
-    They replace the internal forces C v + f in row INNER_FORCE.
-
-    Parameters
-    ----------
-    scratch : ndarray
-        Rows LOAD (p, N) and V (v, m/s) are used. Row INNER_FORCE receives the accelerations
-        (m/s^2), and row STORY_FORCE the sum of all forces of each story (N): restoring force,
-        P-delta and dampers.
+    """Compute the accelerations M^-1 (p - C v - f) of all floors from equilibrium, m/s^2; they
+    replace the internal forces C v + f in row INNER_FORCE.
     """
     force_row = _ROW.INNER_FORCE
     internal_forces(
@@ -186,26 +146,8 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
 
 
 def coefficients_of(p: float) -> tuple[float, ...]:
-    """Return the coefficients of a step of the method with the first substep p.
-
-    The coefficients are the weights of the accelerations a0 at the start, ac at the end of the
-    first substep and a1 at the end of the step of length h (Noh and Bathe 2013). u1 and v1 are
-    displacement and velocity at the end, w1 the predicted velocity of the damping forces:
-
-        u1 = u0 + h v0 + h^2 (p/2 a0 + r/2 ac)
-        w1 = v0 + h ((1 - 1/(2 p)) a0 + 1/(2 p) ac)
-        v1 = v0 + h ((p/2 + r q0) a0 + (p/2 + r (1/2 + q1)) ac + r q2 a1)
-        r = 1 - p,   q1 = (1 - 2 p) / (2 p r),   q2 = 1/2 - p q1,   q0 = 1/2 - q1 - q2
-
-    Parameters
-    ----------
-    p : float
-        Length of the first substep divided by the length of the step, between 0 and 1.
-
-    Returns
-    -------
-    tuple of float
-        p and the weights of the accelerations in u1, w1 and v1, in this order (8 values).
+    """Return the coefficients of a step with the first substep p: p and the weights of the
+    accelerations in u1, w1 and v1, in this order (8 values).
     """
     r = 1.0 - p
     q1 = (1.0 - 2.0 * p) / (2.0 * p * r)
@@ -229,30 +171,18 @@ def coefficients_of(p: float) -> tuple[float, ...]:
 def stability_limit(p: float) -> float:
     """Return the largest stable omega h of an oscillator u'' + omega^2 u = 0 with the step h.
 
-    The accelerations are -omega^2 times the displacements u0 at the start, uc at the end of the
-    first substep and u1 at the end of the step (`step`). The step multiplies (u, h v), with the
-    velocity v, by a 2 x 2 matrix. Its trace T and determinant D are polynomials of
+    The step multiplies (u, h v) by a 2 x 2 matrix. Its trace T and determinant D are polynomials of
     y = (omega h)^2. Up to omega h of about 3.7, the eigenvalues are complex, with absolute values
-    below 1. At the stability limit, an eigenvalue is 1. The characteristic polynomial z^2 - T z + D
-    is therefore zero for z = 1: 1 - T + D = 0.
-
-    Parameters
-    ----------
-    p : float
-        Length of the first substep divided by the length of the step, between 0 and 1. The method
-        uses 0.54, for which there is a positive root; other values were not tested.
-
-    Returns
-    -------
-    float
-        Square root of the smallest positive root y of 1 - T + D.
+    below 1. At the stability limit, an eigenvalue is 1. The result is therefore the square root of
+    the smallest positive root y of 1 - T + D = 0. The method uses p = 0.54; other values were not
+    tested.
     """
     from numpy.polynomial import Polynomial  # imported here because no other function needs it
 
     _, u_by_a0, u_by_ac, _, _, v_by_a0, v_by_ac, v_by_a1 = coefficients_of(p)
     y = Polynomial([0.0, 1.0])
-    # h^2 times an acceleration is -y times the displacement. The tuples `uc`, `u1` and `v1` contain
-    # the factors of u0 and of h v0 in uc, u1 and h v1, as polynomials of y.
+    # h^2 times an acceleration is -y times the displacement. Factors of u0 and of h v0 in uc, u1
+    # and h v1
     uc = (1.0 - 0.5 * p * p * y, Polynomial([p]))
     u1 = (1.0 - y * (u_by_a0 + u_by_ac * uc[0]), 1.0 - y * u_by_ac * uc[1])
     v1 = (

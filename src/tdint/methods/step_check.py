@@ -98,8 +98,8 @@ class GuardedArray(np.ndarray):
 _YIELDING = {"bilinear": (30.0, 0.05), "tanh": (30.0,), "peak-oriented": (30.0, 0.05, 0.3)}
 """Parameters of three hysteresis models: piecewise linear, curved, and deteriorating."""
 
-# Largest time step (_H) and duration (_SECONDS) of the check, s. The building has periods of 0.35
-# and 0.13 s and yields from 0.1 s on.
+# Largest time step and duration of the check, s. The building has periods of 0.35 and 0.13 s and
+# yields from 0.1 s on.
 _H, _SECONDS = 0.01, 1.2
 # Order of convergence of methods that do not locate the kinks of the forces within their steps
 _KINK_ORDER = 2
@@ -117,19 +117,15 @@ _ENERGY_TOLERANCE = 1e-2
 def integrate_in_python(
     law: str, integrator: Integrator, parts: int, *, fresh_at: int = -1, halve_at: int = -1
 ) -> Workspace:
-    """Integrate a building of two stories in plain Python with the time step `_H` / parts.
+    """Integrate a building of two stories in plain Python with the time step `_H` / parts; return
+    the arrays after the last step, with the complete history.
 
-    `_H` is 0.01 s, the largest time step of the check. Both stories have the same hysteresis model.
-    The building has an initial velocity and a harmonic ground motion of the duration `_SECONDS`
-    (1.2 s), sampled at multiples of `_H`; no forces act on its floors. The arrays of the step are
-    guarded: an index out of bounds raises an error.
+    The building has an initial velocity and a harmonic ground motion of the duration `_SECONDS`,
+    sampled at multiples of `_H`; no forces act on its floors. The arrays of the step are guarded:
+    an index out of bounds raises an error.
 
     Parameters
     ----------
-    integrator : Integrator
-        The method.
-    parts : int
-        Number of time steps in `_H`.
     fresh_at : int
         Number of the step before which the scratch arrays are cleared, as if the integration were
         interrupted and continued with other arrays. The default, -1, clears nothing.
@@ -141,16 +137,8 @@ def integrate_in_python(
     ------
     AnalysisError
         The method failed. After an exception in the code of a plug-in, the message contains the
-        file, the line and the error (`faults_in`). If a step does not converge or the response is
-        not finite, it contains the method, the time step and the hysteresis model.
-
-    Returns
-    -------
-    Workspace
-        Arrays after the last step, with the complete history.
+        file, the line and the error (`faults_in`).
     """
-    # Two stories of the same hysteresis model without forces and with an initial velocity. The
-    # ground motion is an argument of the time loop.
     story = simple_story(1.0, Law(law, _YIELDING.get(law, ())), stiffness=1000.0, dashpot=1.0)
     building = assemble(simple_model(law, [story, story]))
     forces = np.zeros((0, rows.FORCE_COLUMNS))
@@ -158,7 +146,6 @@ def integrate_in_python(
     arrays = workspace(building, integrator, count + 1)
     arrays.state[rows.VELOCITY, :-1] = 0.2, 0.3
     ground = 9.0 * np.sin(14.0 * np.arange(round(_SECONDS / _H) + 1) * _H)
-    # Accesses outside of the arrays of the step raise an error.
     guarded_memory = [
         GuardedArray.of(array, name) for name, array in arrays.memory._asdict().items()
     ]
@@ -177,8 +164,7 @@ def integrate_in_python(
             return rows.NOT_CONVERGED
         return int(integrator.family.step.function(*arguments))
 
-    # Each call of the time loop integrates the steps `first_step` to `last_step` - 1. Between two
-    # calls, the arrays are cleared.
+    # Between two calls of the time loop, the arrays are cleared.
     step_ranges = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
     for first_step, last_step in step_ranges:
         if first_step:
@@ -194,8 +180,7 @@ def integrate_in_python(
                 last_step,
                 1,  # steps per row of the history
                 0,  # rows of the complete history before the first row of the array
-                # The next two arguments are a ratio: `parts` time steps have the length of 1
-                # sampling interval (`_H`).
+                # `parts` time steps have the length of 1 sampling interval (`_H`).
                 parts,
                 1,
                 HALVINGS if integrator.family.halvable else 0,
@@ -225,8 +210,8 @@ def _clear_scratch(arrays: Workspace) -> None:
     """Clear the scratch array and the step status, as if an integration were continued with new
     arrays.
 
-    The state is kept and, of the step status, the number of steps and the ground acceleration for
-    which the state is valid. The arrays are changed in place.
+    Of the step status, the number of steps and the ground acceleration for which the state is valid
+    are kept.
     """
     kept_status = arrays.step_status[rows.STEPS_DONE], arrays.step_status[rows.STATE_GROUND]
     arrays.step_status[:], arrays.scratch[:] = 0.0, 0.0
@@ -238,15 +223,8 @@ def faults_in(module: Any, name: str) -> Iterator[None]:
     """Convert an exception in the code of a plug-in to an `AnalysisError` with file and line
     number.
 
-    The line is the last one of the traceback in the module of the plug-in. Errors of tdint are not
-    changed.
-
-    Parameters
-    ----------
-    module : module, optional
-        Module of the plug-in. It may be None; the message then contains `name`.
-    name : str
-        Text for the message instead of file and line, if no line of the traceback is in the module.
+    The line is the last one of the traceback in the module of the plug-in; without such a line or
+    module, the message contains `name`. Errors of tdint are not changed.
     """
     try:
         yield
@@ -254,15 +232,15 @@ def faults_in(module: Any, name: str) -> Iterator[None]:
         raise
     except Exception as error:
         file = getattr(module, "__file__", None) or ""
-        # Line numbers of the calls in the file of the plug-in, the innermost call last
+        # The innermost call is last.
         lines = [
             frame.lineno
             for frame in traceback.extract_tb(error.__traceback__)
             if frame.filename == file
         ]
         location = f"{file}:{lines[-1]}" if lines else name
-        # The message of `_Beyond` (index outside a guarded array) is complete. The message of
-        # another exception, such as the key of a KeyError, requires the type of the exception.
+        # The message of `_Beyond` is complete. The message of another exception, such as the key of
+        # a KeyError, requires the type of the exception.
         error_type = "" if isinstance(error, _Beyond) else f"{type(error).__name__}: "
         raise AnalysisError(f"{location}: {error_type}{error}") from None
 
@@ -271,17 +249,14 @@ def faults_in(module: Any, name: str) -> Iterator[None]:
 def _reference_displacements(law: str) -> Array:
     """Return the reference displacements of the floors at multiples of `_H`, m, one row per time.
 
-    They are the results of `impulse4` with the time step `_H` / 16; `law` is the name of the
-    hysteresis model of the stories. Their error is below 1e-7 of the maximum displacement. The
-    result is cached.
+    The error of `impulse4` with the time step `_H` / 16 is below 1e-7 of the maximum displacement.
     """
     return _displacements(integrate_in_python(law, parse("impulse4"), 16), 16)
 
 
 def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING) -> dict[str, str]:
-    """Return the faults of a method for stories that yield.
-
-    The building is integrated with 1, 2 and 4 time steps in `_H`. The keys of the result are:
+    """Return the faults of a method for stories that yield, type -> message; empty for a correct
+    method.
 
         failed     an integration fails; the other keys are then not tested for this model
         order      the displacements do not converge with the expected order to the reference
@@ -291,23 +266,13 @@ def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING
         halved     halving a step increases the error to more than twice the error without a halved
                    step (`_halving_fault`)
 
-    Parameters
-    ----------
-    laws : iterable of str
-        Names of the hysteresis models, which are tested in this order.
-
-    Returns
-    -------
-    dict of str to str
-        Type of fault -> message; empty for a correct method. If a test fails for several hysteresis
-        models, the dictionary contains the message for the first model. Only the key `failed`
-        contains the message for the last model.
+    If a test fails for several hysteresis models, the dictionary contains the message for the first
+    model. Only the key `failed` contains the message for the last model.
     """
     faults: dict[str, str] = {}
     for law in laws:
         reference = _reference_displacements(law)
         try:
-            # `parts` is the number of time steps in `_H`.
             integrations = {
                 parts: integrate_in_python(law, integrator, parts) for parts in (1, 2, 4)
             }
@@ -343,22 +308,15 @@ def _order_fault(
     text.
 
     They must converge with the order of the method, or with the order that the kinks of the
-    hysteresis model permit. The order is observed from the errors e with 1, 2 and 4 time steps in
-    the interval `_H` (0.01 s): log2(e_1 / e_4) / 2 or log2(e_2 / e_4), whichever is larger. An
-    error e_4 of at most _NEGLIGIBLE is accepted with any order.
-
-    `integrations` contains the results with 1, 2 and 4 time steps in `_H`. `reference` contains the
-    reference displacements at multiples of `_H`, m.
+    hysteresis model permit.
     """
     errors = {
         parts: _relative_error(arrays, parts, reference) for parts, arrays in integrations.items()
     }
-    # The force of the law tanh is smooth, so a method attains its full order. An order above 4 is
-    # not required, because the reference is computed by a method of order 4 (`impulse4`).
+    # The force of the law tanh is smooth. An order above 4 is not required, because the reference
+    # is computed by a method of order 4.
     expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
-    # Compute the order from the errors with the time steps _H and _H / 4, and again from the errors
-    # with _H / 2 and _H / 4. If the error with _H / 4 is exactly zero, the order is set to infinity
-    # to avoid a division by zero.
+    # If the error with _H / 4 is exactly zero, the order is infinite.
     observed_orders = [math.inf]
     if errors[4]:
         observed_orders = [
@@ -397,16 +355,9 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     """Return a message if the result depends on the scratch arrays of previous steps; otherwise an
     empty text.
 
-    A method must keep all its memory in the state. In a second integration, the scratch arrays are
-    therefore cleared once, before step 60 of 120. The displacements of both integrations are
-    compared.
-
-    `arrays` contains the results with the time step `_H`, without clearing. `reference` contains
-    the reference displacements at multiples of `_H`, m. Differences of up to _NEGLIGIBLE times
-    their maximum absolute value are accepted.
+    A method must keep all its memory in the state. `arrays` contains the results without clearing.
     """
-    # Step 60 is in the middle of the duration, after the first yielding. The argument 1 of the
-    # following calls is the number of time steps in `_H`.
+    # Step 60 of 120 is after the first yielding.
     continued = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
     limit = _NEGLIGIBLE * float(np.max(np.abs(reference)))
     if _distance(continued, _displacements(arrays, 1)) <= limit:
@@ -420,17 +371,12 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
 def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, reference: Array) -> str:
     """Return a message if a halved step increases the error of the method; otherwise an empty text.
 
-    One step of a second integration is reported as not converged, so that the time loop halves it.
-    The error may then be at most twice the error without a halved step, plus _NEGLIGIBLE. Methods
-    that do not allow halved steps are not tested.
-
-    `arrays` contains the results with the time step `_H`, without a halved step. `reference`
-    contains the reference displacements at multiples of `_H`, m.
+    One step is reported as not converged, so that the time loop halves it. `arrays` contains the
+    results without a halved step.
     """
     if not integrator.family.halvable:
         return ""
-    # Halve a step in the middle of the duration: step 60 of 120, after the first yielding. The
-    # argument 1 of the following calls is the number of time steps in `_H`.
+    # Step 60 of 120 is after the first yielding.
     halved_arrays = integrate_in_python(law, integrator, 1, halve_at=60)
     halved_error = _relative_error(halved_arrays, 1, reference)
     error = _relative_error(arrays, 1, reference)
@@ -445,12 +391,10 @@ def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
 
 
 def _imbalance(totals: Array) -> float:
-    """Return the imbalance of the energies at the end, divided by the maximum input energy.
+    """Return the imbalance of the energies at the end, divided by the maximum input energy;
+    positive if energy is missing at the end.
 
-    The imbalance is the initial energy plus the work of the load minus all other energies (kinetic,
-    viscous, dashpots, strain, hysteretic). It is positive if energy is missing at the end. `totals`
-    are the values of the complete run with the rows of `tdint.kernels.layout`. The maximum input
-    energy (ENERGY_REFERENCE) is positive, because the building has initial velocities.
+    ENERGY_REFERENCE is positive, because the building has initial velocities.
     """
     spent = float(np.sum(totals[rows.ENERGY_INPUT + 1 : rows.ENERGY_TERMS]))
     received = float(totals[rows.ENERGY_INITIAL] + totals[rows.ENERGY_INPUT])
@@ -458,11 +402,8 @@ def _imbalance(totals: Array) -> float:
 
 
 def _displacements(arrays: Workspace, parts: int) -> Array:
-    """Return the displacements of all floors at multiples of the time step `_H`, m.
-
-    `parts` is the number of time steps of the integration in `_H`. The result has one row per time
-    and one column per floor. Column 0 of the history in `arrays` is the ground acceleration, and
-    the displacements follow.
+    """Return the displacements of all floors at multiples of the time step `_H`, m: one row per
+    time, one column per floor.
     """
     floors = arrays.state.shape[1] - 1
     return np.asarray(arrays.history[::parts, 1 : 1 + floors])

@@ -30,30 +30,12 @@ memory of its rows.
 class Workspace:
     """Arrays that a time integration reads and writes.
 
-    Their rows or elements are listed in `tdint.kernels.layout`. The tables `state`, `law_state` and
+    The arrays are those of `tdint.kernels.layout`. The tables `state`, `law_state` and
     `observer_state` have one column per floor or story and an additional column, `peaks` and
     `limits` one column per floor or story. `flags`, `step_status` and `totals` are vectors.
 
     Attributes
     ----------
-    state : ndarray
-        Displacements, velocities and accelerations of the floors, and further memory of the method.
-    law_state : ndarray
-        States of the hysteretic laws of the stories.
-    scratch : ndarray
-        Scratch array of the step; it can contain factorizations for the next step.
-    flags : ndarray
-        Properties of building and method that are constant during the run.
-    step_status : ndarray
-        Values that a step passes to the next step and to the time loop.
-    observer_state : ndarray
-        Memory of the observer of the response.
-    peaks : ndarray
-        Peaks of the response, then possible peaks between the time steps.
-    limits : ndarray
-        Collapse limits of the stories.
-    totals : ndarray
-        Energies and other values of the complete run.
     history : ndarray
         Response history, one row per stored time; no rows if no history is stored.
     forces : ndarray
@@ -101,21 +83,11 @@ def workspace(
     """Return new arrays for one run: zeros, except for flags, limits, the addresses of laws and the
     value NO_COLLAPSE in the totals.
 
-    The three rows of `limits` are the collapse drift ratio, the story heights, and the values that
-    mark a failed law.
-
-    The tables `state`, `law_state` and `observer_state` have one column per floor or story and an
-    additional column of zeros. The scratch array has at least these columns, `peaks` and `limits`
-    have no additional column, and a row of `history` contains all values of a time. State and
-    scratch rows depend on the method, and the rows of the law states on the hysteretic laws of the
-    building. Laws that are compiled separately are compiled here if necessary.
+    The scratch array has at least one column per floor or story and an additional column. Laws that
+    are compiled separately are compiled here if necessary.
 
     Parameters
     ----------
-    building : Building
-        Assembled building, which determines the columns and the laws.
-    integrator : Integrator
-        Method, which determines the rows of state and scratch array.
     row_count : int, default 0
         Number of rows of the history; 0 to store no history.
     collapse_drift : float, default infinity
@@ -131,10 +103,10 @@ def workspace(
     family = integrator.family
     flags = np.zeros(rows.FLAGS_SIZE)
     flags[rows.LINEAR] = building.linear
-    # NO_BRANCHES: no law has branches, and no branch change is located. SOME_BRANCHES: branch
-    # changes are located, but a step without branch changes is nonlinear, because some laws are
-    # curved or there are power-law dashpots, braces of dampers or tangent damping. ALL_BRANCHES: a
-    # step without branch changes is linear, and a single linear solution is sufficient.
+    # NO_BRANCHES: no branch change is located. SOME_BRANCHES: branch changes are located, but a
+    # step without branch changes is nonlinear, because some laws are curved or there are power-law
+    # dashpots, braces of dampers or tangent damping. ALL_BRANCHES: a single linear solution is
+    # sufficient for a step without branch changes.
     flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
     is_smooth = building.power_damped or building.braced or building.tangent_damped
     if building.piecewise_linear and not is_smooth:
@@ -173,7 +145,7 @@ def workspace(
         flags=flags,
         step_status=np.zeros(rows.STEP_STATUS_SIZE),
         observer_state=np.zeros((rows.OBSERVER_ROWS, n + 1)),
-        # First half: peaks; second half: possible peaks of unresolved motion.
+        # Peaks, then possible peaks of unresolved motion
         peaks=np.zeros((2 * rows.PEAK_ROWS, n)),
         limits=collapse_limits(building, collapse_drift),
         totals=totals,
@@ -249,22 +221,14 @@ def history_width(building: Building) -> int:
 
 
 def state_jumps(integrator: Integrator, h: float) -> Array:
-    """Return the change of each row of the state for a unit jump of the floor accelerations.
+    """Return the change of each row of the state for a unit jump of the floor accelerations:
+    `Family.shifts` times h^(2 - k) for a row with the derivative of order k.
 
     If a time step is longer than the sampling interval of the ground motion, the ground
     acceleration in each step is replaced by a straight line. Successive lines have different values
-    at the common endpoint. The ground acceleration and the relative accelerations therefore jump
-    between two steps. Displacements and velocities do not jump. Further rows of the state with mean
+    at the common endpoint, so that the relative accelerations jump between two steps. Mean
     velocities and accelerations of earlier steps (multi-step methods) change as if the new
     acceleration had already acted in these steps.
-
-    A row with the unit of the derivative of order k of the displacement changes by its factor
-    `Family.shifts` times h^(2 - k).
-
-    Returns
-    -------
-    ndarray, shape (rows of the state,)
-        Change divided by the jump, s^(2 - k) for a row with the derivative of order k.
     """
     family = integrator.family
     return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))

@@ -52,19 +52,12 @@ _REQUIRED_DECREASE = 1e-4
 
 @inline
 def update_run_maxima(scratch, row, mismatch, size):
-    """Update the maxima over the run that determine the tolerance of Newton's method.
+    """Update the maxima over the run, in columns 0 and 1 of `row`, that determine the tolerance of
+    Newton's method.
 
-    `tolerance_of_run` divides the maximum of `mismatch` by the maximum of `size`. The quotient is a
-    measure of the error of the steps, of order 4 in the time step.
-
-    Parameters
-    ----------
-    row : int
-        Row of the maxima: of the mismatch in column 0, of the size in column 1.
-    mismatch, size : float
-        Values of the step, both in the same unit. `mismatch` is a sum of squared differences
-        between two approximations of the accelerations of the floors. `size` is the corresponding
-        sum of squared accelerations.
+    `mismatch` is a sum of squared differences between two approximations of the accelerations of
+    the floors, `size` the corresponding sum of squared accelerations. The quotient of their maxima
+    is a measure of the error of the steps, of order 4 in the time step.
     """
     scratch[row, 0] = max(mismatch, scratch[row, 0])
     scratch[row, 1] = max(size, scratch[row, 1])
@@ -72,20 +65,9 @@ def update_run_maxima(scratch, row, mismatch, size):
 
 @inline
 def tolerance_of_run(scratch, row, tolerance_per_mismatch):
-    """Return the relative tolerance of the residuals of Newton's method in a step.
-
-    The tolerance is `tolerance_per_mismatch` times the relative mismatch, but at least
-    RESIDUAL_TOLERANCE and at most _MAX_TOLERANCE. The relative mismatch is a measure of the error
-    of the steps in the run: the squared difference between two approximations of the accelerations,
-    divided by the squared accelerations (`update_run_maxima`). It is of order 4 in the time step.
-
-    Parameters
-    ----------
-    row : int
-        Number of the row with the maxima over the run (`update_run_maxima`): of the mismatch in
-        column 0, of the squared accelerations in column 1. Both are 0 until their first update.
-    tolerance_per_mismatch : float
-        Tolerance divided by the relative mismatch, dimensionless.
+    """Return the relative tolerance of the residuals of Newton's method in a step:
+    `tolerance_per_mismatch` times the relative mismatch (`update_run_maxima`), between
+    RESIDUAL_TOLERANCE and _MAX_TOLERANCE.
     """
     # Without maxima, as in the first step of a run, the strictest tolerance is used.
     tolerance = RESIDUAL_TOLERANCE
@@ -119,18 +101,8 @@ def squared_norm(linear_terms, scratch, row, n):
 def must_halve(norm, previous_norm, fraction):
     """Return True if the line search must halve the applied fraction of a correction.
 
-    A correction with the applied fraction q is accepted if it reduces the squared norm S of the
-    residual: S(q) <= (1 - _REQUIRED_DECREASE q) S(0). It is accepted in any case if q is at most
-    MIN_STEP_FRACTION. It is also accepted if S(q) is nan: the iteration then ends without
-    convergence, and the time loop halves the step.
-
-    Parameters
-    ----------
-    norm, previous_norm : float
-        Squared norm of the residual with the correction, S(q), and before it, S(0). An infinite
-        `previous_norm` accepts every correction.
-    fraction : float
-        Fraction q of the correction that is currently applied.
+    A correction is accepted if S(q) is nan: the iteration then ends without convergence, and the
+    time loop halves the step. An infinite `previous_norm` accepts every correction.
     """
     limit = previous_norm * (1.0 - _REQUIRED_DECREASE * fraction)
     return norm > limit and fraction > MIN_STEP_FRACTION
@@ -170,33 +142,18 @@ def add_rows(factor, scratch, source, target, row_count, n):
 
 @inline
 def is_balanced(is_last, tolerance, step_status, i, residual, scale):
-    """Return True if the residual of an equation is within the tolerance.
+    """Return True if the residual of an equation is within the tolerance; False for an infinite
+    residual.
 
-    The condition is |residual| - tolerance * scale <= RESIDUAL_FLOOR, which is False for an
-    infinite residual.
-
-    Parameters
-    ----------
-    is_last : bool
-        True if no further iteration is allowed. The largest relative residual and the index of its
-        floor are then stored in `step_status` for the error message.
-    tolerance : float
-        Maximum residual relative to `scale`, usually RESIDUAL_TOLERANCE.
-    step_status : ndarray
-        Elements RESIDUAL and WORST_STORY are updated; WORST_STORY receives the index `i` of the
-        floor, which is also the index of the story below the floor. The caller sets RESIDUAL to 0
-        before the first equation.
-    residual : float
-        Residual of the equation, the sum of its terms with their signs.
-    scale : float
-        Sum of the absolute values of the terms, in the unit of `residual`.
+    `scale` is the sum of the absolute values of the terms. If `is_last`, no further iteration is
+    allowed: the largest relative residual and the index of its floor are stored in `step_status`
+    for the error message. The caller sets RESIDUAL to 0 before the first equation.
     """
-    # With an infinite force, residual and scale are infinite. Their difference is then nan, so that
-    # the condition is False.
+    # With an infinite force, the difference of residual and scale is nan, so that the condition is
+    # False.
     is_small = abs(residual) - tolerance * scale <= RESIDUAL_FLOOR
-    # Report the equation with the largest relative residual. "not ... <=" is also True for nan.
-    # Therefore, an equation with invalid values is reported. A later equation that is not balanced
-    # replaces a stored nan.
+    # "not ... <=" is also True for nan, so that an equation with invalid values is reported. A
+    # later equation that is not balanced replaces a stored nan.
     if is_last and not is_small and not abs(residual) / scale <= step_status[rows.RESIDUAL]:
         step_status[rows.RESIDUAL] = abs(residual) / scale
         step_status[rows.WORST_STORY] = i

@@ -1,6 +1,9 @@
 """Force functions of piecewise-linear drift laws, which follow the linear branches of the law.
 
-A law with linear branches only defines how branches follow each other (`switch`), its first branch
+A block of `law_state` with a trial state on the same branch as an earlier state does not contain
+the rows of the branch. Its row BRANCH_OFFSET contains the (signed) number of rows to the block that
+contains them; 0 if the state contains its branch. The committed state always contains its branch. A
+law with linear branches only defines how branches follow each other (`switch`), its first branch
 (`enter`) and its strain energy. `follow_branches` builds the other functions from these.
 `branch_first` accelerates the functions for paths that remain on one branch.
 """
@@ -169,19 +172,8 @@ def fail(law_state, i, block, failed):
 
 @inline
 def branch_owner(law_state, i, block):
-    """Return the first row of the block of `law_state` that contains the branch of a state.
-
-    A block is a group of consecutive rows with the state of the law: the committed state, or a
-    trial state. The branch consists of stiffness, limits, direction and further rows of a block. A
-    trial state on the same branch as an earlier state does not copy these rows, but refers to the
-    earlier block. Its row BRANCH_OFFSET contains the (signed) number of rows from the trial state
-    to that block; 0 if the trial state contains a copy of the branch. The block of the committed
-    state always contains its branch.
-
-    Returns
-    -------
-    int
-        First row of the block that contains the branch.
+    """Return the first row of the block of `law_state` that contains the branch of the state in
+    `block`.
     """
     return (
         block if block == rows.COMMITTED else block + int(law_state[block + rows.BRANCH_OFFSET, i])
@@ -193,13 +185,7 @@ def copy_branch(law_state, i, block):
     """Copy the branch of another state into the state in `block`, if the state refers to that
     branch.
 
-    A trial state on the branch of another state does not contain the branch: its row BRANCH_OFFSET
-    contains the number of rows from `block` to the other state. The state must contain its branch
-    before it can change the branch. The copied rows are INTERNAL, the rows from COMMON_ROWS to WORK
-    (excluded) and the extra rows; BRANCH_OFFSET is then 0.
-
-    `law_state` is the table of the law states, with one column per story, and `i` the index of the
-    story.
+    The state must contain its branch before it can change the branch.
     """
     if law_state[block + rows.BRANCH_OFFSET, i] != 0.0:
         branch_block = branch_owner(law_state, i, block)
@@ -241,32 +227,11 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force at a drift; return the tangent stiffness, N/m.
 
-        If the path remains on its linear branch, force and work follow from the stiffness of the
-        branch. This is the case if `drift` is within the limits of the branch (rows LOWER and
-        UPPER) and the path has the direction RATE_SIGN of the branch (0 for both directions).
-        FORCE, WORK and BRANCH_OFFSET are then written to block `trial`; the caller writes DRIFT.
-        Otherwise `follow`, the force function of the law, is called. It changes the branch on the
-        way, and writes all rows of the state to block `trial`.
-
-        A block that does not contain its branch refers to the branch in another block: row
-        BRANCH_OFFSET is the number of rows from the block to the block with the branch, or 0 if the
-        block contains its branch. `branch_owner` returns the block with the branch.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        drift : float
-            Drift, m.
+        If the path remains on its linear branch, only FORCE, WORK and BRANCH_OFFSET are written to
+        block `trial`; the caller writes DRIFT. Otherwise `follow`, the force function of the law,
+        changes the branch on the way and writes all rows.
         """
-        branch_block = branch_owner(law_state, i, previous)  # block that contains the branch
+        branch_block = branch_owner(law_state, i, previous)
         slope = law_state[branch_block + rows.SLOPE, i]
         drift_change = drift - law_state[previous + rows.DRIFT, i]
         is_within = (drift <= law_state[branch_block + rows.UPPER, i]) & (
@@ -285,9 +250,7 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
             )
             law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
             return slope
-        # The path does not remain on its branch, and `follow` changes the branch. It requires that
-        # the block `previous` contains the branch; `copy_branch` replaces a reference to another
-        # block by a copy of the branch.
+        # `follow` requires that the block `previous` contains the branch.
         if previous != rows.COMMITTED:
             copy_branch(law_state, i, previous)
         law_state[trial + rows.BRANCH_OFFSET, i] = 0.0
@@ -295,30 +258,13 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
     @inline
     def commit_changed_rows(law_parameters, law_state, i, previous, trial):
-        """Copy the law-specific rows of a trial state to the committed state.
+        """Copy the law-specific rows of a trial state to the committed state: only WORK if the
+        trial state is still on the committed branch.
 
-        The kernel function `commit` first calls this function. It then copies the common rows
-        (drift, force, internal variable, dissipated energy) from block `trial` to the committed
-        state. If the trial state is still on the committed branch, this function copies only WORK.
-        Row BRANCH_OFFSET, the number of rows from the block `trial` to the block that contains its
-        branch, then leads to the committed state. Otherwise `keep`, the function of the law, copies
-        all rows.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
+        `commit`, the caller, then copies the common rows.
         """
         if law_state[trial + rows.BRANCH_OFFSET, i] == float(rows.COMMITTED - trial):
-            # The complete path is on the committed branch, so only WORK has to be committed. The
-            # fast evaluation has not written INTERNAL of block `trial`. The committed value is
+            # The fast evaluation has not written INTERNAL of block `trial`. The committed value is
             # stored in this row, because `commit` copies all common rows back.
             law_state[trial + rows.INTERNAL, i] = law_state[rows.INTERNAL, i]
             law_state[rows.WORK, i] = law_state[trial + rows.WORK, i]
@@ -330,30 +276,16 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
 
 def advancing(move: Any) -> Any:
-    """Return a compiled function that moves a law state to a drift on its current linear branch.
+    """Return a compiled function (law_parameters, law_state, i, block, drift) that moves a law
+    state to a drift on its current linear branch.
 
-    Parameters
-    ----------
-    move : function
-        (law_parameters, law_state, i, block, step, mean_force). Updates the other rows, for example
-        the work, from the change of drift `step` (m) and the mean force (N) on the path.
-
-    Returns
-    -------
-    function
-        (law_parameters, law_state, i, block, drift). Sets DRIFT and FORCE of the block, with FORCE
-        = previous force + SLOPE x change of drift, and calls `move`.
+    `move` (law_parameters, law_state, i, block, step, mean_force) updates the other rows, for
+    example the work, from the change of drift `step` (m) and the mean force (N) on the path.
     """
 
     @inline
     def advance(law_parameters, law_state, i, block, drift):
-        """Move a law state to a drift on its current linear branch.
-
-        The force (row FORCE) changes by the stiffness of the branch (row SLOPE) times the change of
-        drift (row DRIFT). The function `move` of the law then updates the other rows.
-
-        `drift` is the drift, m.
-        """
+        """Move a law state to a drift on its current linear branch."""
         step = drift - law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]
         new_force = force + law_state[block + rows.SLOPE, i] * step
@@ -391,27 +323,11 @@ def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRAN
 
     @specialized
     def follow(law_parameters, law_state, i, previous, trial, drift):
-        """Compute the force at a drift along the branches of the law; return the tangent, N/m.
+        """Compute the force at a drift along the branches of the law; return the stiffness of the
+        last branch, N/m.
 
-        The state in block `previous` is copied to block `trial`. If the path starts with a
-        reversal, the branch changes immediately. At each limit of a branch on the path, the state
-        is moved to the limit and the branch changes. The result is the stiffness of the last
-        branch. If the path has more than `max_branches` changes of branch, force and tangent are
-        nan, so that the step fails.
-
-        Parameters
-        ----------
-        law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row per quantity, one column per
-            story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block of `law_state` with the state at the start of the path.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
-        drift : float
-            Drift, m.
+        If the path has more than `max_branches` changes of branch, force and tangent are nan, so
+        that the step fails.
         """
         for row in range(rows.LAW_STATE_ROWS):
             law_state[trial + row, i] = law_state[previous + row, i]
@@ -419,8 +335,7 @@ def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRAN
         # A path against the direction of the branch starts with a reversal.
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
-        # Advance to each limit that the path exceeds, and change the branch at the limit. The
-        # maximum number prevents an endless loop. The laws of tdint do not reach it.
+        # The maximum number prevents an endless loop. The laws of tdint do not reach it.
         for _ in range(max_branches + 1):
             if drift > law_state[trial + rows.UPPER, i]:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.UPPER, i])
@@ -479,26 +394,8 @@ def follow_branches(
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):
-        """Copy the branch and the other law-specific rows of a trial state to the committed state.
-
-        These are the rows from COMMON_ROWS to the end of the block (branch, maximum drifts and
-        work), and the extra rows of laws that need more rows. The function `commit`, which calls
-        this function, copies the common rows: drift, force, internal variable, and row DISSIPATED,
-        which is 0 for these laws.
-
-        Parameters
-        ----------
-        law_parameters : ndarray
-            Parameters of the hysteretic laws; not used by this function.
-        law_state : ndarray
-            States of the hysteretic laws: one row per quantity, one column per story.
-        i : int
-            Index of the story.
-        previous : int
-            First row of the block with the state at the start of the path; not used, because the
-            trial state contains all rows.
-        trial : int
-            First row of the block of `law_state` with the state at the end of the path.
+        """Copy the branch and the other law-specific rows of a trial state to the committed state,
+        with the extra rows. `commit`, the caller, copies the common rows.
         """
         for row in range(rows.COMMON_ROWS, rows.LAW_STATE_ROWS):
             law_state[row, i] = law_state[trial + row, i]

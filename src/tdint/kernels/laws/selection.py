@@ -20,9 +20,9 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 @cache
 def _functions(law: DriftLaw) -> LawFunctions:
-    """Return the functions of a law that kernels call: force, energies, branches and others.
+    """Return the functions of a law that kernels call; a separately compiled law is called by its
+    address.
 
-    For a separately compiled law, the result contains functions that call the law by its address.
     The result is cached, because `law.functions` creates new functions at each call.
     """
     return SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
@@ -46,11 +46,8 @@ class _Codes:
 def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
     """Return a container of the numbers of all laws with a property.
 
-    Kernels test with `in` whether the law of a story has the property. Compiled kernels need a
-    tuple of constants. Kernels in plain Python use a `_Codes` instead, because a tuple would not
-    contain the laws that plug-ins register later.
-
-    `has_property` is the law -> True if it has the property.
+    Compiled kernels need a tuple of constants. Kernels in plain Python use a `_Codes` instead,
+    because a tuple would not contain the laws that plug-ins register later.
     """
     if not COMPILES:
         return _Codes(has_property)
@@ -68,8 +65,7 @@ CURVED_LAWS = _codes(lambda law: law.curved)
 """Numbers of the laws with curved branches."""
 
 
-# Kernels are compiled in variants, each for a set of laws. Kernels that run in plain Python contain
-# all laws, including curved laws.
+# Kernels that run in plain Python contain all laws.
 HAS_CURVED_LAW = not COMPILES or any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
 
@@ -90,21 +86,18 @@ MAX_BRANCHES = 100 if not COMPILES else max(LAWS[code].max_branches for code in 
 HAS_ELEMENTS = VARIANT.elements
 """True if a story can have several elements (`tdint.kernels.layout.ELEMENTS`)."""
 
-# The functions of the laws with the smallest numbers are inlined at each place where a law is
-# selected. The same applies to the common function of all separately compiled laws, which tests the
-# branch and then calls the law by address. The functions of the other laws are compiled only once
-# and are called, because inlining them would increase the compile time of the time loops, which is
-# several seconds.
+# The functions of the laws with the smallest numbers, and the common function of all separately
+# compiled laws, are inlined at each place where a law is selected. The functions of the other laws
+# are compiled only once and are called, because inlining them would increase the compile time of
+# the time loops, which is several seconds.
 _FREQUENT = 2
 """Number of laws that are inlined: linear and bilinear."""
 
 _SEPARATE = -1
 """Number that represents all separately compiled laws in the result of `_selection_order`."""
 
-# Numbers of the laws that store their current branch in every state (committed and trial).
 BRANCH_STORING_LAWS = _codes(lambda law: _functions(law).keep is not None)
 
-# Numbers of the laws that accumulate their dissipated energy.
 DISSIPATING_LAWS = _codes(lambda law: _functions(law).accumulate_dissipation is not None)
 
 
@@ -125,18 +118,12 @@ def select_function(
         rare        all other laws                           _FREQUENT and more         called
 
     "Inlined" means that the condition and the function behind it become a part of each caller. For
-    the separate laws, it is a short function that all separate laws share. The shared function
-    calls the compiled code of the law by address; this code remains outside of the caller. The
-    conditions and functions of all rare laws are compiled as a single function that is called,
-    because inlining them would increase the compile time.
+    the separate laws, it is a short function that calls the compiled code of the law by address.
+    The conditions and functions of all rare laws are compiled as a single function.
 
-    Laws without the function `hook` use the function `otherwise` instead. A frequent or separate
-    law without `hook` has a condition, followed by `otherwise`, so that the call of the function
-    for the rare laws is avoided. A rare law without `hook` has no condition. All conditions are
-    false for this law, and `otherwise` at the end of the chain is called.
-
-    If kernels are not compiled, the result is a Python function that selects the law in the list of
-    all laws.
+    Laws without the function `hook` use the function `otherwise` instead. A rare law without `hook`
+    has no condition. A frequent or separate law without `hook` has one, so that the call of the
+    function for the rare laws is avoided.
 
     Parameters
     ----------
@@ -148,11 +135,6 @@ def select_function(
     otherwise : function, optional
         Default for laws without this function (their attribute is None). It is required unless
         every law has the function, for example `force` and `strain_energy`.
-
-    Returns
-    -------
-    function
-        (law_parameters, law_state, i, ...), as the selected functions.
     """
     if not COMPILES:
 
@@ -170,8 +152,7 @@ def select_function(
 
         return call
     order = _selection_order()
-    # Collect pairs of the number and the function of each law with a condition. `code < _FREQUENT`
-    # is true for the frequent laws and also for the separate laws, because _SEPARATE is -1.
+    # `code < _FREQUENT` is also true for the separate laws, because _SEPARATE is -1.
     implementations = []
     for code in order:
         functions = SEPARATE_LAW_FUNCTIONS if code == _SEPARATE else _functions(LAWS[code])
@@ -180,22 +161,19 @@ def select_function(
             implementations.append((code, implementation))
     first_rare = next((code for code, _ in implementations if code >= _FREQUENT), None)
     # The chain is built from its end to its start, because each law calls the remaining chain if
-    # its condition is false. `function` is the part of the chain that has been built. There are two
-    # cases for the end of the chain:
+    # its condition is false. There are two cases for the end of the chain:
     # - A law has no condition: the end is `otherwise`.
     # - Each law has a condition: the end is the function of the last law, without its condition,
-    #   because no other law remains. `function` is empty until the last law has been added.
-    # Examples for the laws 0, 1, 5 and 6 with the functions f0, f1, f5 and f6:
-    #     all functions exist    inline(0, f0, inline(1, f1, specialized(5, f5, f6)))
-    #     f6 is missing          inline(0, f0, inline(1, f1, specialized(5, f5, otherwise)))
-    #     only laws 0, 1 and 5   inline(0, f0, inline(1, f1, f5))
-    # decorator(5, f5, rest) represents case(decorator, _test(5), f5, rest): it calls f5 for law 5
-    # and `rest` for all other laws.
+    #   because no other law remains.
+    # Examples for the laws 0, 1, 5 and 6 with the functions f0, f1, f5 and f6, where decorator(5,
+    # f5, rest) represents case(decorator, _test(5), f5, rest):
+    #     all functions exist        inline(0, f0, inline(1, f1, specialized(5, f5, f6)))
+    #     f6 is missing              inline(0, f0, inline(1, f1, specialized(5, f5, otherwise)))
+    #     only laws 0, 1 and 5       inline(0, f0, inline(1, f1, f5))
     has_other_laws = len(implementations) < len(order) or not implementations
     function = otherwise if has_other_laws else None
-    # Each pass adds the condition of a law at the start of the chain `function`. The conditions are
-    # inlined (`inline`) into the condition before them. Only the condition of the first rare law is
-    # compiled as a function that is called (`specialized`); it contains all later conditions.
+    # Only the condition of the first rare law is compiled as a function that is called
+    # (`specialized`); it contains all later conditions.
     for code, implementation in reversed(implementations):
         decorate = specialized if code == first_rare else inline
         if function is None:
@@ -206,12 +184,8 @@ def select_function(
 
 
 def _selection_order() -> list[int]:
-    """Return the number of each law of the variant, in the order of the tests in kernels.
-
-    Frequent laws (linear and bilinear) are first. The number `_SEPARATE`, which represents all
-    separately compiled laws, follows if the variant has such a law. The remaining laws are last.
-    """
-    # COMPILED is sorted by number, so the frequent laws are the first elements of `remaining`.
+    """Return the number of each law of the variant, in the order of the tests in kernels."""
+    # COMPILED is sorted by number.
     separate = [_SEPARATE] if HAS_SEPARATE_LAW else []
     remaining = [code for code in COMPILED if not LAWS[code].compiled_separately]
     frequent = [code for code in remaining if code < _FREQUENT]
@@ -280,29 +254,15 @@ def case_with_3_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
 
 def case_with_4_arguments(decorate: Any, has_law: Any, implementation: Any, other: Any) -> Any:
-    """Return a compiled function that calls one of two functions, depending on the law of a story.
+    """Return a compiled function with four arguments, as `case_with_3_arguments` does.
 
-    It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
-    `case_with_3_arguments` does. The functions have four arguments: (law_parameters, law_state, i)
-    and one more argument. A separate function for each number of arguments is necessary
-    because compiled functions cannot have a variable number of arguments.
-
-    Parameters
-    ----------
-    decorate : callable
-        Decorator of the result: `inline` or `specialized`.
-    has_law : function
-        (law_parameters, law_state, i) -> bool.
+    A separate function for each number of arguments is necessary because compiled functions cannot
+    have a variable number of arguments.
     """
 
     @decorate
     def choose(law_parameters, law_state, i, argument):
-        """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
-        which continues the chain with the next law.
-
-        `law_parameters` and `law_state` are the tables of the parameters and states of all laws.
-        The last argument is passed on unchanged; its meaning depends on the functions.
-        """
+        """Call `implementation` if story `i` has the law, otherwise `other`, the next condition."""
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, argument)
         return other(law_parameters, law_state, i, argument)
@@ -311,29 +271,11 @@ def case_with_4_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
 
 def case_with_5_arguments(decorate: Any, has_law: Any, implementation: Any, other: Any) -> Any:
-    """Return a compiled function that calls one of two functions, depending on the law of a story.
-
-    It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
-    `case_with_3_arguments` does. The functions have five arguments: (law_parameters, law_state, i)
-    and two more arguments. A separate function for each number of arguments is necessary
-    because compiled functions cannot have a variable number of arguments.
-
-    Parameters
-    ----------
-    decorate : callable
-        Decorator of the result: `inline` or `specialized`.
-    has_law : function
-        (law_parameters, law_state, i) -> bool.
-    """
+    """Return a compiled function with five arguments, as `case_with_3_arguments` does."""
 
     @decorate
     def choose(law_parameters, law_state, i, block, argument):
-        """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
-        which continues the chain with the next law.
-
-        `law_parameters` and `law_state` are the tables of the parameters and states of all laws.
-        The last two arguments are passed on unchanged; their meaning depends on the functions.
-        """
+        """Call `implementation` if story `i` has the law, otherwise `other`, the next condition."""
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, block, argument)
         return other(law_parameters, law_state, i, block, argument)
@@ -342,29 +284,11 @@ def case_with_5_arguments(decorate: Any, has_law: Any, implementation: Any, othe
 
 
 def case_with_6_arguments(decorate: Any, has_law: Any, implementation: Any, other: Any) -> Any:
-    """Return a compiled function that calls one of two functions, depending on the law of a story.
-
-    It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
-    `case_with_3_arguments` does. The functions have six arguments: (law_parameters, law_state, i)
-    and three more arguments. A separate function for each number of arguments is necessary
-    because compiled functions cannot have a variable number of arguments.
-
-    Parameters
-    ----------
-    decorate : callable
-        Decorator of the result: `inline` or `specialized`.
-    has_law : function
-        (law_parameters, law_state, i) -> bool.
-    """
+    """Return a compiled function with six arguments, as `case_with_3_arguments` does."""
 
     @decorate
     def choose(law_parameters, law_state, i, block, argument, last):
-        """Call `implementation` if story `i` has the law that `has_law` tests, otherwise `other`,
-        which continues the chain with the next law.
-
-        `law_parameters` and `law_state` are the tables of the parameters and states of all laws.
-        The last three arguments are passed on unchanged; their meaning depends on the functions.
-        """
+        """Call `implementation` if story `i` has the law, otherwise `other`, the next condition."""
         if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, block, argument, last)
         return other(law_parameters, law_state, i, block, argument, last)

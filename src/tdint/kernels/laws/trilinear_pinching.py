@@ -7,7 +7,8 @@ first part is flatter and ends at the fraction `pinching` of the force at that p
 Cheng, Xu, Zeng and Mahin 2020); pinching 1 is the rule of Clough (1966). Reloading is never stiffer
 than unloading.
 
-In the functions below, drifts and forces with a `side` are positive in the direction of that side.
+In the functions below, `side` is 1 or -1, and drifts and forces with a `side` are positive in the
+direction of that side.
 """
 
 from __future__ import annotations
@@ -30,8 +31,7 @@ _UNLOADING_EXPONENT = rows.FIRST_PARAMETER + 4
 # forces at the maximum drifts follow from the backbone curve.
 _ZERO = rows.HIGH_FORCE
 
-# Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
-# first yielding.
+# Types of branches in row INTERNAL, negative on the negative side; 0 before the first yielding
 _YIELDING = 1.0  # loading on the backbone curve
 _PINCHED = 2.0  # first, flatter part of the reloading
 _RELOADING = 3.0  # second part of the reloading, to the point of maximum drift
@@ -42,24 +42,18 @@ _REACHED_TOLERANCE = 1e-12
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the trilinear law with pinched reloading.
+    """Return the compiled functions of the law: `switch` (next branch), `strain_energy` and `enter`
+    (first branch), and those that `follow_branches` builds from them.
 
-    The functions of the result are `switch` (next branch), `strain_energy` and `enter` (first
-    branch), and those that `follow_branches` builds from them. The other functions defined here are
-    their parts. Drifts and forces with a `side` (1 or -1) are positive in the direction of that
-    side. The decorators are imported here, because they import numba in a process that compiles.
+    The decorators are imported here, because they import numba in a process that compiles.
     """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import follow_branches
 
     @inline
     def hardening(law_parameters, i):
-        """Return the slope of the backbone curve between yield and ultimate point of a side, N/m.
-
-        It is (Fu - Fy) / (ultimate drift - Fy / k), with the forces Fy and Fu and the initial
-        stiffness k.
-
-        Column `i` of the table `law_parameters` contains the parameters of story `i`.
+        """Return the slope of the backbone curve between yield and ultimate point of a side,
+        N/m.
         """
         strength = law_parameters[_YIELD_FORCE, i]
         return (law_parameters[_ULTIMATE_FORCE, i] - strength) / (
@@ -68,12 +62,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def backbone(law_parameters, i, drift):
-        """Return the force of the backbone curve, N, at a drift (m) above the yield drift.
-
-        It is the hardening line up to the ultimate drift, and the ultimate force at larger drifts.
-
-        Column `i` of the table `law_parameters` contains the parameters of story `i`.
-        """
+        """Return the force of the backbone curve, N, at a drift (m) above the yield drift."""
         strength = law_parameters[_YIELD_FORCE, i]
         if drift >= law_parameters[_ULTIMATE_DRIFT, i]:
             return law_parameters[_ULTIMATE_FORCE, i]
@@ -100,12 +89,7 @@ def _functions() -> LawFunctions:
 
     @outlined
     def unloading_stiffness(law_parameters, law_state, i, block, side):
-        """Return the unloading stiffness k (dy / dmax)^unloading of a side, N/m.
-
-        k is the initial stiffness, dy the yield drift, dmax the maximum drift on this side
-        (`max_drift`, equal to dy before the first yielding), and `unloading` the parameter of the
-        law with this name.
-        """
+        """Return the unloading stiffness of a side, N/m."""
         k = law_parameters[rows.STIFFNESS, i]
         return (
             k
@@ -115,12 +99,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def set_loading_branch(law_state, i, block, side, branch_type, slope, end, rate_sign):
-        """Set a loading branch of a side that ends at the drift `end`.
-
-        `branch_type` is the type of the branch for row INTERNAL, a positive constant of this
-        module. `slope` is the stiffness of the branch, N/m. `end` is the drift at the end of the
-        branch, m, positive on this side; infinite for no end. `rate_sign` is the direction of the
-        branch: `side`, or 0 if it is valid in both directions.
+        """Set a loading branch of a side that ends at the drift `end` (infinite for no end);
+        `rate_sign` is `side`, or 0 if the branch is valid in both directions.
         """
         law_state[block + rows.INTERNAL, i] = side * branch_type
         law_state[block + rows.SLOPE, i] = slope
@@ -134,14 +114,10 @@ def _functions() -> LawFunctions:
 
         In the direction of `side`, the line ends at the drift `end`. In the opposite direction, it
         ends where the force is zero.
-
-        `slope` is the unloading stiffness, N/m. `end` is the drift at the end of the line, m,
-        positive on this side.
         """
         zero_drift = law_state[block + rows.DRIFT, i] - law_state[block + rows.FORCE, i] / slope
-        # RATE_SIGN 0, the last argument: a reversal does not end the branch.
+        # RATE_SIGN 0: a reversal does not end the branch.
         set_loading_branch(law_state, i, block, side, _UNLOADING_LINE, slope, end, 0.0)
-        # `set_loading_branch` has set no limit in the direction opposite to `side`.
         if side > 0.0:
             law_state[block + rows.LOWER, i] = zero_drift
         else:
@@ -151,18 +127,10 @@ def _functions() -> LawFunctions:
     def drift_at_pinching_end(law_parameters, law_state, i, block, side, target, force, slope):
         """Return the drift at the end of the first, flatter part of reloading, m.
 
-        The drift is
-
-            z + p (dmax - (1 - p) Fmax / ku - z)
-
-        with the drift z at the last zero crossing of the force (row _ZERO), the law parameter
-        `pinching` p, the point of maximum drift dmax with the force Fmax, and the unloading
-        stiffness ku from this point. Drifts are positive on the side of loading. Unloading from the
-        point of maximum drift reaches the force p Fmax at the drift dmax - (1 - p) Fmax / ku. The
-        first part covers the fraction p of the distance from z to this drift.
-
-        `target` and `force` are the maximum drift dmax (m) on this side, and its force Fmax (N).
-        `slope` is the unloading stiffness ku, N/m.
+        `target` is the maximum drift, `force` its force and `slope` the unloading stiffness.
+        Unloading from the point of maximum drift reaches the fraction `pinching` of its force at a
+        certain drift. The first part covers the fraction `pinching` of the distance from the last
+        zero crossing to this drift.
         """
         zero_drift = side * law_state[block + _ZERO, i]
         pinching = law_parameters[_PINCHING, i]
@@ -170,12 +138,7 @@ def _functions() -> LawFunctions:
 
     @outlined
     def continue_loading(law_parameters, law_state, i, block, side):
-        """Set the loading branch that starts at the current point.
-
-        Reloading towards the point of maximum drift has two parts; the first (pinched) part is
-        flatter. From the point of maximum drift on, the branch is the hardening part of the
-        backbone curve, and above the ultimate drift its constant part.
-        """
+        """Set the loading branch that starts at the current point."""
         drift = side * law_state[block + rows.DRIFT, i]
         current_force = side * law_state[block + rows.FORCE, i]
         target = max_drift(law_state, i, block, side)
@@ -183,8 +146,6 @@ def _functions() -> LawFunctions:
         if drift < target * (1.0 - _REACHED_TOLERANCE):
             target_force = backbone(law_parameters, i, target)
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-            # The first part ends at `pinching_end`, at the fraction `pinching` of the force at the
-            # point of maximum drift.
             pinching_end = drift_at_pinching_end(
                 law_parameters, law_state, i, block, side, target, target_force, slope
             )
@@ -206,7 +167,6 @@ def _functions() -> LawFunctions:
                     target,
                     side,
                 )
-        # From the maximum drift on, the story is on the backbone curve.
         else:
             law_state[block + rows.FORCE, i] = side * backbone(law_parameters, i, drift)
             ultimate = law_parameters[_ULTIMATE_DRIFT, i]
@@ -222,25 +182,16 @@ def _functions() -> LawFunctions:
                     side,
                 )
             else:
-                # The constant part of the backbone curve has zero slope and no end.
                 set_loading_branch(law_state, i, block, side, _YIELDING, 0.0, math.inf, side)
 
     @outlined
     def cross_zero_force(law_parameters, law_state, i, block, side):
         """Set the branch that follows a zero crossing of the force.
 
-        The drift of the zero crossing is stored. Reloading towards the point of maximum drift has
-        two straight parts. The first (pinched) part leads from the zero crossing to the point with
-        the drift of `drift_at_pinching_end`; the second part leads from there to the point of
-        maximum drift. The first part is the next branch if three conditions are met:
-
-        - its end is ahead of the zero crossing
-        - the point of maximum drift is ahead of the zero crossing
-        - the first part is not stiffer than unloading
-
-        Otherwise, the next branch is a line from the zero crossing with the unloading stiffness. It
-        ends where it meets the second part, or at the backbone curve if it does not meet the second
-        part.
+        The first part of reloading is the next branch if its end and the point of maximum drift are
+        ahead of the zero crossing, and it is not stiffer than unloading. Otherwise, the next branch
+        is a line with the unloading stiffness. It ends where it meets the second part, or at the
+        backbone curve if it does not meet the second part.
         """
         zero_drift = side * law_state[block + rows.DRIFT, i]
         law_state[block + rows.FORCE, i] = 0.0
@@ -252,7 +203,6 @@ def _functions() -> LawFunctions:
             law_parameters, law_state, i, block, side, target, target_force, slope
         )
         pinched_force = law_parameters[_PINCHING, i] * target_force
-        # The first part of reloading exists and is not stiffer than unloading.
         if (
             pinching_end > zero_drift + _REACHED_TOLERANCE * target
             and pinched_force <= slope * (pinching_end - zero_drift)
@@ -260,11 +210,9 @@ def _functions() -> LawFunctions:
         ):
             continue_loading(law_parameters, law_state, i, block, side)
             return
-        # The story is loaded with the unloading stiffness up to the intersection with the second
-        # part of the reloading, or otherwise with the backbone curve.
         end_drift = math.inf
-        # Compute the drift d where the unloading line meets the line of the second part:
-        # slope (d - zero_drift) = pinched_force + second_slope (d - pinching_end).
+        # Drift d where the unloading line meets the line of the second part: slope (d - zero_drift)
+        # = pinched_force + second_slope (d - pinching_end)
         if target > pinching_end:
             second_slope = (target_force - pinched_force) / (target - pinching_end)
             if slope > second_slope:
@@ -295,29 +243,20 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at its end.
 
-        Row INTERNAL contains the type of the current branch. The next branch depends on the type
-        and on the point where the branch ends:
-
-            elastic (type 0), at a yield drift     backbone curve
-            loading, reversal                      unloading; the maximum drift is stored
-            unloading line, at zero force          reloading of the other side
-            unloading line, at its other end       reloading or backbone curve of the same side
-            part of reloading or of the backbone   next part of reloading or of the backbone
-
-        Parameters
-        ----------
-        event : float
-            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
-            falls below the lower limit) or REVERSED (the drift rate changes its sign).
+        elastic (type 0), at a yield drift     backbone curve
+        loading, reversal                      unloading; the maximum drift is stored
+        unloading line, at zero force          reloading of the other side
+        unloading line, at its other end       reloading or backbone curve of the same side
+        part of reloading or of the backbone   next part of reloading or of the backbone
         """
         branch_type = law_state[block + rows.INTERNAL, i]  # negative on the negative side
-        # ABOVE is 1 and BELOW is -1: except for a reversal, the event is also the side towards
-        # which the drift moves.
+        # ABOVE is 1 and BELOW is -1: except for a reversal, the event is also the direction of the
+        # drift.
         if branch_type == 0.0:  # first yielding
             continue_loading(law_parameters, law_state, i, block, event)
         elif event == rows.REVERSED:
             side = law_state[block + rows.RATE_SIGN, i]
-            # Store the maximum drift, which includes the current drift during yielding.
+            # The maximum drift includes the current drift during yielding.
             if side > 0.0:
                 law_state[block + rows.HIGH_DRIFT, i] = max_drift(law_state, i, block, side)
             else:
@@ -332,7 +271,7 @@ def _functions() -> LawFunctions:
                 slope,
                 side * law_state[block + rows.DRIFT, i],
             )
-        # If the drift moves away from the side of the unloading line, the line ends at zero force.
+        # In the direction opposite to its side, the unloading line ends at zero force.
         elif abs(branch_type) == _UNLOADING_LINE and event * branch_type < 0.0:
             cross_zero_force(law_parameters, law_state, i, block, event)
         else:
@@ -340,13 +279,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy F^2 / (2 ku), J, released by unloading from force F to zero.
-
-        ku is the unloading stiffness (N/m) of the side of the force (row FORCE of the committed
-        state).
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
+        """Return the stored energy F^2 / (2 ku), J, released by unloading from force F to zero with
+        the unloading stiffness ku.
         """
         force = law_state[rows.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
@@ -354,14 +288,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the limits of the first branch of story `i`, elastic between the yield drifts.
-
-        The yield drifts are also the initial maximum drifts of both sides.
-        The caller has already set SLOPE to the initial stiffness and RATE_SIGN to 0 (valid in both
-        directions). FORCE and INTERNAL (type of the branch) are 0 at the start of a run.
-
-        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
-        the first rows of column `i` of `law_state`, is changed.
+        """Set the limits of the first branch of story `i`, elastic between the yield drifts, which
+        are also the initial maximum drifts.
         """
         drift = law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
         law_state[rows.HIGH_DRIFT, i] = law_state[rows.UPPER, i] = drift
@@ -373,12 +301,6 @@ def _functions() -> LawFunctions:
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     """Return an error message if the ultimate point of the backbone curve is invalid, otherwise
     None.
-
-    The ultimate force must be at least the yield force, the ultimate drift must exceed the yield
-    drift, and the ultimate point must be below the line of the initial stiffness.
-
-    `stiffness` is the initial stiffness, N/m. `values` contains the parameters in SI units, in the
-    order of `LAW.parameters`; the first three are yield force, ultimate force and ultimate drift.
     """
     strength, ultimate_force, ultimate_drift = values[:3]
     if ultimate_force < strength:

@@ -82,17 +82,11 @@ def interpolate_samples(samples, parts, ground):
 def excess_factor(vibration):
     """Return the factor that bounds the excess of |q| within a step over its endpoint values, s^2.
 
-    Within a step, the absolute value of a quantity q exceeds the larger of its two endpoint values
-    by at most the factor times the larger of the two values |q''| at the endpoints. The factor
-    follows from two facts. Within a step, q differs from the straight line between its endpoint
-    values by at most h^2/8 times the maximum of |q''|. And q'' is a free vibration: for omega h <=
-    1, the maximum of |q''| is at most exp(xi omega h) / cos(omega h / 2) times its larger endpoint
-    value.
-
-    Parameters
-    ----------
-    vibration : Vibration
-        omega^2 (`by_u`, 1/s^2), 2 xi omega (`by_v`, 1/s) and the length h of the step (s).
+    The absolute value of q exceeds the larger of its two endpoint values by at most the factor
+    times the larger of the two values |q''| at the endpoints. This follows from two facts. Within a
+    step, q differs from the straight line between its endpoint values by at most h^2/8 times the
+    maximum of |q''|. And q'' is a free vibration: for omega h <= 1, the maximum of |q''| is at most
+    exp(xi omega h) / cos(omega h / 2) times its larger endpoint value.
     """
     by_u, by_v, h = vibration
     return 0.125 * h * h * math.exp(0.5 * by_v * h) / math.cos(0.5 * math.sqrt(by_u) * h)
@@ -105,23 +99,11 @@ def may_exceed(best, factor, q0, d0, e0, q1, d1, e1):
 
     q'' is a free vibration and changes its sign at most once in a step, so that q' has at most two
     zeros: one if the signs of q' at the endpoints differ, and either two or no zeros if they agree.
-    If q' is zero at the start (from rest), the sign of q'' at the start replaces its sign. The
-    absolute value of q exceeds its endpoint values by at most `factor` times the larger |q''| at
-    the endpoints.
-
-    Parameters
-    ----------
-    best : float
-        Maximum of |q| until now.
-    factor : float
-        Maximum excess of q over its endpoint values, divided by the larger |q''| at the endpoints,
-        s^2 (`excess_factor`).
-    q1, d1, e1 : float
-        q, q' and q'' at the end of the step.
+    If q' is zero at the start (from rest), the sign of q'' at the start replaces its sign. q, d and
+    e are q, q' and q'', `factor` is the result of `excess_factor`.
     """
     initial_direction = d0 if d0 != 0.0 else e0
-    # Either q' has different signs at the endpoints, or it approaches zero at the start and moves
-    # away from zero at the end, and may have two zeros in between.
+    # q' approaches zero at the start and moves away from zero at the end: two zeros are possible.
     has_extremum = initial_direction * d1 < 0.0 or (d0 * e0 < 0.0 and d1 * e1 > 0.0)
     return has_extremum and max(abs(q0), abs(q1)) + factor * max(abs(e0), abs(e1)) > best
 
@@ -153,13 +135,6 @@ def largest_between(q, rates, d1, vibration, n, series):
 
     The formula for c_k follows from y'' = -(2 xi omega y' + omega^2 y) for y = q'', which is a free
     vibration of the oscillator.
-
-    Parameters
-    ----------
-    vibration : Vibration
-        omega^2 (`by_u`, 1/s^2), 2 xi omega (`by_v`, 1/s) and the length h of the step (s).
-    series : ndarray, shape (3, TERMS)
-        Scratch array for the series of q, h q' and h^2 q''.
     """
     d, e, f = rates
     by_u, by_v, h = vibration
@@ -174,29 +149,27 @@ def largest_between(q, rates, d1, vibration, n, series):
             )
             * _INVERSE[k]
         )
-    # Integrate the series of h^2 q'' to h q', and this series to q.
     rate_series[0], q_series[0] = d * h, q
     for k in range(1, n - 1):
         rate_series[k] = curvature_series[k - 1] * _INVERSE[k]
     for k in range(1, n):
         q_series[k] = rate_series[k - 1] * _INVERSE[k]
-    # `_root` returns the zero of a series between two values of x. Its last two arguments are the
-    # values of the series there. `_value` returns the value of a series, [0], and its derivative.
+    # The last two arguments of `_root` are the values of the series at the ends. `_value` returns
+    # the value of a series and its derivative.
     #
     # Case 1: h q' is zero at x = 0, so that its series has no constant term. The series of h q' / x
-    # therefore has the same coefficients, with indices reduced by 1. It is zero only at the zero of
-    # q' inside the step. Its values at the endpoints are h^2 q''(0) at x = 0 and h q' at x = 1.
+    # is zero only at the zero of q' inside the step. Its values at the endpoints are h^2 q''(0) at
+    # x = 0 and h q' at x = 1.
     if d == 0.0:
         for k in range(n - 2):
             rate_series[k] = rate_series[k + 1]
         return abs(
             _value(q_series, n, _root(rate_series, n - 2, 0.0, 1.0, rate_series[0], d1 * h))[0]
         )
-    # Case 2: q' has one zero.
+    # Case 2
     if d * d1 < 0.0:
         return abs(_value(q_series, n, _root(rate_series, n - 1, 0.0, 1.0, d * h, d1 * h))[0])
-    # Case 3: q' has the same sign at both endpoints. It has two zeros if its sign is opposite at
-    # the zero of q'' in between, and otherwise no zero.
+    # Case 3: q' has two zeros if its sign at the zero of q'' in between is opposite.
     inflection = _root(
         curvature_series,
         n - 2,
@@ -217,21 +190,15 @@ def largest_between(q, rates, d1, vibration, n, series):
 def term_count(vibration):
     """Return the number n of terms that the power series of a quantity q needs for an oscillator.
 
-    The series c_0 + c_1 x + ... + c_(n-1) x^(n-1) represents q within a step of length h, with x =
-    t / h from 0 to 1. Above the third derivative, which contains the slope of the ground
-    acceleration, each derivative is about s times the previous derivative. Here s is the larger
-    value of omega and 2 xi omega. Therefore c_k is about s h / k times c_(k-1) for k > 3. The
-    result is the smallest n from _MIN_TERMS on for which the first omitted coefficient c_n is at
-    most _TRUNCATION times c_3. It is at most TERMS.
-
-    Parameters
-    ----------
-    vibration : Vibration
-        omega^2 (`by_u`, 1/s^2), 2 xi omega (`by_v`, 1/s) and the length h of the step (s).
+    Above the third derivative, which contains the slope of the ground acceleration, each derivative
+    is about s times the previous derivative. Here s is the larger value of omega and 2 xi omega.
+    Therefore the coefficient c_k is about s h / k times c_(k-1) for k > 3. The result is the
+    smallest n from _MIN_TERMS on for which the first omitted coefficient c_n is at most _TRUNCATION
+    times c_3. It is at most TERMS.
     """
     by_u, by_v, h = vibration
     scale = h * max(math.sqrt(by_u), by_v)
-    n, term = 3, 1.0  # number of terms, and estimate of |c_n / c_3|; c_n is the first omitted term
+    n, term = 3, 1.0  # estimate of |c_n / c_3|
     while n < TERMS and (n < _MIN_TERMS or term > _TRUNCATION):
         n += 1
         term *= scale * _INVERSE[n]
@@ -240,17 +207,14 @@ def term_count(vibration):
 
 @outlined
 def _root(coefficients, n, low, high, at_low, at_high):
-    """Return the zero of a power series c_0 + c_1 x + c_2 x^2 + ... between `low` and `high`.
+    """Return the zero of a power series between `low` and `high`, where it has the values `at_low`
+    and `at_high` with different signs.
 
-    Newton's method starts from the zero of the secant. It maintains a bracket of the zero. If an
-    iterate of Newton's method is outside the bracket, the middle of the bracket is used instead. If
-    an iterate is exactly the zero, it becomes the end `high` of the bracket, and the bisection
-    approaches it from below. The error of the result is of the order of _BISECTION_TOLERANCE.
-
-    `low` and `high` are the ends of the bracket, between 0 and 1. `at_low` and `at_high` are the
-    values of the series at the ends of the bracket, with different signs.
+    Newton's method starts from the zero of the secant and maintains a bracket of the zero, with
+    bisection if an iterate is outside. If an iterate is exactly the zero, it becomes the end `high`
+    of the bracket, and the bisection approaches it from below. The error of the result is of the
+    order of _BISECTION_TOLERANCE.
     """
-    # Start from the zero of the secant.
     x = low + (high - low) * at_low / (at_low - at_high)
     for _ in range(_MAX_ITERATIONS):
         value, slope = _value(coefficients, n, x)
@@ -288,24 +252,12 @@ def _value(coefficients, n, x):
 
 @inline
 def narrow_bracket(left, at_left, right, at_right, side, t, value):
-    """Narrow the bracket of a root to the side of a new argument that contains the root.
+    """Narrow the bracket of a root to the side of a new argument that contains the root; return
+    also the distance by which an endpoint was moved.
 
     The function is used by regula falsi with halved weights (Illinois method, Dowell and Jarratt
     1971): if an endpoint remains unchanged twice in succession, the value stored for it is halved,
-    so that the next secant moves this endpoint.
-
-    Parameters
-    ----------
-    left, at_left, right, at_right : float
-        Bracket with its values.
-    t, value : float
-        New argument and its value, which is not zero.
-
-    Returns
-    -------
-    tuple
-        Left endpoint and value, right endpoint and value, `side`, and the distance by which an
-        endpoint was moved.
+    so that the next secant moves this endpoint. `value` is not zero.
     """
     # The new argument replaces the endpoint with the same sign.
     if (value > 0.0) == (at_right > 0.0):

@@ -19,29 +19,23 @@ _ITERATIONS = 4
 
 @kernel(I8(VECTOR, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), parts=())
 def extremes(samples, dt, parts, oscillators, level, extrema, largest):
-    """Integrate oscillators from rest over a ground motion that is linear between its samples, and
-    store the extrema of their displacements.
+    """Integrate oscillators from rest over a ground motion that is linear between its samples;
+    return the number of stored extrema of their displacements.
 
-    The equation of motion is u'' + 2 xi omega u' + omega^2 u = -ag. The step from sample to sample
-    (or to a part of a sampling interval) is exact. An extremum is the displacement at a change of
-    the sign of the velocity within a step. The displacement at the end of the motion is not an
-    extremum, even if it is the largest. A velocity that is exactly zero at a step, as for an
-    oscillator at rest, does not count as a change of sign. An extremum is stored if its
-    pseudo-acceleration omega^2 |u| exceeds the level of the oscillator and if the table has a free
-    column. The largest extremum of each oscillator is recorded in any case.
+    An extremum is the displacement at a change of the sign of the velocity within a step. The
+    displacement at the end of the motion is not an extremum, even if it is the largest. A velocity
+    that is exactly zero at a step, as for an oscillator at rest, does not count as a change of
+    sign. An extremum is stored if its pseudo-acceleration omega^2 |u| exceeds the level of the
+    oscillator and if the table has a free column. The largest extremum of each oscillator is
+    recorded in any case.
 
     Parameters
     ----------
-    samples : ndarray, shape (n,)
-        Ground acceleration, m/s^2.
-    dt : float
-        Sampling interval, s.
     parts : ndarray, shape (k,)
         Steps per sampling interval, for each oscillator. With the length h of a step, omega h must
         be at most 0.5, so that the velocity has at most one zero within a step.
     oscillators : ndarray, shape (COEFFICIENTS, k)
-        Table of oscillators, one column each: rows A11 to B21, coefficients of the exact step, then
-        omega^2 (1/s^2) and 2 xi omega (1/s).
+        Table of oscillators (`tdint.kernels.oscillators.elastic`).
     level : ndarray, shape (k,)
         Pseudo-acceleration above which an extremum is stored, m/s^2.
     extrema : ndarray, shape (3, capacity)
@@ -60,13 +54,12 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
         a21, a22 = oscillators[A21, i], oscillators[A22, i]
         b10, b11 = oscillators[B10, i], oscillators[B11, i]
         b20, b21 = oscillators[B20, i], oscillators[B21, i]
-        u, v = 0.0, 0.0  # displacement (m) and velocity (m/s) at the start of the step
+        u, v = 0.0, 0.0  # at the start of the step
         # Extrema with a smaller pseudo-acceleration are neither stored nor the largest so far.
         threshold = 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.size - 1):
-            # g0 is the ground acceleration at the start of a step, `increment` its change in a
-            # step.
+            # Ground acceleration at the start of a step, and its change in a step
             g0, increment = samples[sample], (samples[sample + 1] - samples[sample]) / steps
             for step in range(steps):
                 g1 = g0 + increment
@@ -78,10 +71,9 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
                     v * v1 < 0.0
                     and stiffness * (max(abs(u), abs(u1)) + h * max(abs(v), abs(v1))) > threshold
                 ):
-                    # With x = time / h in [0, 1], the velocity within the step is approximated by
-                    # the cubic v + a0 x + square x^2 + cube x^3 with the velocities and
-                    # accelerations (times h) at both endpoints. Its zero is the time of the
-                    # extremum.
+                    # With x = time / h in [0, 1], the velocity is approximated by the cubic v + a0
+                    # x + square x^2 + cube x^3 with the velocities and accelerations (times h) at
+                    # both endpoints.
                     a0 = h * (-viscous * v - stiffness * u - g0)
                     a1 = h * (-viscous * v1 - stiffness * u1 - g1)
                     square = 3.0 * (v1 - v) - 2.0 * a0 - a1
@@ -93,8 +85,8 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
                             x = min(
                                 max(x - (v + x * (a0 + x * (square + x * cube))) / slope, 0.0), 1.0
                             )
-                    # The displacement at this time is the quintic with the displacements,
-                    # velocities (c0, c1) and accelerations (b0, b1) at both endpoints.
+                    # The displacement is the quintic with the displacements, velocities (c0, c1)
+                    # and accelerations (b0, b1) at both endpoints.
                     change, c0, c1, b0, b1 = u1 - u, h * v, h * v1, h * a0, h * a1
                     c3 = 10.0 * change - 6.0 * c0 - 4.0 * c1 - 1.5 * b0 + 0.5 * b1
                     c4 = -15.0 * change + 8.0 * c0 + 7.0 * c1 + 1.5 * b0 - b1
@@ -117,43 +109,26 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
 
 @kernel(I8(TABLE, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), parts=())
 def radii(samples, dt, parts, oscillators, level, extrema, largest):
-    """Integrate oscillators under two horizontal components of a ground motion from rest, and store
-    the local maxima of the distance from the origin.
+    """Integrate oscillators under two horizontal components of a ground motion from rest; return
+    the number of stored local maxima of the distance from the origin.
 
-    The equation of motion of each component is u'' + 2 xi omega u' + omega^2 u = -ag. The distance
-    is the square root of the sum of the squared displacements along both components. It has a
-    maximum where its rate changes from positive to negative.
+    The distance is the square root of the sum of the squared displacements along both components.
+    It has a maximum where its rate changes from positive to negative. The arguments are those of
+    `extremes`, with these differences:
 
     Parameters
     ----------
     samples : ndarray, shape (2, n)
         Ground accelerations of both components, m/s^2.
-    dt : float
-        Sampling interval, s.
     parts : ndarray, shape (k,)
-        Steps per sampling interval, for each oscillator. The distance has twice the frequency of
-        the displacements. The number must therefore be twice the number for `extremes`.
-    oscillators : ndarray, shape (COEFFICIENTS, k)
-        Table of oscillators, one column each: rows A11 to B21, coefficients of the exact step, then
-        omega^2 (1/s^2) and 2 xi omega (1/s).
-    level : ndarray, shape (k,)
-        Pseudo-acceleration, omega^2 times the distance, above which a maximum is stored, m/s^2.
+        Twice the number for `extremes`, because the distance has twice the frequency of the
+        displacements. The cubics then have an error of 1e-5.
     extrema : ndarray, shape (4, capacity)
         Receives the maxima, rows OSCILLATOR, TIME, and VALUE and VALUE + 1 with the
         pseudo-accelerations of both components, m/s^2.
-    largest : ndarray, shape (2, k)
-        Receives the maximum pseudo-acceleration of each oscillator (m/s^2) and its column in
-        `extrema`, -1 if it is not stored.
-
-    Returns
-    -------
-    int
-        Number of stored maxima.
     """
     count = 0
     for i in range(level.size):
-        # The number of steps is twice the number for `extremes`. The cubics then have an error of
-        # 1e-5.
         steps = int(parts[i])
         h = dt / steps
         stiffness = oscillators[BY_DISPLACEMENT, i]
@@ -161,8 +136,7 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
         a21, a22 = oscillators[A21, i], oscillators[A22, i]
         b10, b11 = oscillators[B10, i], oscillators[B11, i]
         b20, b21 = oscillators[B20, i], oscillators[B21, i]
-        # Displacement and velocity are u, v along the first component and p, q along the second; f
-        # and g are the ground accelerations.
+        # u, v along the first component and p, q along the second; ground accelerations f and g
         u, v, p, q = 0.0, 0.0, 0.0, 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.shape[1] - 1):
@@ -174,13 +148,12 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
                 v1 = (a21 * u + a22 * v) - (b20 * f0 + b21 * f1)
                 p1 = (a11 * p + a12 * q) - (b10 * g0 + b11 * g1)
                 q1 = (a21 * p + a22 * q) - (b20 * g0 + b21 * g1)
-                # Compute half the rate of the squared distance at both endpoints of the step. The
-                # distance has a maximum where it changes from positive to negative.
+                # Half the rate of the squared distance
                 outward, outward1 = u * v + p * q, u1 * v1 + p1 * q1
                 if outward > 0.0 and outward1 <= 0.0:
-                    # x is the zero of the rate by linear interpolation, as a fraction of the step.
-                    # The displacements there are cubics with the weights c0, c1 of the
-                    # displacements and r0, r1 of the velocities at both endpoints.
+                    # x is the zero of the rate by linear interpolation. The displacements there are
+                    # cubics with the weights c0, c1 of the displacements and r0, r1 of the
+                    # velocities at both endpoints.
                     x = outward / (outward - outward1)
                     remainder = 1.0 - x
                     c0 = remainder * remainder * (1.0 + 2.0 * x)

@@ -28,19 +28,10 @@ _POINTS_IN_CUBE_ROOT = 12
 
 
 class _DashpotPath(NamedTuple):
-    """Parabola of drift over a step, and the scratch rows of the integrals along it.
-
-    The drift is d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. Its rate is
-    (rise + bend s) / h, with s = t - 1/2.
+    """Parabola of drift over a step of length h, and the scratch rows of the integrals along it.
 
     Attributes
     ----------
-    rise, bend : float
-        Coefficients of the parabola, m.
-    h : float
-        Length of the step, s.
-    scratch : ndarray
-        Scratch array of the step: one row per quantity, one column per floor or story.
     story_rows : int
         First row of the integrals and tangents of the story.
     dashpot_rows : int
@@ -56,39 +47,22 @@ class _DashpotPath(NamedTuple):
 
 
 def split_at_zero_rate(integrate_part):
-    """Return a compiled function that integrates over a parabola of drift, divided at zero rate.
+    """Return a compiled function (linear_terms, i, dashpot_path) that integrates over a parabola of
+    drift, divided at zero rate.
 
-    Parameters
-    ----------
-    integrate_part : function
-        (linear_terms, i, dashpot_path, slow, fast). Integrates over the part of the path between
-        the positions s = slow and s = fast, where s is -1/2 at the start and 1/2 at the end of the
-        step. The absolute rate is smaller at `slow` than at `fast`; `slow` can be later than
-        `fast`.
-
-    Returns
-    -------
-    function
-        (linear_terms, i, dashpot_path).
+    `integrate_part` (linear_terms, i, dashpot_path, slow, fast) integrates over the part of the
+    path between the positions s = slow and s = fast. The absolute rate is smaller at `slow` than at
+    `fast`; `slow` can be later than `fast`.
     """
 
     @inline
     def integrate_path(linear_terms, i, dashpot_path):
-        """Integrate the dashpot force over the path, in two parts if the rate changes its sign.
-
-        `integrate_part` adds the integrals over a part. Its last two arguments are the positions of
-        the endpoints of the part: first the endpoint with the smaller absolute rate.
-        Positions on the path are s = -1/2 at the start and 1/2 at the end of the step of length h.
-        The drift rate is (rise + bend s) / h, with the coefficients of the parabola of drift in
-        `dashpot_path`. `linear_terms` contains the coefficients of the dashpots, and `i` is the
-        index of the story.
-        """
-        # These are h times the drift rates at both endpoints of the step, m.
+        """Integrate the dashpot force over the path, in two parts if the rate changes its sign."""
+        # h times the drift rates at both endpoints of the step, m
         first_rate = dashpot_path.rise - 0.5 * dashpot_path.bend
         last_rate = dashpot_path.rise + 0.5 * dashpot_path.bend
         if first_rate * last_rate < 0.0:
-            # The rate is zero at s_zero. Both parts start at this point, with their smaller
-            # absolute rate.
+            # Both parts start at zero rate, their smaller absolute rate.
             s_zero = -dashpot_path.rise / dashpot_path.bend
             integrate_part(linear_terms, i, dashpot_path, s_zero, -0.5)
             integrate_part(linear_terms, i, dashpot_path, s_zero, 0.5)
@@ -102,29 +76,15 @@ def split_at_zero_rate(integrate_part):
 
 @inline
 def _add_point(linear_terms, i, dashpot_path, s, weight):
-    """Add one integration point to the integrals of the dashpot force and to their derivatives.
+    """Add one integration point at the position `s` to the integrals of the dashpot force and to
+    their derivatives; the weights of all points on the path have the sum 1.
 
-    With the position s from -1/2 to 1/2 over the step, the drift rate is (rise + bend s) / h and
-
-        mean = int f ds = sum of weight f,   moment = 12 int s f ds = sum of 12 weight s f
-
-    The rate changes by 1 / h per unit of rise and by s / h per unit of bend. The derivatives of f
-    are these changes times df/d(rate).
-
-    `s` is the position on the path, between -1/2 and 1/2. `weight` is the integration weight; the
-    weights of all points on the path have the sum 1.
-
-    Parameters
-    ----------
-    dashpot_path : _DashpotPath
-        Coefficients rise and bend of the parabola of drift (m), length h of the step (s), scratch
-        array, first row of the derivatives (N/m, `story_rows`) and of the integrals (N,
-        `dashpot_rows`).
+    The rate changes by 1 / h per unit of rise and by s / h per unit of bend.
     """
     rise, bend, h, scratch, story_rows, dashpot_rows = dashpot_path
-    # The derivative of the force (N) is with respect to the drift rate (N s/m).
+    # with respect to the drift rate, N s/m
     force, derivative = power_damper(linear_terms, i, (rise + bend * s) / h)
-    moment_weight = 12.0 * weight * s  # weight in the first moment, 12 int s f ds
+    moment_weight = 12.0 * weight * s  # 12 int s f ds
     scratch[dashpot_rows + path.MEAN, i] += weight * force
     scratch[dashpot_rows + path.MOMENT, i] += moment_weight * force
     scratch[story_rows + path.MEAN_BY_RISE, i] += weight * derivative / h
@@ -138,21 +98,13 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
     """Add the integrals of the dashpot force over a part of the path without change of sign of the
     rate.
 
-    The drift rate is (rise + bend s) / h at the position s, from -1/2 to 1/2 over the step. If the
-    rate is nearly constant, the Gauss rule is applied to s. Otherwise the derivative of the force
-    changes rapidly near zero rate. The rule is then applied to x, the cube root of the rate divided
-    by the maximum rate. x increases from x_0 (at `slow`) to 1 (at `fast`), and
-
-        rate / maximum rate = x^3
+    If the rate is not nearly constant, the Gauss rule is applied to x, the cube root of the rate
+    divided by the maximum rate. x increases from x_0 (at `slow`) to 1 (at `fast`), and
 
         s     = slow + (fast - slow) (x^3 - x_0^3) / (1 - x_0^3)
         ds/dx = (fast - slow) 3 x^2 / (1 - x_0^3)
-
-    `dashpot_path` contains the coefficients of the parabola of drift (m), length of the step, and
-    rows of the integrals. `slow` and `fast` are the positions of the endpoints with the smaller and
-    the larger absolute rate.
     """
-    # These are h times the absolute drift rates at both endpoints of the part, m.
+    # h times the absolute drift rates at both endpoints of the part, m
     min_rate = abs(dashpot_path.rise + dashpot_path.bend * slow)
     max_rate = abs(dashpot_path.rise + dashpot_path.bend * fast)
     length = abs(fast - slow)
@@ -163,8 +115,7 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
                 linear_terms, i, dashpot_path, s, length * path.WEIGHTS[_POINTS_IN_RATE, point]
             )
         return
-    # The integration variable is x, from x_0 = `cube_root` to 1, and `cube_range` is 1 - x_0^3. The
-    # weight of a point is |ds/dx| times the range 1 - x_0 times the weight of the Gauss rule.
+    # The weight of a point is |ds/dx| times the range 1 - x_0 times the weight of the Gauss rule.
     cube_root = (min_rate / max_rate) ** (1.0 / 3.0) if min_rate > 0.0 else 0.0
     cube_range = 1.0 - cube_root * cube_root * cube_root
     for point in range(_POINTS_IN_CUBE_ROOT):
@@ -193,26 +144,13 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
     """Compute mean and first moment of the dashpot force along a path, and add them to the story
     force.
 
-    The drift is d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step of length h, and
-    its rate is (rise + bend s) / h, with s = t - 1/2. The integrals of the dashpot force f are
-
-        mean = int f dt,   moment = 12 int s f dt
-
-    Parameters
-    ----------
-    rise, bend : float
-        Coefficients of the parabola of drift, m.
-    story_rows : int
-        First row of the integrals of the story: MEAN, MOMENT (N) and their derivatives with respect
-        to rise and bend (N/m). The integrals of the dashpot force and their derivatives are added.
-    dashpot_rows : int
-        Row that receives the mean force of the dashpot, N. The next row receives the first moment.
+    Row `dashpot_rows` and the next row receive mean and moment. They and their derivatives are
+    added to the rows of the story from `story_rows` on.
     """
     dashpot_path = _DashpotPath(rise, bend, h, scratch, story_rows, dashpot_rows)
     scratch[dashpot_rows + path.MEAN, i] = 0.0
     scratch[dashpot_rows + path.MOMENT, i] = 0.0
-    # `_integrate_path` adds the integrals to the rows of the dashpot, and their derivatives to the
-    # rows of the story. The integrals are then also added to the rows of the story.
+    # The integrals are stored separately first, the derivatives are added to the rows of the story.
     _integrate_path(linear_terms, i, dashpot_path)
     scratch[story_rows + path.MEAN, i] += scratch[dashpot_rows + path.MEAN, i]
     scratch[story_rows + path.MOMENT, i] += scratch[dashpot_rows + path.MOMENT, i]
